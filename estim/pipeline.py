@@ -45,7 +45,7 @@ from estim.checks import (
     screen_lines,
     untested,
 )
-from estim.common import Finding, InputError, Kind, NumericalError, Status, Stream, phrase, stream
+from estim.common import Finding, InputError, Kind, NumericalError, PieceStore, Status, Stream, phrase, stream
 from estim.curve_fit import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
 from estim.fitting import Fit, fit_beside
@@ -56,11 +56,10 @@ from estim.sampling import (
     Agreement,
     Bands,
     Certificate,
+    Certified,
     Chain,
     Optima,
     Progress,
-    Stop,
-    Store,
     Summary,
     Target,
     certified_chain,
@@ -168,13 +167,13 @@ class Analysis:
 
 def analyse(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None, store: Store | None = None, stop: Stop | None = None, marginal: bool | None = None, complete: str = "",
+    noise: NoiseTable | None = None, store: PieceStore | None = None, marginal: bool | None = None, complete: str = "",
     beside: Sequence[Fit] = (),
 ) -> Analysis:
     """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
 
     noise : in place of the noise tables of the campaign.
-    store, stop : keep the chain on disk, resume it, end it early (`sample_posterior`).
+    store : keeps the draws and the second opinion when both are done, and has them where they were kept for the same data, settings and fit.
     marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 14
         unknowns), or a quantity varies between runs; never where runs share a force, which ties them together.
     complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
@@ -187,34 +186,23 @@ def analyse(
         progress(0, phrase("fit"))
     near = fit_beside(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
     fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
-    analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop, marginal=marginal)
+    kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
+    analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal)
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
 
 def analyse_fit(
-    fit: Fit, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: Store | None = None,
-    stop: Stop | None = None, marginal: bool | None = None, tested: bool = True,
+    fit: Fit, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: PieceStore | None = None,
+    marginal: bool | None = None, tested: bool = True,
 ) -> Analysis:
-    """What follows a fit, however its problem was posed.  tested : whether there are residuals to test."""
+    """What follows a fit, however its problem was posed.  tested : whether there are residuals to test.
+
+    store : keeps the draws; its `inputs` are what decides the problem.
+    """
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
-    certificate, chain_rng = None, stream(seed, Stream.CHAIN)
-    density = folded(fit.sampled, fit.symmetry, fit.values)
-    most = MAX_TIED if problem.shared else MAX_PARAMETERS
-    if conflict.flagrant:
-        few = replace(target, max_step=min(target.max_step, _A_FEW))
-        chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=few, rng=chain_rng, progress=progress)
-        comparison = no_comparison(fit.names, Finding(Kind.NOT_SAMPLED))
-    elif marginal if marginal is not None else _through_marginal(fit):
-        chain, comparison = marginal_chain(fit, target=target, rng=chain_rng, progress=progress, store=store, stop=stop)
-    elif problem.n_par <= most:
-        pair = certified_chain(
-            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), n_obs=problem.n_obs,
-            progress=progress, store=store, stop=stop,
-        )
-        certificate, chain, comparison = pair.certificate, pair.chain, pair.comparison
-    else:
-        chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress, store=store, stop=stop)
-        comparison = no_comparison(fit.names, too_many(problem.n_par, most))
+    draw = partial(_drawn, fit, conflict, seed=seed, target=target, progress=progress, marginal=marginal)
+    drawn = draw() if store is None else store.given(fit.names, fit.values.tolist(), seed, target, marginal).piece("draws", Certified, draw)
+    chain, comparison = drawn.chain, drawn.comparison
     if progress is not None:
         progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
@@ -229,9 +217,31 @@ def analyse_fit(
         influences=moved, rolling=rolling,
     )
     return Analysis(
-        problem, fit, certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, rolling, diagnosis,
-        seed,
+        problem, fit, drawn.certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, rolling,
+        diagnosis, seed,
     )
+
+
+def _drawn(
+    fit: Fit, conflict: Conflict, *, seed: int, target: Target, progress: Progress | None, marginal: bool | None
+) -> Certified:
+    """Draws of the posterior of a fit, and a second opinion where there can be one."""
+    problem, rng = fit.problem, stream(seed, Stream.CHAIN)
+    density = folded(fit.sampled, fit.symmetry, fit.values)
+    most = MAX_TIED if problem.shared else MAX_PARAMETERS
+    if conflict.flagrant:
+        few = replace(target, max_step=min(target.max_step, _A_FEW))
+        chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=few, rng=rng, progress=progress)
+        return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
+    if marginal if marginal is not None else _through_marginal(fit):
+        chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
+        return Certified(chain, None, comparison)
+    if problem.n_par <= most:
+        return certified_chain(
+            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), n_obs=problem.n_obs, progress=progress
+        )
+    chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress)
+    return Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
 
 
 def _optima_of(fit: Fit) -> Optima:

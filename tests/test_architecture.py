@@ -188,11 +188,11 @@ def test_one_place_prints_and_one_file_writes():
     assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in nodes()[module])  # `terminal.say` escapes
     storage = {f"estim.common.{node.name}" for node in trees()["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
     storage -= {"estim.common.note_input", "estim.common.inputs_read"}  # which keep no file
-    keeping = {"estim.batch.rows", "estim.cli.origin_record", "estim.cli.terminal", "estim.cli.verifying", "estim.sampling.checkpoint"}
-    keeping |= {"estim.reports.curve", "estim.sampling.pieces"}  # a report asked for in Python has no command line to write it
+    keeping = {"estim.batch.rows", "estim.cli.origin_record", "estim.cli.terminal", "estim.cli.verifying", "estim.cli.batching"}
+    keeping |= {"estim.reports.curve"}  # a report asked for in Python has no command line to write it
     assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping
     assert importers("pickle") | importers("shelve") <= {"estim.common.jobs"}  # between processes only, never from a file
-    assert importers("h5py") <= {"estim.reports.interop"}  # a checkpoint that a reader holds open would stop its writer
+    assert importers("h5py") <= {"estim.reports.interop"}
 
 
 RECORDS = {"Finding", "Amount"}

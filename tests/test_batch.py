@@ -18,11 +18,11 @@ import pytest
 from command_runner import runner
 
 from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
-from estim.batch.rows import Value, keep, kept, key_of
+from estim.batch.rows import Value, keep, kept
 from estim.batch.units import Unit
-from estim.campaign import load_campaign
+from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
-from estim.common import EstimError, InputError, write_whole
+from estim.common import EstimError, InputError, key_of, write_whole
 from estim.reports import batch_report, lean_files
 
 QUICK = Settings(ess=300.0)
@@ -144,9 +144,10 @@ def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Pa
 
 
 def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    def key(*, campaign="c", data="d", truth=1.0, run="a", seed=1):
+    def key(*, campaign: str = "c", data: str = "d", truth: float = 1.0, run: str = "a", seed: int = 1) -> str:
         tables = {name: SimpleNamespace(sha256=data) for name in "ab"}
-        return key_of(SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth}), run, {"seed": seed})  # type: ignore[arg-type]
+        read = SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth})
+        return key_of(Campaign.digests(read, [run]), Settings(seed=seed))  # type: ignore[arg-type]
 
     keys = [key(), key(campaign="C"), key(data="D"), key(truth=2.0), key(run="b"), key(seed=2)]
     assert key() == keys[0]

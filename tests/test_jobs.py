@@ -18,7 +18,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from estim.common.errors import NumericalError
+from estim.common.errors import Interrupted, NumericalError
 from estim.common.interruption import STOPPING, ended_by_signals
 from estim.common.jobs import spread
 
@@ -129,11 +129,11 @@ def finish_late(folder: Path, n: int) -> int:
 def test_an_impatient_caller_that_is_interrupted_waits_for_no_call(tmp_path: Path) -> None:
     """Between two results, as Ctrl-C may come; an error of a call is the same."""
 
-    def interrupted(n: int, result: int) -> None:
+    def interrupted(n: int) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        spread(partial(finish_late, tmp_path), range(3), jobs=2, keep=interrupted, patient=False)
+        spread(partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, patient=False)
     assert not (tmp_path / "finished").exists()
 
 
@@ -183,11 +183,11 @@ def test_workers_import_nothing_from_the_working_folder(tmp_path: Path, project:
 
 
 @pytest.mark.parametrize("number", STOPPING)
-def test_every_signal_to_stop_is_as_ctrl_c(number: signal.Signals) -> None:
+def test_every_signal_to_stop_interrupts(number: signal.Signals) -> None:
     before = signal.getsignal(number)
     try:
         signal.signal(number, signal.SIG_DFL)  # whatever runs the tests may ignore it
-        with ended_by_signals(), pytest.raises(KeyboardInterrupt):
+        with ended_by_signals(), pytest.raises(Interrupted):
             signal.raise_signal(number)
         assert signal.getsignal(number) is signal.SIG_DFL
         signal.signal(number, signal.SIG_IGN)  # as `nohup` does

@@ -9,7 +9,6 @@ import re
 import string
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 
@@ -18,16 +17,14 @@ import pytest
 from test_verify import MODEL, run
 
 from estim.batch import Settings
-from estim.batch.rows import key_of
 from estim.campaign import load_campaign
-from estim.common import LANGUAGES, InputError, phrase, phrases, spoken
+from estim.common import LANGUAGES, InputError, key_of, phrase, phrases, spoken
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
 from estim.reports.rendering import _environment
 from estim.reports.sentences import sentences
 from estim.sampling import Target
-from estim.sampling.keys import fingerprint
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")
 ROOT = Path(__file__).parent.parent
@@ -335,22 +332,9 @@ def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: p
     assert run("verify", "es").exit_code == 3
 
 
-@pytest.mark.parametrize(("path", "run"), [
-    ("replica/campaign.toml", "light-01"), ("gallery/table_length.toml", "2m-ruler"), ("gallery/michelson.toml", "series-1"),
-    ("gallery/muon.toml", "muon"),
-])
-def test_a_chain_that_was_begun_in_one_language_is_continued_in_another(project: Path, path: str, run: str) -> None:
-    keys = []
-    for language in ("en", "es"):
-        with spoken(language):
-            campaign = load_campaign(project / "data" / path)
-            keys.append(fingerprint(campaign.problem([run])))
-    assert keys[0] == keys[1]
-
-
 def test_a_batch_does_not_keep_results_of_another_language(replica: Path) -> None:
     campaign, keys = load_campaign(replica / "campaign.toml"), []
     for language in ("en", "es", "en"):
         with spoken(language):
-            keys.append(key_of(campaign, "light-01", asdict(Settings())))
+            keys.append(key_of(campaign.digests(["light-01"]), Settings()))
     assert keys[0] == keys[2] != keys[1]

@@ -12,7 +12,6 @@ from typing import Any
 import msgspec
 
 from estim.batch.units import Unit
-from estim.campaign import Campaign
 from estim.common import (
     EstimError,
     InputError,
@@ -26,7 +25,6 @@ from estim.common import (
     require_room,
     split_level,
 )
-from estim.versions import engine_versions
 
 ROW, RESULT = "row.json", "result.json"
 _LARGEST, _LARGEST_RESULT = 2**24, 2**28
@@ -68,16 +66,6 @@ class Row(msgspec.Struct, frozen=True):
     @property
     def name(self) -> str:
         return f"{self.campaign}: {self.run}" if self.run else self.campaign
-
-
-def key_of(campaign: Campaign, run: str, settings: Mapping[str, object]) -> str:
-    """Digest of everything that decides the result: the campaign's file, the data, true values, seed and settings, versions."""
-    parts = {
-        "campaign": campaign.sha256, "data": campaign.tables[run].sha256, "run": run, "truth": dict(campaign.truth),
-        "settings": {name: str(value) for name, value in settings.items()},
-        "versions": engine_versions(),
-    }
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: float | None) -> Row:

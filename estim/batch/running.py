@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import msgspec
 
-from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, key_of, require_places, row_of
+from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, require_places, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, inputs_read, language, phrase, plain, spread
+from estim.common import EstimError, InputError, inputs_read, key_of, language, phrase, plain, spread
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -66,7 +66,7 @@ class _Work:
         campaign = load_campaign(unit.campaign, only=unit.run or None)
         if not unit.run:
             raise InputError("has no [[runs]]", field="campaign", file=str(unit.campaign))
-        key = key_of(campaign, unit.run, asdict(self.settings))
+        key = key_of(campaign.digests([unit.run]), self.settings)
         interval = campaign.tables[unit.run].interval
         if self.resume and (row := kept(self.folder, unit, key, interval)) is not None:
             return row

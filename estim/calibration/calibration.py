@@ -35,12 +35,12 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.calibration.kept_trials import KeptTrials, trials_key
 from estim.calibration.trial import (
     N_RANK,
     PROBABILITIES,
     Engine,
     Plan,
+    Trial,
     What,
     posterior_draws,
     reported_labels,
@@ -49,9 +49,8 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Amount, Finding, Kind, Label, Stream, phrase, spread, stream
+from estim.common import Amount, Finding, Kind, Label, PieceStore, Stream, phrase, spread, stream
 from estim.fitting import Fit
-from estim.sampling import PieceStore
 
 IntArray = NDArray[np.int64]
 TrialProgress = Callable[[int], None]
@@ -128,10 +127,10 @@ def simulation_based_calibration(
 ) -> Calibration:
     """Ranks and coverage for `n_trial` truths drawn from the priors.
 
-    fit : of the real data; it tells which numbers of the report vary at all.  store : keeps the trials, and may resume.
+    fit : of the real data; it tells which numbers of the report vary at all.  store : keeps each trial, its `inputs` what decides the design.
     The same seed gives the same numbers for any `jobs`.
 
-    Raises NumericalError where hardly any draw of the priors gives data, InputError where the store cannot be resumed.
+    Raises NumericalError where hardly any draw of the priors gives data.
     """
     return _calibrate(Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed), fit, n_trial, jobs, progress, store)
 
@@ -162,12 +161,8 @@ def _varying(fit: Fit) -> dict[str, str]:
 
 
 def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None, store: PieceStore | None) -> Calibration:
-    if store is None:
-        trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress)
-    else:
-        kept = KeptTrials(store.under(trials_key(plan)), len(plan.reported))
-        known = kept.known(range(n_trial))
-        trials = spread(partial(run_trial, plan), range(n_trial), jobs=jobs, progress=progress, known=known, keep=kept.keep)
+    trial = partial(run_trial, plan) if store is None else partial(_kept_trial, plan, store.given(*plan.inputs))
+    trials = spread(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
         what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
         labels=reported_labels(fit.problem, fit.values),
@@ -176,6 +171,10 @@ def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialPro
         how=Counter(t.how for t in trials), n_short=sum(bool(t.shortfall) for t in trials),
         failures=Counter(t.failure for t in trials if t.failure), leaning=_leaning(fit), engine=plan.engine, seed=plan.seed,
     )
+
+
+def _kept_trial(plan: Plan, store: PieceStore, index: int) -> Trial:
+    return store.piece(f"trial {index}", Trial, partial(run_trial, plan, index))
 
 
 def _leaning(fit: Fit) -> tuple[str, ...]:

@@ -57,6 +57,11 @@ class Plan:
     engine: Engine
     seed: int
 
+    @property
+    def inputs(self) -> tuple[object, ...]:
+        """What decides a trial beside the design, in numbers and words."""
+        return self.what, self.truth.tolist(), self.reported, self.engine, self.seed
+
 
 @dataclass(frozen=True, eq=False)
 class Trial:

@@ -62,6 +62,10 @@ class Campaign:
         """Digest of the campaign file."""
         return self.source.sha256
 
+    def digests(self, names: Sequence[str]) -> tuple[object, ...]:
+        """What decides the results of runs: the campaign file and their data, as digests, and the true values that reports show."""
+        return self.sha256, tuple((name, self.tables[name].sha256) for name in names), tuple(sorted(self.truth.items()))
+
     @property
     def formula(self) -> str | None:
         """The user's own curve as written, None for a rolling body."""

@@ -18,7 +18,7 @@ from estim.cli.language import LANG
 from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import NOT_OK, claim, counted, report_at, say, write_report
-from estim.common import EstimError, InputError, phrase
+from estim.common import EstimError, InputError, held, phrase
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -77,7 +77,6 @@ def batch(
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
     from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
-    from estim.sampling import only_writer
 
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
     figures, formats = not no_figures, chosen()
@@ -87,7 +86,7 @@ def batch(
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     claim(place, "summary.csv", "summary.json", "times.csv", within=out)
-    with only_writer(out / lock), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
+    with held(out / lock / ".lock", within=out), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
         rows = run_batch(
             units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
         )

@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 
 import click
 
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, counted, groups_of, report_at, say, write_report
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
+from estim.cli.terminal import NOT_OK, claim, conclude, counted, groups_of, kept_pieces, report_at, write_report
 from estim.common import Stream, decide, stream
 
 
@@ -29,7 +28,7 @@ from estim.common import Stream, decide, stream
 @NO_FIGURES
 @FORMAT
 @LANG
-@click.option("--resume", is_flag=True, help="Continue a calibration that was interrupted, from the trials kept in OUT/.checkpoint.")
+@RESUME
 def calibrate(
     campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
     no_figures: bool,
@@ -56,18 +55,17 @@ def run_calibrations(
     from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
     from estim.campaign import as_complete, load_campaign
     from estim.reports import calibration_report, unlike_fit
-    from estim.sampling import PieceStore, only_writer
     from estim.words import tell
 
     runs = tuple(runs)
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "calibration")
-    groups, trusted, stores = groups_of(loaded, runs, joint=joint), True, []
+    groups, trusted = groups_of(loaded, runs, joint=joint), True
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     claim(folder, "calibration.json", groups=groups)
-    with only_writer(folder / ".checkpoint"):
+    with kept_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
             fit = loaded.fit(as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
@@ -75,12 +73,12 @@ def run_calibrations(
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
             for kind in ("sbc", "coverage") if what == "both" else (what,):
-                kept = folder / ".checkpoint" / f"{'joint-' * joint}{group[0]}-{kind}"
-                stores.append(PieceStore(kept, resume=resume, say=partial(say, err=True), within=folder))
                 with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
                     processes = jobs or os.cpu_count() or 1
                     calibrations.append(
-                        chosen[kind](design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=stores[-1])
+                        chosen[kind](
+                            design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=store.given(loaded.digests(group)),
+                        )
                     )
             place = folder if len(groups) == 1 else folder / group[0]
             write_report(place, calibration_report(loaded, calibrations, unlike=unlike, figures=figures), within=folder)
@@ -90,6 +88,4 @@ def run_calibrations(
                 said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
                 conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said], [unlike] if unlike else [])
             report_at(place / "report.md", loaded.source.outside())
-        for store in stores:
-            store.remove()
     return trusted

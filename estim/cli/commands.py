@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,7 +27,7 @@ from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RUNS, SEED, STEPS, out_folder
+from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, STEPS, out_folder
 from estim.cli.origin import Ledger, origin_of
 from estim.cli.origin_record import SIMULATION, written_before
 from estim.cli.planning import plan_next
@@ -40,18 +40,19 @@ from estim.cli.terminal import (
     conclude,
     exit_code,
     groups_of,
+    kept_pieces,
     progress_bar,
     report_at,
     say,
-    stores_of,
     together,
     write_report,
 )
 from estim.cli.verifying import diff, verify
 from estim.cli.weighing import say_bodies
-from estim.common import InputError, Stream, as_json, asked_to_stop, ended_by_signals, phrase, replace_own, stream
+from estim.common import InputError, PieceStore, Stream, as_json, ended_by_signals, phrase, replace_own, stream
 
 if TYPE_CHECKING:
+    from estim.campaign import Campaign
     from estim.pipeline import Analysis
     from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
@@ -89,7 +90,7 @@ def cli() -> None:
 )
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
 @click.option("--explain", is_flag=True, help="Tabulate what may be missing, each cause refit.  [default: where something is]")
-@click.option("--resume", is_flag=True, help="Continue a fit that was interrupted, from the draws kept in OUT/.checkpoint.")
+@RESUME
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
     explain: bool, resume: bool, no_figures: bool, said: Mapping[str, Any],
@@ -102,57 +103,63 @@ def fit(
     Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
     report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
 
-    While it samples, draws are kept in OUT/.checkpoint, which is removed when the report is written.  After Ctrl-C (exit
-    code 130), a kill or a crash, the same command with --resume goes on from there and gives the same numbers; without
-    --resume an unfinished chain is discarded and a line says so.  If data, priors, noise, settings, seed or versions have
-    changed, --resume refuses and says what differs (docs/long-runs.md).
+    The draws of each run that is done are kept in OUT/.checkpoint until all reports are written.  After Ctrl-C (exit code
+    130), a kill or a crash, the same command with --resume takes them from there and samples the others; a run that was
+    under way begins anew, and so does one whose data, priors, noise, settings, seed or versions have changed
+    (docs/long-runs.md).
     """
-    from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, slip_words, to_netcdf, with_campaign
-    from estim.sampling import Target, only_writer
-    from estim.words import Voice
-
     loaded, folder = load_or_make(campaign, said, out, runs)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+    if compare and (explain or marginal is not None):
+        raise InputError("does not go with --explain, --marginal or --full", field="--compare")
     claim(folder, "comparison.json" if compare else "result.json", groups=groups)
-    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
-    stop = click.get_current_context().with_resource(asked_to_stop())
-    if compare:
-        if explain or marginal is not None:
-            raise InputError("does not go with --explain, --marginal or --full", field="--compare")
-        _exit_unless(compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, resume=resume, stop=stop, figures=not no_figures))
-        return
-    stores = stores_of(folder, groups, joint=joint, resume=resume)
-    results, explanations = {}, []
-    for group, store in zip(groups, stores, strict=True):
-        with progress_bar(together(group)) as progress:
-            analysis = analyse(
-                loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, stop=stop, marginal=marginal
+    with kept_pieces(folder, resume=resume) as store:
+        if compare:
+            all_ok = compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=not no_figures)
+        else:
+            all_ok = _fit_groups(
+                loaded, groups, folder, seed=seed, max_steps=max_steps, marginal=marginal, explain=explain, store=store, figures=not no_figures,
+                file=campaign.name,
             )
-        analysis = with_causes(loaded, analysis, group, asked=explain)
+    _exit_unless(all_ok)
+
+
+def _fit_groups(
+    campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int, marginal: bool | None, explain: bool,
+    store: PieceStore, figures: bool, file: str,
+) -> bool:
+    """Fits each group of runs and writes its report; whether all are ok.  file : the name of what was said to be fit."""
+    from estim.pipeline import analyse
+    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, slip_words, to_netcdf, with_campaign
+    from estim.sampling import Target
+    from estim.words import Voice
+
+    results, explanations = {}, []
+    for group in groups:
+        with progress_bar(together(group)) as progress:
+            analysis = analyse(campaign, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, marginal=marginal)
+        analysis = with_causes(campaign, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
-            files, results[group[0]] = report_and_result(loaded, analysis, voice=Voice.COMMANDS, figures=not no_figures)
+            files, results[group[0]] = report_and_result(campaign, analysis, voice=Voice.COMMANDS, figures=figures)
             draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
-            write_report(place, with_campaign(files, loaded.source.written, file=campaign.name) | draws, within=folder)
+            write_report(place, with_campaign(files, campaign.source.written, file=file) | draws, within=folder)
         reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         shown = [*reasons, *result_lines(results[group[0]])]
-        if len(results) == 1 and (columns := loaded.columns([name for group in groups for name in group])):
+        if len(results) == 1 and (columns := campaign.columns([name for group in groups for name in group])):
             say(columns)
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
-        write_report(folder, index_report(loaded, results, explanations))
-    for store in stores:
-        store.remove()
-    report_at(folder / "report.md", loaded.source.outside())
+        write_report(folder, index_report(campaign, results, explanations))
+    report_at(folder / "report.md", campaign.source.outside())
     if not can_write_netcdf():
         say(phrase("no draws.nc (the draws, for ArviZ and xarray): {how}", how=HOW_TO_GET))
-    _exit_unless(all(result.status == "ok" for result in results.values()))
+    return all(result.status == "ok" for result in results.values())
 
 
 @cli.command()
@@ -207,7 +214,8 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @NO_FIGURES
 @FORMAT
 @LANG
-def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool) -> None:
+@RESUME
+def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool, resume: bool) -> None:
     """Everything that CAMPAIGN says, in one report.
 
     The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
@@ -223,8 +231,9 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     loaded.study.require_body()
     folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
     claim(folder, "result.json")
-    result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes)
-    write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
+    with kept_pieces(folder, resume=resume) as store:
+        result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes, store=store)
+        write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(result, what), status, said.get(what, ()))

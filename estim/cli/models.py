@@ -1,4 +1,4 @@
-"""`estim compare-models`: models of the body side by side, with the chain of each kept until the table is written."""
+"""`estim compare-models`: models of the body side by side."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import click
 
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
-from estim.cli.options import JOINT, NO_FIGURES, RUNS, SEED, STEPS, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, groups_of, note, progress_bar, report_at, say, write_report
-from estim.common import asked_to_stop, phrase
+from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
+from estim.cli.terminal import NOT_OK, claim, conclude, groups_of, kept_pieces, progress_bar, report_at, say, write_report
+from estim.common import phrase
 
 if TYPE_CHECKING:
-    from estim.sampling import Progress, Store
+    from estim.sampling import Progress
 
 
 @click.command("compare-models")
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @NO_FIGURES
 @FORMAT
 @LANG
-@click.option("--resume", is_flag=True, help="Continue a comparison that was interrupted, from the draws kept in OUT/.checkpoint.")
+@RESUME
 def compare_models(
     campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,
     resume: bool,
@@ -45,43 +45,35 @@ def compare_models(
     """
     from estim.campaign import load_campaign
     from estim.reports import ground_words, models_report, price_words, verdicts
-    from estim.sampling import Store, Target, only_writer
+    from estim.sampling import Target
     from estim.studies import compare_models as compare
 
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "models")
     groups = groups_of(loaded, runs, joint=joint)
     claim(folder, "models.json", groups=groups)
-    click.get_current_context().with_resource(only_writer(folder / ".checkpoint"))
-    stop = click.get_current_context().with_resource(asked_to_stop())
-    recommended, stores = True, []
-    for group in groups:
+    recommended = True
+    with kept_pieces(folder, resume=resume) as store:
+        for group in groups:
+            what = ", ".join(group)
 
-        def store_of(name: str, group: tuple[str, ...] = group) -> Store:
-            place = folder / ".checkpoint" / f"models-{'joint-' * joint}{group[0]}-{name}"
-            stores.append(Store(place, resume=resume, say=note, within=folder))
-            return stores[-1]
+            def bar_of(name: str, what: str = what) -> AbstractContextManager[Progress]:
+                return progress_bar(f"{what}: {name}")
 
-        def bar_of(name: str, what: str = ", ".join(group)) -> AbstractContextManager[Progress]:
-            return progress_bar(f"{what}: {name}")
-
-        what = ", ".join(group)
-        comparison = compare(
-            loaded, group, seed=seed, target=Target(max_step=max_steps), chosen=models, progress_of=bar_of, store_of=store_of,
-            stop=stop,
-        )
-        place = folder if len(groups) == 1 else folder / group[0]
-        write_report(place, models_report(loaded, comparison, seed=seed, figures=not no_figures), within=folder)
-        for row in comparison.rows:
-            conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())
-        say(phrase("{what}: recommended: {name}: {why}", what=what, name=comparison.recommended or phrase("none"), why=ground_words(comparison)))
-        for name, why in verdicts(comparison):
-            say(phrase("  not {name}: {why}", name=name, why=why))
-        if price := price_words(comparison):
-            say(f"  {price}")
-        report_at(place / "report.md", loaded.source.outside())
-        recommended = recommended and bool(comparison.recommended)
-    for store in stores:
-        store.remove()
+            comparison = compare(
+                loaded, group, seed=seed, target=Target(max_step=max_steps), chosen=models, progress_of=bar_of, store=store,
+            )
+            place = folder if len(groups) == 1 else folder / group[0]
+            write_report(place, models_report(loaded, comparison, seed=seed, figures=not no_figures), within=folder)
+            for row in comparison.rows:
+                conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())
+            name = comparison.recommended or phrase("none")
+            say(phrase("{what}: recommended: {name}: {why}", what=what, name=name, why=ground_words(comparison)))
+            for name, why in verdicts(comparison):
+                say(phrase("  not {name}: {why}", name=name, why=why))
+            if price := price_words(comparison):
+                say(f"  {price}")
+            report_at(place / "report.md", loaded.source.outside())
+            recommended = recommended and bool(comparison.recommended)
     if not recommended:
         sys.exit(NOT_OK)

@@ -19,6 +19,8 @@ SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default
 NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, for its text and numbers alone: it is done sooner.")
 JOBS = click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
 
+RESUME = click.option("--resume", is_flag=True, help="Go on with what an interrupted command had finished, kept in OUT/.checkpoint.")
+
 
 def out_folder(campaign: Path, *parts: str) -> Path:
     """Where the report of a campaign goes by default, its `parts` within: two campaigns in one folder do not share it."""

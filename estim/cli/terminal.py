@@ -22,7 +22,9 @@ from estim.common import (
     InputError,
     Interrupted,
     NumericalError,
+    PieceStore,
     as_json,
+    held,
     one_line,
     phrase,
     replace_own,
@@ -34,9 +36,10 @@ from estim.namesakes import namesake_behind
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
-    from estim.sampling import Progress, Store
+    from estim.sampling import Progress
 
 _MOST_NAMED = 24
+_GO_ON = "continue with --resume"
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
@@ -62,7 +65,7 @@ def _code(command: Callable[[], object]) -> int:
     except SystemExit as ended:
         status = ended.code
     except (Interrupted, click.exceptions.Abort) as error:
-        say("interrupted: continue with --resume" if isinstance(error, Interrupted) else "interrupted", err=True)
+        say(": ".join(("interrupted", *error.args)), err=True)
         return INTERRUPTED
     except (click.ClickException, EstimError) as error:
         said = error.format_message() if isinstance(error, click.ClickException) else str(error)
@@ -78,7 +81,7 @@ def _code(command: Callable[[], object]) -> int:
 
 @contextmanager
 def counted(what: str, total: int, unit: str = "") -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr for a number of equal pieces of work, which are kept: Ctrl-C raises Interrupted, after which they are resumed."""
+    """A progress bar on stderr for a number of equal pieces of work, which are kept."""
     from tqdm import tqdm
 
     with tqdm(total=total, desc=one_line(what), unit=unit or phrase("campaign"), leave=False, disable=None, dynamic_ncols=True) as bar:
@@ -88,8 +91,8 @@ def counted(what: str, total: int, unit: str = "") -> Iterator[Callable[[int], N
 
         try:
             yield show
-        except KeyboardInterrupt:
-            raise Interrupted from None
+        except Interrupted:
+            raise Interrupted(_GO_ON) from None
 
 
 @contextmanager
@@ -174,25 +177,27 @@ def report_at(path: Path, outside: Iterable[str]) -> None:
         say(phrase("report: {path}", path=made))
 
 
-def note(line: str) -> None:
-    """A line on stderr that leaves a progress bar intact."""
-    from tqdm import tqdm
+@contextmanager
+def kept_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
+    """Where a command keeps what it has finished, in OUT/.checkpoint, until all its reports are written.
 
-    tqdm.write(one_line(line), file=sys.stderr)
-
-
-def stores_of(folder: Path, groups: Sequence[tuple[str, ...]], *, joint: bool, resume: bool) -> list[Store]:
-    """Where the chain of each group is kept while it is sampled, under `folder`.
-
-    Raises EstimError, before anything is sampled, where links or files of others are in the way.
+    Without `resume` what an earlier command left there is discarded.  A signal to stop ends in a line that says whether anything was finished.
+    Raises EstimError, before anything is computed, where another process is at work there, or nothing can be written.
     """
-    from estim.sampling import Store
-
-    names = [f"joint-{group[0]}" if joint else group[0] for group in groups]
-    stores = [Store(folder / ".checkpoint" / name, resume=resume, say=note, within=folder) for name in names]
-    for store in stores:
-        store.check()
-    return stores
+    store = PieceStore(folder / ".checkpoint", within=folder)
+    with held(store.folder / ".lock", within=folder):
+        found = len(store.names())
+        if resume:
+            rest = f"finished pieces: {found}; those made from the same inputs are used" if found else "nothing to resume, all is computed anew"
+            say(f"{store.folder}: {rest}", err=True)
+        elif found:
+            say(f"{store.folder}: what an unfinished command left is discarded (--resume would continue it)", err=True)
+            store.clear()
+        try:
+            yield store
+        except Interrupted:
+            raise Interrupted(*([_GO_ON] if store.names() else [])) from None
+        store.clear()
 
 
 def together(runs: Sequence[str]) -> str:

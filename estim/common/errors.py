@@ -68,7 +68,7 @@ class NumericalError(EstimError):
 
 
 class Interrupted(BaseException):
-    """A person or the system asked to stop (not an error: nothing that handles errors may take it for one)."""
+    """A person or the system asked to stop (not an error: nothing that handles errors may take it for one).  Its argument: how to go on."""
 
 
 def shorten(value: object, limit: int = 60) -> str:

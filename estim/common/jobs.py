@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from itertools import islice
@@ -38,27 +38,26 @@ _task: Callable[[Any], Any] | None = None  # of a worker process
 
 def spread(
     task: Callable[[K], T], numbers: Sequence[K], *, jobs: int, executor: Executor | None = None, progress: Callable[[int], None] | None = None,
-    known: Mapping[K, T] = MappingProxyType({}), keep: Callable[[K, T], None] | None = None, patient: bool = True,
+    tell: Callable[[K], None] | None = None, patient: bool = True,
 ) -> list[T]:
     """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by `executor`, which takes care of its own workers.
 
-    progress : called with how many are done.  known : those that are done already.  keep : called with each that is not.
+    progress : called with how many are done.  tell : called with each that is done.
     `task` must be picklable, read-only mappings included; so must what it returns.  patient : whether an error or an interrupt
-    waits for the calls that are under way, so that they are kept; else they are given up.
+    waits for the calls that are under way, which may keep what they find; else they are given up.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
-    done: dict[K, T] = dict(known)
+    done: dict[K, T] = {}
     task = partial(_speaking, task, language())
-    left = [n for n in numbers if n not in done]
     if executor is not None:
-        results = _through(executor, task, left)
+        results = _through(executor, task, numbers)
     else:
-        results = _in_process(task, left) if jobs <= 1 or not left else _in_pool(task, left, min(jobs, len(left)), patient)
+        results = _in_process(task, numbers) if jobs <= 1 or not numbers else _in_pool(task, numbers, min(jobs, len(numbers)), patient)
     for n, result in results:
         done[n] = result
-        if keep is not None:
-            keep(n, result)
+        if tell is not None:
+            tell(n)
         if progress is not None:
             progress(len(done))
     return [done[n] for n in numbers]

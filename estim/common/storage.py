@@ -134,14 +134,6 @@ def names_in(folder: Path, *, within: Path | None = None) -> list[str]:
         return [] if place is None else sorted(os.listdir(place.path if place.handle is None else place.handle))
 
 
-def require_plain(folder: Path, names: Iterable[str], *, within: Path | None = None) -> None:
-    """Raises EstimError where one of `names` in `folder` is there and is not a plain file."""
-    with _said(folder, "cannot be read"), _opened(folder, within) as place:
-        if place is not None:
-            for name in names:
-                _plain(place, name)
-
-
 def remove_files(folder: Path, names: Iterable[str], *, within: Path | None = None) -> None:
     """Remove the plain files `names` of `folder`; what is not there needs no removing.  Raises EstimError where that cannot be done."""
     with _said(folder, "cannot be emptied"), _opened(folder, within) as place:

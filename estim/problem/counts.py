@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -153,7 +153,7 @@ class Counts:
     law: Law
     trials: FloatArray
     seen: FloatArray
-    what: str = field(default="y", compare=False)
+    what: str = "y"
     bins: FloatArray | None = None
 
     parameters = ()

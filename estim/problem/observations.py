@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,16 +22,15 @@ from estim.problem.size import Named
 class Parameter:
     """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is.
 
-    notation : how it is written; None: by its own name and in its own unit.  As words in some language, neither it nor the meaning decides
-    whether two are equal.
+    notation : how it is written; None: by its own name and in its own unit.
     between : whether it is a standard deviation between runs, of which no run by itself says anything.
     """
 
     name: str
     unit: str
     prior: Prior
-    meaning: str = field(compare=False)
-    notation: Notation | None = field(default=None, compare=False)
+    meaning: str
+    notation: Notation | None = None
     between: bool = False
 
     @property
@@ -64,7 +63,7 @@ class Lacks:
 
     deviation: float
     along: FloatArray | None
-    along_unit: str = field(compare=False)  # a reader's word
+    along_unit: str
     stated: bool
 
 
@@ -94,7 +93,7 @@ class Observations:
     noise: Noise
     x_name: str
     x_unit: str
-    y_name: str = field(compare=False)  # a reader's word, where times of events have no y
+    y_name: str
     y_unit: str
     excluded: tuple[Finding, ...]
     excluded_points: FloatArray
@@ -102,7 +101,7 @@ class Observations:
     words: Wording = POINTS
     positions: bool = False
     force: float = 0.0
-    complete: Finding | None = field(default=None, compare=False)
+    complete: Finding | None = None
     lacks: Lacks | None = None
     sought: tuple[Sought, ...] = ()
 

@@ -16,12 +16,10 @@ from estim.common import Stream, phrase, stream
 from estim.deviation import NormalParts
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
-from estim.sampling.checkpoint import Store
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.parts_proposal import proposal_of_parts
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, Support
-from estim.sampling.stepping import Stop
 
 _TRIES = 2
 _MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accepted
@@ -45,23 +43,22 @@ class Optima:
 
 @dataclass(frozen=True, eq=False)
 class Certified:
-    """Draws, the same posterior without a chain, and whether both agree."""
+    """Draws, the same posterior without a chain (None where there are too many parameters for it), and whether both agree."""
 
     chain: Chain
-    certificate: Certificate
+    certificate: Certificate | None
     comparison: Agreement
 
 
 def certified_chain(
     density: Density, optima: Optima, *, target: Target, seed: int, most: int, support: Support | None, n_obs: int,
-    progress: Progress | None = None, store: Store | None = None, stop: Stop | None = None,
+    progress: Progress | None = None,
 ) -> Certified:
     """Draws of `density` with a second opinion.
 
     most : parameters beyond which there is no verdict.  n_obs : observations, which say what one evaluation of the density costs.
-    store, stop : of the first chain (`sample_posterior`); a second one is short and starts anew.
 
-    Raises InputError where the store cannot be resumed, NumericalError where the density is not a number.
+    Raises NumericalError where the density is not a number.
     """
     pairs: list[Certified] = []
     for i in range(_TRIES):
@@ -74,7 +71,7 @@ def certified_chain(
         )
         chain = sample_posterior(
             density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))), progress=progress,
-            proposal=proposal, store=None if pairs else store, stop=stop,
+            proposal=proposal,
         )
         pairs.append(Certified(chain, certificate, compare_with_chain(certificate, chain, most=most)))
         if pairs[-1].comparison.verdict != "disagree":
@@ -86,12 +83,11 @@ def certified_chain(
 
 
 def proposed_chain(
-    density: Density, optima: Optima, *, target: Target, seed: int, progress: Progress | None = None, store: Store | None = None,
-    stop: Stop | None = None,
+    density: Density, optima: Optima, *, target: Target, seed: int, progress: Progress | None = None
 ) -> Chain:
     """A chain without a second computation, for more parameters than that is made for; most of its moves propose from an adapted proposal.
 
-    Raises InputError where the store cannot be resumed, NumericalError where the density is not a number.
+    Raises NumericalError where the density is not a number.
     """
     proposal = None
     if optima.value.size <= _MOST_PROPOSED:
@@ -99,7 +95,7 @@ def proposed_chain(
             progress(0, phrase("proposal"))
         proposal = _proposal(density, optima, rng=stream(seed, Stream.PROPOSAL))
     return sample_posterior(
-        density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), progress=progress, proposal=proposal, store=store, stop=stop
+        density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), progress=progress, proposal=proposal
     )
 
 

@@ -19,12 +19,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.ahead import STEPS_AHEAD, Ahead
-from estim.sampling.checkpoint import Store
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, IndexArray, kish_size, pareto_smoothed
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
-from estim.sampling.stepping import Stop, start_walk
 from estim.words import tell
 
 _FIRST_CHECK, _FIRST_CHECK_BLIND = 60, 200  # steps, with a proposal and without
@@ -118,7 +116,7 @@ class Chain:
 
 def sample_posterior(
     posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator,
-    progress: Progress | None = None, proposal: Proposal | None = None, store: Store | None = None, stop: Stop | None = None,
+    progress: Progress | None = None, proposal: Proposal | None = None,
 ) -> Chain:
     """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
 
@@ -127,44 +125,38 @@ def sample_posterior(
 
     proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from it and walkers start from draws
     of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
-    store : keeps the chain on disk as it grows and may resume it; the draws are the same, bit for bit, without it.
-    stop : asked after every step; when it says yes the chain is kept and Interrupted is raised.
 
-    Raises InputError where the store cannot be resumed, EstimError where it cannot be written.
+    Raises NumericalError where walkers find no place to start, or run away, so that there is no posterior.
     """
-    from estim.sampling.ensembles import sampler_of
+    from estim.sampling.ensembles import Walk, sampler_of  # which imports emcee
 
     blind = proposal is None
     shape = (target.n_ensemble, _n_walker(len(posterior.names), target, blind=blind))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
     ahead = None if proposal is None else Ahead(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
-    sampler = sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32)))
-    walk = start_walk(posterior, sampler, starts, target=target, rng=rng, store=store, stop=stop)
-    n_step, tau_before, check = 0, math.nan, min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step)
+    walk = Walk(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
+    n_step, tau_before = min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step), math.nan
     while True:
-        walk.advance(check)
-        n_step = check
-        chain = walk.draws
-        tau = autocorrelation_time(chain)
+        walk.advance(n_step)
+        draws = walk.draws
+        tau = autocorrelation_time(draws)
         if not blind and math.isnan(tau_before):
-            tau_before = autocorrelation_time(chain[:, : n_step // 2])
-        n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
+            tau_before = autocorrelation_time(draws[:, : n_step // 2])
         long_enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
         if not blind and n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
-            # too short whatever else is said: go on at once to the length that is asked for
-            tau_before, check = tau, min(target.max_step, _whole_blocks(long_enough))
-            continue
-        mixing = mixing_of(chain[:, n_burn:])
-        convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
-        if progress is not None:
-            said = phrase("sampling") if convergence.met else phrase("sampling: {message}", message=convergence.message)
-            progress(_percent(convergence, target), said)
-        if convergence.met or n_step >= target.max_step:
-            break
-        tau_before = tau
-        check = n_step + max(200, n_step // 2) if blind else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
-        check = min(target.max_step, check)
-    kept = chain[:, n_burn:]
+            wanted = _whole_blocks(long_enough)  # too short whatever else is said: on at once to the length that is asked for
+        else:
+            n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
+            mixing = mixing_of(draws[:, n_burn:])
+            convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
+            if progress is not None:
+                said = phrase("sampling") if convergence.met else phrase("sampling: {message}", message=convergence.message)
+                progress(_percent(convergence, target), said)
+            if convergence.met or n_step >= target.max_step:
+                break
+            wanted = n_step + max(200, n_step // 2) if blind else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
+        n_step, tau_before = min(target.max_step, wanted), tau
+    kept = draws[:, n_burn:]
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
     acceptance = np.mean(walk.accepted, axis=1) / n_step
     return Chain(posterior.names, kept, walk.log_density[:, n_burn:], n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)

@@ -11,8 +11,15 @@ import emcee
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import NumericalError
 from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.protocol import Density
+
+_RUNAWAY = (
+    "the walkers run away to infinity: neither the data nor a prior hold every parameter, so that no posterior exists to draw from; "
+    "give limits (low, high) or a prior"
+)
+_FAR = 1e100  # beyond, in any unit
 
 
 class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
@@ -39,9 +46,44 @@ def sampler_of(density: Density, shape: tuple[int, int], ahead: Ahead | None, *,
     """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves propose, where there is something to propose."""
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
     others = [(Apart(move, shape[0]), share) for move, share in moves]
-    made: list[emcee.EnsembleSampler] = []
-    chosen: Any = others if ahead is None else Moves(ahead, others, lambda: made[0].iteration)
+    chosen: Any = others if ahead is None else Moves(ahead, others)
     sampler = emcee.EnsembleSampler(shape[0] * shape[1], len(density.names), density.log_density, vectorize=True, moves=chosen)
     sampler.random_state = np.random.RandomState(seed).get_state()  # emcee would start from NumPy's global state
-    made.append(sampler)
     return sampler
+
+
+class Walk:
+    """The walkers of all ensembles on their way from `starts` (n_ensemble, n_walker, n_par)."""
+
+    def __init__(self, sampler: emcee.EnsembleSampler, starts: FloatArray) -> None:
+        self._sampler, self._shape = sampler, starts.shape[:2]
+        self._state = emcee.State(starts.reshape(-1, starts.shape[-1]))
+
+    def advance(self, n_step: int) -> None:
+        """Bring the walkers to `n_step` steps.  Raises NumericalError where they run away, so that there is no posterior."""
+        try:
+            for state in self._sampler.sample(self._state, iterations=n_step - self._sampler.iteration, skip_initial_state_check=True):
+                self._state = state
+        except ValueError:  # of emcee, where a walker is asked to go to infinity
+            if np.max(np.abs(self._state.coords)) < _FAR:
+                raise
+            raise NumericalError(_RUNAWAY) from None
+
+    @property
+    def draws(self) -> FloatArray:
+        """(n_ensemble, n_step, n_walker, n_par) since the start."""
+        return self._apart(self._sampler.get_chain())
+
+    @property
+    def log_density(self) -> FloatArray:
+        """(n_ensemble, n_step, n_walker) of them."""
+        return self._apart(self._sampler.get_log_prob())
+
+    @property
+    def accepted(self) -> FloatArray:
+        """(n_ensemble, n_walker) moves accepted since the start."""
+        return np.asarray(self._sampler.backend.accepted.reshape(self._shape))
+
+    def _apart(self, steps: FloatArray) -> FloatArray:
+        """(n_ensemble, n_step, n_walker, ...) of steps (n_step, n_ensemble * n_walker, ...)."""
+        return np.ascontiguousarray(np.moveaxis(steps.reshape(len(steps), *self._shape, *steps.shape[2:]), 1, 0))

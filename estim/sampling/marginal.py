@@ -26,10 +26,10 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
+from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion, expand, run_terms
 from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
-from estim.sampling.kept_marginal import NOWHERE, Stages
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import Proposal
 from estim.words import tell
@@ -116,11 +116,9 @@ class MarginalPosterior:
 
 
 def sample_marginal(
-    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, stages: Stages = NOWHERE
+    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, progress: Progress | None = None
 ) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
-
-    stages : tells how far it is, and keeps what is done.
 
     Raises InputError where a run's noise is not normal or too many parameters have to be sampled, and NumericalError where
     the fit leaves a combination of parameters undetermined or the proposal finds no posterior mass.
@@ -131,9 +129,9 @@ def sample_marginal(
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
     target = Marginal(fit.problem, columns, terms, fit.sampled.measure)
-    proposal, expansions = stages.adapted(len(terms), rng, lambda: _adapt(fit, target, rng, stages))
+    proposal, expansions = _adapt(fit, target, rng, progress)
     shared = proposal.draw(rng, options.n_draw)
-    log_beside, by_run = target.terms_at(shared, expansions, n_node=options.n_node, stages=stages)
+    log_beside, by_run = target.terms_at(shared, expansions, n_node=options.n_node, progress=progress)
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
@@ -145,7 +143,8 @@ def sample_marginal(
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
-        stages.say(phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
+        if progress is not None:
+            progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
         own, log_q = term.draw_own(given, expansion, rng)
         excess = term.log_joint(given[first], own[first]) - log_q[first]
@@ -188,7 +187,7 @@ def sampled_columns(fit: Fit) -> IndexArray:
     return np.array(sorted([*shared, *edges]), dtype=np.int64)
 
 
-def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, stages: Stages) -> tuple[Proposal, list[Expansion]]:
+def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progress | None) -> tuple[Proposal, list[Expansion]]:
     """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
 
     Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
@@ -202,7 +201,8 @@ def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, stages: Stages)
     expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
     settled = 0
     for number in range(1, _MOST_ROUNDS + 1):
-        stages.say(phrase("adapting to the marginal over runs, round {k}", k=number))
+        if progress is not None:
+            progress(0, phrase("adapting to the marginal over runs, round {k}", k=number))
         proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,8 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import phrase
 from estim.problem import Measure, Problem
+from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion, RunTerm
-from estim.sampling.kept_marginal import NOWHERE, Stages
 
 IndexArray = NDArray[np.int64]
 
@@ -42,16 +41,16 @@ class Marginal:
         return log_p if self.weight is None else log_p + self.weight.log(shared[:, np.searchsorted(self.columns, self.weight.columns)])
 
     def terms_at(
-        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, stages: Stages = NOWHERE
+        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, progress: Progress | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
         log_p = self.log_prior(shared)
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
         for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
-            stages.say(phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            log_marginal = partial(term.log_marginal, self.given(term, shared[inside]), expansion, n_node=n_node)
-            by_run[i, inside] = stages.of_run(i, inside.size, log_marginal)
+            if progress is not None:
+                progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
+            by_run[i, inside] = term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
         return log_p, by_run
 
     def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:

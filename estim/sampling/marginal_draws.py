@@ -10,31 +10,23 @@ from estim.common import Finding, Kind
 from estim.fitting import Fit
 from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Progress, Target
-from estim.sampling.checkpoint import MARGINAL, Store
 from estim.sampling.diagnostics import r_hat
-from estim.sampling.kept_marginal import Stages, pieces_of
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
-from estim.sampling.stepping import Stop
 
 _N_CHAIN = 4  # parts that the independent draws are shown in
 
 
-def marginal_chain(
-    fit: Fit, *, target: Target, rng: np.random.Generator, progress: Progress | None = None, store: Store | None = None, stop: Stop | None = None
-) -> tuple[Chain, Agreement]:
+def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator, progress: Progress | None = None) -> tuple[Chain, Agreement]:
     """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights in all dimensions say of them.
 
-    progress, store, stop : as of `sample_posterior`; what is kept stands beside the chain of `store`.
     Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes.
 
     Raises InputError where noise is not normal or too much is shared, NumericalError where the fit leaves something undetermined.
     """
     n_draw = int(max(8000, 2.5 * target.ess))
-    pieces = None if store is None else pieces_of(store.beside(MARGINAL), fit, rng, n_draw=n_draw)
-    marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw), stages=Stages("a", pieces, progress, stop))
+    marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress)
     if not marginal.trusted:
-        options = MarginalOptions(n_draw=n_draw, n_node=5)
-        marginal = sample_marginal(fit, rng=rng, options=options, stages=Stages("b", pieces, progress, stop))
+        marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw, n_node=5), progress=progress)
     # no more draws than the weights are worth: their number then is their effective size
     n_kept = max(_N_CHAIN * 10, int(min(marginal.ess, n_draw)) // _N_CHAIN * _N_CHAIN)
     draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(_N_CHAIN, -1, 1, len(fit.names))

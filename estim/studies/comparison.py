@@ -14,8 +14,9 @@ import numpy as np
 
 from estim.campaign import Campaign, Candidate
 from estim.checks import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.common import PieceStore
 from estim.pipeline import Analysis, analyse
-from estim.sampling import Progress, Stop, Store, Target
+from estim.sampling import Progress, Target
 
 _LOO_DRAWS = 2000
 
@@ -40,22 +41,20 @@ class Compared:
 
 def compare_noise(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None,
-    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store_of: Callable[[str], Store | None] = lambda _: None,
-    stop: Stop | None = None,
+    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store: PieceStore | None = None,
 ) -> tuple[Compared, ...]:
     """Every candidate's analysis of `runs` (jointly), in the order of `Campaign.noise_models`.
 
-    store_of : name of a candidate -> where its chain is kept.  stop : ends early (`sample_posterior`).
+    store : keeps the draws of each candidate (`analyse`).
 
     Raises InputError where the runs cannot be fit jointly, or where the noise table of the first one allows nothing to compare.
     """
     campaign.problem(runs)
     done: list[tuple[Candidate, Analysis, LeaveOneOut]] = []
     for candidate in campaign.noise_models(runs[0]):
-        store = store_of(candidate.name)
         with nullcontext() if progress_of is None else progress_of(candidate.name) as progress:
             analysis = analyse(
-                campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table, store=store, stop=stop,
+                campaign, runs, seed=seed, target=target, progress=progress, noise=candidate.table, store=store,
                 beside=[analysis.fit for _, analysis, _ in done],
             )
         done.append((candidate, analysis, leave_one_out(analysis.fit.posterior, analysis.chain.thinned(_LOO_DRAWS))))

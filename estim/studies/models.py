@@ -23,12 +23,12 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, CurveModel
 from estim.checks import LeaveOneOut, difference, leave_one_out
-from estim.common import InputError, Stream, later, phrase, stream
+from estim.common import InputError, PieceStore, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
-from estim.sampling import K_HAT_LIMIT, Progress, Stop, Store, Target, adapt_proposal, certify, pareto_smoothed
+from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
 
 APART = 3.0  # of log evidence
 BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
@@ -110,12 +110,11 @@ class ModelComparison:
 
 def compare_models(
     campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, chosen: Sequence[str] = (),
-    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store_of: Callable[[str], Store | None] = lambda _: None,
-    stop: Stop | None = None,
+    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store: PieceStore | None = None,
 ) -> ModelComparison:
     """Every model of `runs`, fit jointly.  chosen : names of models, for those alone; empty for all.
 
-    Raises InputError where there is nothing to compare, or models would not have the same points.
+    store : keeps the draws of each model (`analyse`).  Raises InputError where there is nothing to compare, or models would not have the same points.
     """
     every = campaign.curve_models(runs)
     for name in chosen:
@@ -128,13 +127,13 @@ def compare_models(
     bad: Mapping[str, BadFrames] = {}
     done: dict[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]] = {}
     for model in sorted(models, key=lambda model: not model.forced):  # it shows the bad frames that all have
-        store = store_of(model.name)
         with nullcontext() if progress_of is None else progress_of(model.name) as progress:
             if progress is not None:
                 progress(0, phrase("fit"))
             fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             bad = {found.run: found.bad for found in fit.forces if len(runs) == 1} if model.forced else bad
-            analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=store, stop=stop)
+            kept = None if store is None else store.given(campaign.digests(runs), model.name)
+            analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
             analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
             loo = leave_one_out(fit.posterior, analysis.chain.thinned(_LOO_DRAWS))
             done[model.name] = analysis, loo, predictive_checks(fit.posterior, analysis.chain.thinned(_LOO_DRAWS), rng=stream(seed, Stream.AGAIN))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import Quantity, Status, Stream, phrase, spread, stream
+from estim.common import PieceStore, Quantity, Status, Stream, phrase, spread, stream
 from estim.fitting import Fit
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
@@ -93,6 +93,7 @@ class _Work:
     published: Sequence[PublishedNumber]
     seed: int
     target: Target
+    store: PieceStore | None
 
     @property
     def pieces(self) -> tuple[_Piece, ...]:
@@ -110,13 +111,13 @@ class _Work:
             gamma = gamma_of_body(self.campaign.source, self.series.body)
             return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target, progress=progress)
         if kind == "run":
-            alone = analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress)
+            alone = analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress, store=self.store)
             _ = alone.bands, alone.ends  # kept with it: the report asks for them, one run after the other
             return alone
         return self._together(self.runs_of(name), progress)
 
     def _together(self, runs: Sequence[str], progress: Progress | None) -> _Together:
-        joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress)
+        joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress, store=self.store)
         firsts = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _Together(
             joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
@@ -131,14 +132,18 @@ class _Work:
         return self.campaign.fit(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
 
 
-def reanalyse(campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf, jobs: int = 1) -> Reanalysis:
+def reanalyse(
+    campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf, jobs: int = 1, store: PieceStore | None = None
+) -> Reanalysis:
     """The reanalysis of a campaign by `jobs` processes; the same seed gives the same numbers, however many there are.
+
+    store : keeps the draws of each run, and of each body's together (`analyse`).
 
     Raises InputError; NumericalError where processes are killed, twice.
     """
     campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
-    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target)
+    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target, store)
     done = _one_by_one(work, progress_of) if jobs == 1 else _at_once(work, progress_of, jobs)
     line = done.get(("line", ""))
     singles = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
@@ -160,12 +165,12 @@ def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, An
     with progress_of(phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))) as progress:
         n_done = 0
 
-        def tell(piece: _Piece, _: object) -> None:
+        def tell(piece: _Piece) -> None:
             nonlocal n_done
             n_done += 1
             progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
 
-        found = spread(work, pieces, jobs=jobs, keep=tell, patient=False)
+        found = spread(work, pieces, jobs=jobs, tell=tell, patient=False)
     return dict(zip(pieces, found, strict=True))
 
 

@@ -1,0 +1,104 @@
+"""Finished pieces of a long computation on disk: a run's draws, a simulated campaign.  What was killed goes on with the pieces that it had.
+
+A piece is a record (a dataclass of numbers, words, arrays and further records) in a file of its own.  The file's name is the digest of everything
+that decides the piece, so that a piece made from anything else is never found; the file begins with a digest of what follows, so that one that
+was torn or changed is no piece.  A piece that is not found is computed again.  Nothing in a file is run: it is read as the record that is asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar
+
+from estim.common.storage import TEMPORARY, names_in, read_file, remove_files, write_whole
+from estim.versions import engine_versions
+
+T = TypeVar("T")
+
+_NAME = r"[0-9a-f]{64}\.piece"
+_OWN = re.compile(f"{_NAME}|{TEMPORARY.format(_NAME)}", re.ASCII)  # and what a kill can leave behind
+_LARGEST = 2**32  # bytes
+_N_DIGEST = 32  # bytes
+
+
+def key_of(*inputs: object) -> str:
+    """The digest of what decides a result: `inputs`, numbers and words or records of such, whose `repr` tells them whole, and versions."""
+    return sha256(repr((engine_versions(), inputs)).encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class PieceStore:
+    """Where pieces are kept.
+
+    folder : of these files; others in it stay.  within : the folder above that a person named; below it no symbolic link is followed
+    (None: the one above `folder`).  inputs : what all pieces depend on, as of `key_of`.
+    """
+
+    folder: Path
+    within: Path | None = None
+    inputs: tuple[object, ...] = ()
+
+    def given(self, *inputs: object) -> PieceStore:
+        """The same place for pieces that depend on `inputs`, too."""
+        return replace(self, inputs=(*self.inputs, *inputs))
+
+    def piece(self, name: str, kind: type[T], compute: Callable[[], T]) -> T:
+        """What `compute` returns, or returned when it was kept.  Raises EstimError where it cannot be written."""
+        key = key_of(*self.inputs, name)
+        path = self.folder / f"{key}.piece"
+        found = _decoded(read_file(path, at_most=_LARGEST, within=self._root), key, kind)
+        if found is None:
+            import msgspec  # late, as the command line needs none to say what its options are
+
+            found = compute()
+            content = msgspec.msgpack.encode(found, enc_hook=_plain)
+            write_whole(path, _digest(key, content) + content, within=self._root)
+        return found
+
+    def names(self) -> list[str]:
+        """The files of pieces, finished or not."""
+        return [name for name in names_in(self.folder, within=self._root) if _OWN.fullmatch(name)]
+
+    def clear(self) -> None:
+        """Remove every piece.  Raises EstimError where that cannot be done."""
+        remove_files(self.folder, self.names(), within=self._root)
+
+    @property
+    def _root(self) -> Path:
+        return self.folder.parent if self.within is None else self.within
+
+
+def _digest(key: str, content: bytes) -> bytes:
+    return sha256(key.encode() + content).digest()
+
+
+def _decoded(data: bytes | None, key: str, kind: type[T]) -> T | None:
+    """The piece in a file; None where the file is not there, or not as it was written under this key."""
+    import msgspec
+
+    if data is None or data[:_N_DIGEST] != _digest(key, data[_N_DIGEST:]):
+        return None
+    try:
+        return msgspec.msgpack.decode(data[_N_DIGEST:], type=kind, dec_hook=_array)
+    except (msgspec.DecodeError, ValueError, TypeError):  # of another version of the record
+        return None
+
+
+def _plain(thing: Any) -> object:
+    """What msgspec does not know as what it does: an array as type, shape and bytes, a number of NumPy's as Python's, a mapping as a dict."""
+    import numpy as np
+
+    if isinstance(thing, np.ndarray):
+        return thing.dtype.str, thing.shape, thing.tobytes()
+    return thing.item() if isinstance(thing, np.generic) else dict(thing)
+
+
+def _array(_: type, stored: tuple[str, list[int], bytes]) -> Any:
+    import numpy as np
+
+    kind, shape, content = stored
+    return np.frombuffer(content, dtype=kind).reshape(shape).copy()
