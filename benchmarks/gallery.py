@@ -10,7 +10,6 @@ and colours), so that all reports together stay below 3 MB.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import io
 import json
 import math
@@ -27,7 +26,6 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.cli.crate import CRATE, crate_of
 from estim.cli.origin_record import ORIGIN, read_origin
 from estim.common import Quantity, as_json, e_n, format_quantity, signed
 
@@ -84,10 +82,7 @@ def folder_of(step: Mapping[str, Any]) -> Path:
 def describe_anew(folder: Path) -> None:
     """The files that describe a report, after its figures were made smaller: `estim verify` compares text and numbers only."""
     origin = read_origin(folder)
-    left = {name: digest for name, digest in origin.outputs.items() if name != "draws.nc"}
-    crate = crate_of({name: (folder / name).read_bytes() for name in left if name != CRATE}, origin)
-    (folder / CRATE).write_bytes(crate)
-    outputs = {name: digest for name, digest in left.items() if not name.endswith(".png")} | {CRATE: hashlib.sha256(crate).hexdigest()}
+    outputs = {name: digest for name, digest in origin.outputs.items() if name != "draws.nc" and not name.endswith(".png")}
     (folder / ORIGIN).write_bytes(as_json(replace(origin, outputs=outputs)))
 
 

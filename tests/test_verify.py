@@ -15,7 +15,6 @@ import pytest
 from command_runner import runner
 
 from estim.cli.commands import cli
-from estim.cli.crate import CRATE
 from estim.common import EstimError, InputError
 from estim.verification import Verdict, compare_results, differences, draws_are_same
 
@@ -208,7 +207,7 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
         origin["outputs"][name] = hashlib.sha256(b"old").hexdigest()
     (out / "origin.json").write_text(json.dumps(origin))
     assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
-    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json", CRATE]
+    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json"]
     (model / "elsewhere.csv").write_text("old")
     made = (out / "origin.json").read_text()
     for name in ("../elsewhere.csv", str(model / "elsewhere.csv"), "", "a\0b", "x" * 300):
@@ -390,7 +389,7 @@ def test_hostile_inputs_are_one_line(path: str, model: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe", "sparse", "folder"])
-@pytest.mark.parametrize("name", ["origin.json", "report.md", "result.json", CRATE, "figures/budget.png"])
+@pytest.mark.parametrize("name", ["origin.json", "report.md", "result.json", "figures/budget.png"])
 def test_a_hostile_file_of_the_report_is_one_line(name: str, kind: str, model: Path) -> None:
     place = model / "out" / name
     place.unlink()

@@ -10,7 +10,7 @@ from estim.reading import Places
 
 _MAX_NAME = 100  # bytes
 _REPORT = (  # what stands in the folder where a run gets its own
-    *REPORT_FILES, "result.json", "comparison.json", "models.json", "calibration.json", "origin.json", "ro-crate-metadata.json", "figures", "tables",
+    *REPORT_FILES, "result.json", "comparison.json", "models.json", "calibration.json", "origin.json", "figures", "tables",
 )
 
 

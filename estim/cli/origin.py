@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import click
 
-from estim.cli.crate import CRATE, crate_of
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import SCHEMA, Origin
 from estim.common import code, inputs_read, language, phrase, plain
@@ -41,13 +40,12 @@ def note_of_others(inputs: Mapping[str, str]) -> None:
 
 
 def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes], Origin]:
-    """`files` of a report, the formats asked for and the description for archives; and how they were made."""
+    """`files` of a report and the formats asked for; and how they were made."""
     origin = origin_of(part)
     command = code(shlex.join(["estim", *origin.command]))
     said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=command)
     line = f"\n---\n\n{said}\n"
-    signed = in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()})
-    return {**signed, CRATE: crate_of(signed, origin)}, origin
+    return in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()}), origin
 
 
 def origin_of(part: str = "") -> Origin:

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.crate import CRATE
 from estim.cli.formats import chosen
 from estim.cli.origin import with_origin
 from estim.cli.origin_record import ORIGIN, written_before
@@ -154,7 +153,7 @@ def claim(folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), withi
     """
     for part in ("", *(group[0] for group in groups if len(groups) > 1)):
         place = folder / part
-        require_room(place, (CRATE, *names), written_before(place, within=within or folder), within=within or folder)
+        require_room(place, names, written_before(place, within=within or folder), within=within or folder)
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:

@@ -16,7 +16,6 @@ from typing import Any
 
 import click
 
-from estim.cli.crate import CRATE, crate_troubles
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
@@ -130,7 +129,6 @@ def _changed_outputs(root: Path, folder: Path, origin: Origin) -> Iterator[str]:
             yield f"changed: {_shown(root, folder, name)} is missing"
         elif hashlib.sha256(data).hexdigest() != digest:
             yield f"changed: {_shown(root, folder, name)} is not as it was written"
-    yield from crate_troubles(lambda name: read_file(folder / name, at_most=_LARGEST, within=root), origin)
 
 
 def _shown(root: Path, folder: Path, name: str) -> str:
@@ -179,7 +177,7 @@ def _compare(folder: Path, made: Path, place: Path, found: Found, *, lang: str) 
             found.wrong.append(f"{_shown(folder, folder / part, ORIGIN)}: is that of another command: {before.line}")
         pairs.append((part, before, now))
     files = {
-        part: {name: (_bytes(folder, folder / part, name), _bytes(made, made / part, name)) for name in before.outputs if name != CRATE}
+        part: {name: (_bytes(folder, folder / part, name), _bytes(made, made / part, name)) for name in before.outputs}
         for part, before, _ in pairs
     }
     whole = [
@@ -222,7 +220,6 @@ def _compare_part(how: _How, folder: Path, files: _Pairs, before: Origin, now: O
         unnamed = [name for name in unnamed if not _is_picture(name)]
     found.wrong.extend(f"{_shown(how.root, folder, name)}: is made now, and {ORIGIN} does not name it" for name in unnamed)
     found.aside.extend(_shown(how.root, folder, name) for name in _not_named(how.root, folder, before))
-    found.compared.extend(_shown(how.root, folder, name) for name in before.outputs if name == CRATE)  # by `_changed_outputs`
     for name, (old, new) in files.items():
         shown = _shown(how.root, folder, name)
         if old is None or (new is None and not name.endswith(_OPTIONAL)):
