@@ -134,7 +134,7 @@ def certify(
         more = proposal.draw(rng, math.ceil(max(wanted - inside, 1) / share))
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
-        inside = np.count_nonzero(np.isfinite(log_ratio))
+        inside = int(np.count_nonzero(np.isfinite(log_ratio)))
         share = max(inside / len(draws), _LEAST_INSIDE)
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
