@@ -22,8 +22,8 @@ from estim.problem.derivative import STENCILS, differentiate
 from estim.problem.laws import BINOMIAL, POISSON
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
+from estim.problem.normal import GaussianErrors
 from estim.problem.readings import Correlated, Readings
-from estim.problem.rooted import RootErrors
 from estim.problem.roots import root_of
 from estim.problem.tails import Mixture, StudentT
 
@@ -322,9 +322,9 @@ def in_bands() -> Case:
 class Banded(Stated):
     """Noise whose covariance is known in bands."""
 
-    def likelihood(self, points: Points, named: Named) -> RootErrors:
+    def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         shift = points.y - self.base.likelihood(points, named).y
-        return RootErrors.of_bands(points, self.size, self.base.of_positions(points, named).covariance(), shift)
+        return GaussianErrors.in_bands(points, self.size, self.base.of_positions(points, named).covariance(), shift)
 
     def for_search(self) -> Banded:
         return self

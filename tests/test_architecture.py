@@ -137,7 +137,7 @@ def test_no_circles_inside_a_package():
 
 
 def test_nobody_asks_which_kind_of_noise_it_is():
-    kinds = {"Independent", "Differentiated", "Readings", "Correlated", "PointErrors", "CorrelatedErrors", "LatentErrors", "Counts", "Events",
+    kinds = {"Independent", "Differentiated", "Readings", "Correlated", "RobustErrors", "GaussianErrors", "LatentErrors", "Counts", "Events",
         "StudentT", "Mixture"}
     for module in ESTIM:
         for node in nodes()[module]:

@@ -386,7 +386,7 @@ WRONG = [
     ("unmodelled force", "jacobian", too_steep), ("unmodelled force", "information", too_sure),
     ("Poisson counts", "log_likelihood", without_the_norm), ("event times", "pointwise", lambda self, named: CountErrors.pointwise(self, named)),
     ("Poisson counts", "jacobian", too_steep), ("event times", "jacobian", too_steep), ("binomial fractions", "information", too_sure),
-    ("independent, Student-t", "information", too_sure), ("stated covariance", "whitened", out_of_order),
+    ("independent, Student-t", "information", too_sure), ("differentiated", "whitened", out_of_order),
 ]
 
 

@@ -13,13 +13,11 @@ from estim import fit_curve, load_campaign
 from estim.campaign.forced import course_of
 from estim.checks import goodness
 from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force
-from estim.deviation import noise as lacking
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.settled import settled
 from estim.fitting import screen
-from estim.problem import besides
-from estim.problem import noise as stated
-from estim.problem.rooted import RootErrors
+from estim.problem import normal, roots
+from estim.problem.roots import Beside
 from estim.reports.figures import residual_figure
 from model import Body, positions_at
 
@@ -61,7 +59,7 @@ theta0_deg = "20.0(1.5)"
 
 def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     """Free start, force and bad frames about one point, where more than `dense` points go by roots."""
-    for module in (stated, lacking, besides):
+    for module in (normal, roots):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
     problem = campaign.problem(["long"], usual=True)
@@ -136,8 +134,8 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     problem, named, free, posed, bad = _posed(path, monkeypatch, 10)
     _, _, whole_free, whole_posed, whole_bad = _posed(path, monkeypatch, 10**6)
     (run,) = problem.runs
-    assert isinstance(free, RootErrors)
-    assert not isinstance(whole_free, RootErrors)
+    assert isinstance(free.form.triangle, Beside)
+    assert not isinstance(whole_free.form.triangle, Beside)
     # of positions, which a push moves by 15,000 sds, the eigenvectors of the whole matrix lose eight digits; by extended precision bands do not
     close = 2e-7 if noise == "positions" else 1e-8
     draws = {name: np.asarray(value) * np.array([[1.0], [1.001]]) for name, value in named.items()}

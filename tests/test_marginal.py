@@ -18,6 +18,7 @@ from estim.campaign.campaign_file import NoiseTable
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import _through_marginal, analyse_fit
+from estim.problem.independent import RobustErrors
 from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.problem.tails import StudentT
@@ -208,7 +209,7 @@ def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.G
 
 def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
     fit = fitted(linear_problem(rng)[0])
-    heavy = tuple(replace(likelihood, tails=StudentT()) for likelihood in fit.posterior.likelihoods)
+    heavy = tuple(RobustErrors(one.points, one.size, one.form.spectrum, StudentT()) for one in fit.posterior.likelihoods)
     with pytest.raises(InputError, match="plain normal noise"):
         sample_marginal(replace(fit, posterior=replace(fit.posterior, likelihoods=heavy)), rng=rng)
     right = Posterior.log_likelihood

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from estim.problem import STENCILS, differentiate
-from estim.problem.besides import Beside
-from estim.problem.roots import Band, Dense, Stacked, covariance_of
+from estim.problem.roots import Band, Beside, Dense, Stacked, covariance_of
 
 
 def _stencil(n, name="central", rng=None):

@@ -15,11 +15,11 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import Residuals
-from estim.problem import Ends, Linear, Named, Points, Root, StackedPoints, n_draws
+from estim.problem import Ends, Likelihood, Linear, Named, Points, Root, StackedPoints
 
 
 @dataclass(frozen=True, eq=False)
-class MixtureErrors:
+class MixtureErrors(Likelihood):
     """Points of a run, or of several below each other, whose errors are a mixture.
 
     formed : how the residuals are formed.
@@ -32,8 +32,6 @@ class MixtureErrors:
     formed: Residuals
 
     creeps = True
-    normal = None
-
     @property
     def y(self) -> FloatArray:
         return np.asarray(self.points.y - self.formed.shift)
@@ -52,12 +50,6 @@ class MixtureErrors:
         raw = self.raw(named)
         z = self.likely.whiten(raw)
         return np.asarray(z * self._stretch(raw, z)[0][:, None])
-
-    def size_residuals(self, named: Named) -> FloatArray:
-        return self.standardised(named)
-
-    def outlier_probability(self, named: Named) -> FloatArray:
-        return np.zeros((n_draws(named), self.formed.shift.size))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         """By the product rule; the stretch g changes by g (Q r/lost - W^T z/|z|^2)."""

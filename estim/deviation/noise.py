@@ -17,17 +17,14 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
 from estim.problem import (
-    DENSE,
-    CorrelatedErrors,
     Counted,
     Differences,
+    GaussianErrors,
     Likelihood,
     Named,
     Noise,
     Points,
     Root,
-    RootErrors,
-    Scale,
     Size,
     Wording,
     covariance_of,
@@ -105,16 +102,12 @@ class FreeStart(Stated):
     course: Course
     bad: BadFrames
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
+    def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
         about = formed_about(self.course, self.base, points, named, scale=1.0)[0].speed
         columns = np.column_stack([self.course.along(points, named, self.base, about=about).push, self.bad.columns(points.x.size)])
-        if points.x.size > DENSE:
-            return RootErrors(points, Size(Scale(1.0)), with_columns(stated.root, columns), stated.shift)
-        spectrum, basis = np.linalg.eigh(stated.covariance + columns @ columns.T)
-        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]
-        return CorrelatedErrors(points, Size(Scale(1.0), Scale(), 0.0), basis, np.maximum(spectrum, rounding), stated.shift)
+        return GaussianErrors.rooted(points, with_columns(stated.root, columns), stated.shift)
 
     def for_search(self) -> FreeStart:
         return self

@@ -27,7 +27,7 @@ _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
 
 
 @dataclass(frozen=True, eq=False)
-class CountErrors:
+class CountErrors(Likelihood):
     """Independent counts y (n_obs,) about the curve; trials : (n_obs,), 1 where the law has none."""
 
     points: Points
@@ -35,34 +35,16 @@ class CountErrors:
     trials: FloatArray
 
     creeps = True
-    normal = None
-
-    @property
-    def y(self) -> FloatArray:
-        return self.points.y
-
-    def log_likelihood(self, named: Named) -> FloatArray:
-        return np.asarray(np.sum(self.pointwise(named), axis=1))
-
     def pointwise(self, named: Named) -> FloatArray:
         return self.law.log_density(self.y, self._mean(named), self.trials)
 
-    def standardised(self, named: Named) -> FloatArray:
+    def residuals(self, named: Named) -> FloatArray:
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
         return deviance_residual(self.law, self.y, self._mean(named), self.trials)
 
-    def residuals(self, named: Named) -> FloatArray:
-        return self.standardised(named)
-
-    def size_residuals(self, named: Named) -> FloatArray:
-        return self.standardised(named)
-
-    def outlier_probability(self, named: Named) -> FloatArray:
-        return np.zeros_like(self._mean(named))
-
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         mean, variance = self._mean(named)[0], self._variance(named)
-        r = self.standardised(named)[0]
+        r = CountErrors.residuals(self, named)[0]
         near = np.abs(r) < 1e-6
         with np.errstate(all="ignore"):
             slope = np.where(near, -1.0 / np.sqrt(variance), (mean - self.y) / (variance * np.where(near, 1.0, r)))
@@ -84,9 +66,6 @@ class CountErrors:
 
     def sd(self, named: Named) -> FloatArray:
         return np.asarray(np.sqrt(self._variance(named)))
-
-    def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(np.sum(np.square(vector / self.sd(named))))
 
     def _mean(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) expectations."""

@@ -62,8 +62,9 @@ class EventErrors(CountErrors):
             rate, expected = self._rates.rate(self.points.bind(named))
             return np.asarray(np.broadcast_to(self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)))
 
-    def log_likelihood(self, named: Named) -> FloatArray:
-        return np.asarray(np.sum(self.pointwise(named), axis=1))
+    def standardised(self, named: Named) -> FloatArray:
+        """Of the numbers in cells."""
+        return super().residuals(named)
 
     def residuals(self, named: Named) -> FloatArray:
         """Up to a constant that keeps the squares positive: no density of single times is the highest."""

@@ -13,39 +13,9 @@ from typing import Protocol
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.problem.likelihood import Likelihood, Points, n_draws
+from estim.problem.likelihood import Likelihood, StackedPoints
 from estim.problem.observations import Observations
 from estim.problem.size import Named
-
-
-@dataclass(frozen=True, eq=False)
-class StackedPoints:
-    """The points of several runs below each other, in the order of the runs; each has its own curve."""
-
-    runs: tuple[Points, ...]
-
-    @property
-    def y(self) -> FloatArray:
-        """(n_obs,)."""
-        return np.concatenate([run.y for run in self.runs])
-
-    def value(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) the curves at the points."""
-        n_draw = n_draws(named)
-        return np.hstack([np.broadcast_to(run.value(named), (n_draw, run.x.size)) for run in self.runs])
-
-    def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n) derivatives of the curves in the parameters `names`, for single values."""
-        return np.vstack([run.gradient(named, names) for run in self.runs])
-
-    def square(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) the squares of curves of speeds at the points."""
-        n_draw = n_draws(named)
-        return np.hstack([np.broadcast_to(run.square(named), (n_draw, run.x.size)) for run in self.runs])
-
-    def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n) their derivatives, for single values."""
-        return np.vstack([run.square_gradient(named, names) for run in self.runs])
 
 
 class SharedNoise(Protocol):

@@ -32,7 +32,7 @@ from estim.problem.abscissas import (
     summed,
     true_abscissas,
 )
-from estim.problem.likelihood import Ends, Points, n_draws
+from estim.problem.likelihood import Ends, Likelihood, Points, n_draws
 from estim.problem.size import Named, Scale, Size
 from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
@@ -45,7 +45,7 @@ _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
 @dataclass(frozen=True, eq=False)
-class LatentErrors:
+class LatentErrors(Likelihood):
     """Points with independent errors of y, of variance `size.variance(weight)`, and of x.
 
     weight : (n_obs,) variance of y for a unit sigma^2.  tails : the shape of the errors of y.
@@ -60,15 +60,9 @@ class LatentErrors:
     relative_x: FloatArray
 
     creeps = True
-    normal = None
-
     @property
     def x(self) -> FloatArray:
         return self.points.x
-
-    @property
-    def y(self) -> FloatArray:
-        return self.points.y
 
     def pointwise(self, named: Named) -> FloatArray:
         """The distribution of the true abscissas taken as estimated: the terms do not quite sum to `log_likelihood`."""
@@ -105,9 +99,6 @@ class LatentErrors:
 
         return self._by_blocks(named, residual)
 
-    def size_residuals(self, named: Named) -> FloatArray:
-        return self.standardised(named)
-
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         return np.where(self._of_curve(names), -self.scores(named, names, {}) / self.residuals(named)[0][:, None], 0.0)
 
@@ -128,9 +119,6 @@ class LatentErrors:
         """As wide as the slope of the curve makes an error of x: the size of a residual, not what its density is made of."""
         steep = self.points.slope(named) * self._sd_of_x(named)[0]
         return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2))
-
-    def squared_size(self, vector: FloatArray, named: Named) -> float:
-        return float(np.sum((vector / self.sd(named)) ** 2))
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""

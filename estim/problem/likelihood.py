@@ -1,19 +1,20 @@
-"""What estim asks of noise.  Two questions, two protocols:
+"""What estim asks of noise.  Two questions, two contracts:
 
 - `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which words.
 - `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only weakly on the parameters (the slope of
   the curve inside a covariance, the truncation of a stencil) taken at one set of values.  The posterior is a sum of these over the
   groups of runs (`estim.problem.group`), most of which hold one run.
 
-`estim.problem.independent`, `correlated` and `latent` have the likelihoods; nobody else knows which of them a run has.  What only some have
-is asked for and may be None: `Likelihood.normal`.
+`estim.problem.normal`, `independent`, `latent`, `counts` and `events` have the likelihoods; nobody else knows which of them a run has.  What only
+some have is asked for and may be None: `Likelihood.normal`.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, ClassVar, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,7 @@ from estim.problem.differences import Differences
 from estim.problem.laws import Counted
 from estim.problem.roots import Root
 from estim.problem.size import Named, Size
+from estim.problem.whitened import Linear
 
 Ends = Mapping[str, tuple[Named, Named, float]]
 """Noise parameter -> values below, values above, their distance: for differences."""
@@ -76,6 +78,36 @@ def n_draws(named: Named) -> int:
     return max((np.shape(column)[0] for column in named.values() if np.ndim(column) == 2), default=1)
 
 
+@dataclass(frozen=True, eq=False)
+class StackedPoints:
+    """The points of several runs below each other, in the order of the runs; each has its own curve."""
+
+    runs: tuple[Points, ...]
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_obs,)."""
+        return np.concatenate([run.y for run in self.runs])
+
+    def value(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the curves at the points."""
+        n_draw = n_draws(named)
+        return np.hstack([np.broadcast_to(run.value(named), (n_draw, run.x.size)) for run in self.runs])
+
+    def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) derivatives of the curves in the parameters `names`, for single values."""
+        return np.vstack([run.gradient(named, names) for run in self.runs])
+
+    def square(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) the squares of curves of speeds at the points."""
+        n_draw = n_draws(named)
+        return np.hstack([np.broadcast_to(run.square(named), (n_draw, run.x.size)) for run in self.runs])
+
+    def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n) their derivatives, for single values."""
+        return np.vstack([run.square_gradient(named, names) for run in self.runs])
+
+
 class Whitened(Protocol):
     """The residuals of a run as tests see them, and how a fit pulls them.
 
@@ -97,74 +129,95 @@ class Whitened(Protocol):
 
 
 class NormalErrors(Protocol):
-    """Normal errors with a covariance C, in a basis in which C is diagonal for all values of the noise parameters."""
+    """Normal errors with a covariance C."""
 
     def root(self, named: Named) -> Root:
         """The triangular root of C, in the order of the points."""
 
     def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At draws: standardised residuals and eigenvalues of C (n_draw, n_obs); derivatives (n_draw, n_obs, n) in the parameters `names`
-        of the standardised curve and of the logarithm of the eigenvalues."""
+        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the determinant of C; derivatives (n_draw, n_obs, n)
+        in the parameters `names` of the standardised curve and of the logarithm of the variances."""
 
 
-class Likelihood(Protocol):
+class Likelihood(ABC):
     """The likelihood of one run, or of several that share what their curves lack.
 
-    Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem.
+    Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem.  Five members make a likelihood;
+    what follows from them is said once, and again only where it is not as simple.
     """
 
-    @property
-    def y(self) -> FloatArray:
-        """(n_obs,) the ordinates, less what the measurement itself adds to them on average (truncation of a stencil)."""
+    if TYPE_CHECKING:
 
-    @property
-    def creeps(self) -> bool:
-        """Whether least squares on `residuals` creep, far from normal as they are, so that steps by `scoring` must finish them."""
+        @property
+        def points(self) -> Points | StackedPoints:
+            """The points and their curve."""
 
-    @property
-    def normal(self) -> NormalErrors | None:
-        """The same as normal errors with a covariance; None where they are not."""
-
-    def log_likelihood(self, named: Named) -> FloatArray:
-        """(n_draw,) log density of the data, normalised."""
-
+    @abstractmethod
     def pointwise(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) log predictive density of every point given all the other points of the run."""
 
-    def standardised(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) residuals over their standard deviations, each independent of the others: not of one point where errors are correlated."""
-
+    @abstractmethod
     def residuals(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood that any curve reaches, less twice that of this
         (where x has errors: of the product of `pointwise`)."""
 
+    @abstractmethod
+    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
+        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all others."""
+
+    @abstractmethod
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`."""
+
+    @abstractmethod
+    def sd(self, named: Named) -> FloatArray:
+        """(n_obs,) standard deviation of each y about the curve; of robust errors that of the good ones."""
+
+    creeps: ClassVar[bool] = False
+    """Whether least squares on `residuals` creep, far from normal as they are, so that steps by `scoring` must finish them."""
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_obs,) the ordinates, less what the measurement itself adds to them on average (truncation of a stencil)."""
+        return self.points.y
+
+    @property
+    def normal(self) -> NormalErrors | None:
+        """The same as normal errors with a covariance; None where they are not."""
+        return None
+
+    def log_likelihood(self, named: Named) -> FloatArray:
+        """(n_draw,) log density of the data, normalised."""
+        return np.asarray(np.sum(self.pointwise(named), axis=1))
+
+    def standardised(self, named: Named) -> FloatArray:
+        """(n_draw, n_obs) residuals over their standard deviations, each independent of the others: not of one point where errors are correlated."""
+        return self.residuals(named)
+
     def size_residuals(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) residuals whose squares sum to chi^2."""
+        return self.standardised(named)
 
     def outlier_probability(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) probability that the point is an outlier; 0 where the noise leaves no room for any."""
-
-    def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all others."""
+        return np.zeros((n_draws(named), self.points.y.size))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """J (n, n_par) and r (n,), n >= n_obs, for a step of least squares in the parameters of the curve: J^T r is minus the gradient of the
         log likelihood, J^T J the information that the step takes."""
+        return self.jacobian(named, names), np.broadcast_to(self.residuals(named), (1, self.points.y.size))[0]
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
-
-    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`."""
+        return self.jacobian(named, names)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
-
-    def sd(self, named: Named) -> FloatArray:
-        """(n_obs,) standard deviation of each y about the curve; of robust errors that of the good ones."""
+        return Linear(np.broadcast_to(self.standardised(named), (1, self.points.y.size))[0], -self.jacobian(named, names))
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
+        return float(np.sum(np.square(vector / self.sd(named))))
 
 
 class Instrument(Protocol):

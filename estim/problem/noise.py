@@ -30,18 +30,15 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
-from estim.problem.besides import DENSE
-from estim.problem.correlated import CorrelatedErrors as CorrelatedErrors
-from estim.problem.correlated import Linear as Linear
 from estim.problem.curve import SpeedCurve, Wording
 from estim.problem.derivative import STENCILS as STENCILS
 from estim.problem.derivative import Derivative as Derivative
 from estim.problem.derivative import differentiate as differentiate
 from estim.problem.differences import Differences
-from estim.problem.independent import PointErrors
+from estim.problem.independent import RobustErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Points
-from estim.problem.rooted import RootErrors, in_bands
+from estim.problem.normal import Diagonal, GaussianErrors
 from estim.problem.size import Named as Named
 from estim.problem.size import Scale as Scale
 from estim.problem.size import Size as Size
@@ -89,7 +86,10 @@ class Independent:
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         if self.sigma_x is None:
-            return PointErrors(points, self.size, np.square(self.relative), self.tails)
+            weight = np.square(self.relative)
+            if self.tails.robust:
+                return RobustErrors(points, self.size, weight, self.tails)
+            return GaussianErrors(points, self.size, Diagonal(weight), np.zeros(weight.size))
         relative_x = np.ones(points.x.size) if self.relative_x is None else self.relative_x
         return LatentErrors(points, self.size, np.square(self.relative), self.tails, self.sigma_x, relative_x)
 
@@ -188,7 +188,7 @@ class Differentiated:
     def parameters(self) -> tuple[str, ...]:
         return self.size.parameters
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors | RootErrors:
+    def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for a curve that is not one of speeds."""
         curve = points.curve
         if not isinstance(curve, SpeedCurve):
@@ -199,12 +199,7 @@ class Differentiated:
             matrix = matrix.times(self.relative)
         bent = curve.time_derivative(points.x, arguments, stencil.order)[0]
         shift = stencil.truncation * interval**stencil.order * bent
-        if points.x.size > DENSE and in_bands(self.size):
-            return RootErrors.of_bands(points, self.size, matrix.covariance(), shift)
-        whole = matrix.among(matrix.used).dense()
-        spectrum, basis = np.linalg.eigh(whole @ whole.T)
-        rounding = np.finfo(float).eps * spectrum.size * spectrum[-1]  # no eigenvalue is known better: where the slope is huge, some come out below 0
-        return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, rounding), shift)
+        return GaussianErrors.of_readings(points, self.size, matrix, shift)
 
     def of_positions(self, points: Points, named: Named) -> Differences:
         """A = S - diag(f'(x))."""

@@ -18,7 +18,6 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.problem.group import Group as Group
 from estim.problem.group import SharedNoise, grouped
-from estim.problem.group import StackedPoints as StackedPoints
 from estim.problem.likelihood import Ends, Likelihood
 from estim.problem.measure import Measure as Measure
 from estim.problem.observations import Observations, Parameter, uses_of

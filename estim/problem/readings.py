@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
-from estim.problem.correlated import CorrelatedErrors
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Points
 from estim.problem.noise import Independent
+from estim.problem.normal import GaussianErrors
+from estim.problem.roots import root_of
 from estim.problem.size import Named, Scale, Size
 
 
@@ -60,9 +61,8 @@ class Correlated:
     counted = None
     size = Size(Scale(1.0))
 
-    def likelihood(self, points: Points, named: Named) -> CorrelatedErrors:
-        spectrum, basis = np.linalg.eigh(self.cov)
-        return CorrelatedErrors(points, self.size, basis, np.maximum(spectrum, 0.0), np.zeros(points.x.size))
+    def likelihood(self, points: Points, named: Named) -> GaussianErrors:
+        return GaussianErrors.rooted(points, root_of(self.cov), np.zeros(points.x.size))
 
     def of_positions(self, points: Points, named: Named) -> None:
         """Not made of positions."""
