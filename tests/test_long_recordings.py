@@ -20,7 +20,7 @@ from estim.fitting import screen
 from estim.problem import besides
 from estim.problem import noise as stated
 from estim.problem.rooted import RootErrors
-from estim.reports.figures import residual_figure
+from estim.reports.curve_figures import residual_figure
 from model import Body, positions_at
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")
