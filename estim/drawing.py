@@ -36,7 +36,7 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 STYLE = {
-    "axes.labelsize": 9, "axes.titlesize": 9, "figure.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "xtick.labelsize": 8,
+    "axes.labelsize": 9, "axes.titlesize": 9, "figure.titlesize": 8, "legend.fontsize": 8, "legend.frameon": False, "xtick.labelsize": 8,
     "ytick.labelsize": 8,
 }
 
