@@ -15,33 +15,43 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import mathtext, signed
+from estim.common import mathtext, phrase, signed
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
+    from matplotlib.container import Container
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.text import Text
 
 BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
 PALE = "#AAD0E5"  # a third of the blue on white
+VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
+RUN_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, VERMILION, "#56B4E9", "#8C6D31", "#6A3D9A")
 _DPI = 150
 _COMPRESSION = 4  # of 9; more costs time and saves next to nothing
 MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
+LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
+STYLE = {
+    "axes.labelsize": 9, "axes.titlesize": 9, "figure.titlesize": 8, "legend.fontsize": 8, "legend.frameon": False, "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+}
 
 
-def png(draw: Callable[[], Figure]) -> bytes:
-    """What `draw` draws, as PNG without a date in it: the same figure gives the same bytes, whatever a user's own style is.
+def png(draw: Callable[[], Figure], finish: Callable[[Figure], object] | None = None) -> bytes:
+    """What `draw` draws, as PNG without a date in it: the same figure gives the same bytes, whatever a user's own style is.  finish : changes it.
 
     Every text is shown literally; what matplotlib would take for mathematics is that only where `estim.common.labels` made it so.
     """
     from matplotlib import style
 
-    with style.context("default"):
+    with style.context(["default", STYLE]):
         figure = draw()
+        if finish is not None:
+            finish(figure)
         show_literally(figure)
         return as_png(figure)
 
@@ -107,7 +117,7 @@ def texts_of(artist: Artist) -> Iterator[Text]:
             yield from texts_of(part)
 
 
-def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 10.0, rotation: float = 0.0) -> None:
+def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 8.0, rotation: float = 0.0) -> None:
     """Ticks at `places` with `names`, shown literally as `png` shows all other text.  fontsize : points.  rotation : degrees."""
     axis.set_ticks(places, [mathtext(name) for name in names], fontsize=fontsize, rotation=rotation)
 
@@ -130,12 +140,41 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
-def grid(n: int, *, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure with `n` panels, in two columns if there are more than two."""
-    columns = 1 if n <= 2 else 2
-    rows = -(-n // columns)
-    figure = new_figure(height * rows if n > 1 else 1.25 * height)
-    axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
+def grid(n: int, *, height: float, columns: int | None = None, sharey: bool = False) -> tuple[Figure, list[Axes]]:
+    """A figure with `n` panels, each `height` inches high.  columns : at most so many; None: two if there are more than two panels."""
+    columns = min(columns or (1 if n <= 2 else 2), max(n, 1))
+    rows = -(-max(n, 1) // columns)
+    figure = new_figure(height * rows + 0.5)
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=sharey).ravel()
     for extra in axes[n:]:
         extra.set_visible(False)
     return figure, list(axes[:n])
+
+
+def legend_below(figure: Figure | SubFigure, *, ncols: int = 3, handles: Sequence[Artist | Container] = ()) -> None:
+    """What all panels of a figure show, each name once, or what `handles` stand for, below them."""
+    if handles:
+        figure.legend(handles=list(handles), loc="outside lower center", ncols=ncols)
+        return
+    named = {name: handle for ax in figure.axes for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=ncols)
+
+
+def draw_bands(
+    ax: Axes, x: FloatArray, quantiles: FloatArray, colour: str = BLUE, *, median: str = "", said: str = "", zorder: float = 1.0
+) -> None:
+    """The median, under the name `median`, with its 68 and 95 % bands.
+
+    quantiles : (5, n_x) at `LEVELS`, nan where nothing is known.  said : what the bands are, with {p}; "": their per cent alone.
+    """
+    for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
+        name = phrase(said, p=p) if said else f"{p} %"
+        ax.fill_between(x, quantiles[low], quantiles[high], color=colour, alpha=alpha, lw=0, label=name, zorder=zorder)
+    ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
+
+
+def draw_sds(ax: Axes) -> None:
+    """Zero, with one and two standard deviations of a quantity that has 1."""
+    for sigma, shade in ((2.0, 0.12), (1.0, 0.20)):
+        ax.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
+    ax.axhline(0.0, color=GREY, lw=0.8)

@@ -165,4 +165,4 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pixel in place of every figure, most of the time of a report: for tests of files, streams and words on the terminal."""
-    monkeypatch.setattr("estim.reports.pages.png", lambda draw: PIXEL)
+    monkeypatch.setattr("estim.reports.pages.png", lambda *_: PIXEL)

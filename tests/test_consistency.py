@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,10 @@ from scipy import stats
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
 from estim.checks.sources import each_without_one
 from estim.common.errors import InputError
-from estim.drawing import png
+from estim.drawing import VERMILION, png
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
-from estim.reports.consistency import consistency_text, estimate_rows
-from estim.reports.consistency_figures import forest_figure
-from estim.reports.residual_panels import VERMILION
+from estim.reports.consistency import consistency_text, forest_figure
 
 X = np.linspace(0.0, 1.0, 8)
 STATED = {"slope": Normal(1.0, 0.4), "bend": Normal(0.0, 0.4)}
@@ -203,7 +202,7 @@ def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     colours = [line.get_color() for line in figure.axes[0].get_lines()]
     assert colours.count(VERMILION) == 1
     assert png(lambda: figure)[:4] == b"\x89PNG"
-    assert len(estimate_rows(found)) == 10
+    assert len(re.findall(r"^\| \w+ \| r\d \|", consistency_text(found), re.MULTILINE)) == 10
 
 
 def test_what_all_others_say_is_the_sum_without_one(rng: np.random.Generator) -> None:

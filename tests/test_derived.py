@@ -16,8 +16,7 @@ from estim.pipeline import Analysis, analyse
 from estim.reports import analysis_report
 from estim.reports.corner_figures import columns_of
 from estim.reports.derived import derived_facts
-from estim.reports.first_screen import result_lines
-from estim.reports.result import result_of
+from estim.reports.result import result_lines, result_of
 from estim.sampling import Target
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from joint_runs import LINE, problem_of
+from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -27,12 +28,11 @@ from estim.problem.observations import Parameter
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.reports import corner_figures, curve_figures
-from estim.reports.consistency_figures import _within
-from estim.reports.corner_figures import PROBABILITIES, density_of
+from estim.reports.consistency import _within
+from estim.reports.corner_figures import PROBABILITIES, density_of, trace_figure
+from estim.reports.curve_figures import Residuals, draw_residuals, far_off, panel_pairs, residuals_of
 from estim.reports.pages import marked
-from estim.reports.reanalysis_figures import narrowing_figure
-from estim.reports.residual_panels import Residuals, draw_faded, draw_residuals, far_off, misfit_words, panel_pairs, residuals_of
-from estim.reports.trace_figures import trace_figure
+from estim.reports.reanalysis import narrowing_figure
 from estim.sampling.bands import Bands
 from estim.studies.limits import Narrowing
 
@@ -62,7 +62,8 @@ def test_a_figure_is_drawn_once_where_a_layout_draws_it_twice_and_looks_the_same
         return figure
 
     plain = io.BytesIO()
-    draw().savefig(plain, dpi=150)
+    with style.context(["default", drawing.STYLE]):
+        draw().savefig(plain, dpi=150)
     calls, original = [], Figure.draw
     monkeypatch.setattr(Figure, "draw", lambda figure, renderer: (calls.append(figure), original(figure, renderer))[1])
     found = drawing.png(draw)
@@ -250,20 +251,6 @@ def test_a_corner_figure_survives_draws_that_are_all_but_equal(column: np.ndarra
     assert drawing.png(lambda: corner_figures.corner_figure(analysed(single_run(2), draws))).startswith(b"\x89PNG")
 
 
-def test_residuals_are_data_less_the_curve_that_is_drawn_and_the_largest_is_said() -> None:
-    run = single_run(1).runs[0]
-    run = replace(run, x=X, y=2.0 * X, name="r", x_unit="m", y_unit="m/s")
-    rest = np.zeros(X.size)
-    rest[5] = -0.25
-    words = misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR)])
-    assert words == f"largest misfit 0.25 m/s, 2.5 sd, near {X[5]:.3f} m"
-    other = Residuals(replace(run, name="s"), 2.0 * rest, np.full(X.size, 0.1), NEAR)
-    assert misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR), other]).endswith("of s")
-    rest[2] = 0.1
-    aside = misfit_words([Residuals(run, rest, np.full(X.size, 0.1), NEAR, (5,))])
-    assert aside == f"largest misfit (outliers aside) 0.10 m/s, 1.0 sd, near {X[2]:.3f} m"
-
-
 def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() -> None:
     bands = Bands("r", X, 3.0 * X, {}, {0.68: np.array([3.0 * X - 0.2, 3.0 * X + 0.2])}, np.array([np.inf]))
     problem = single_run(1)
@@ -273,17 +260,6 @@ def test_counts_are_compared_with_the_median_of_their_curve_in_their_own_unit() 
     (found,) = residuals_of(SimpleNamespace(problem=posed, bands=[bands], fit=fit, diagnosis=ok, outliers=()))
     assert found.rest == pytest.approx(0.1)
     assert found.sd == pytest.approx(0.1)  # what was stated of the readings
-
-
-def test_a_band_that_fades_ends_nearly_unseen_and_nowhere_else() -> None:
-    ax = Figure().subplots()
-    draw_faded(ax, X, X - 1.0, X + 1.0, drawing.ORANGE, alpha=0.4)
-    solid, *pieces = ax.collections
-    alphas = [piece.get_alpha() for piece in pieces]
-    assert solid.get_alpha() == 0.4
-    assert alphas == sorted(alphas, reverse=True)
-    assert alphas[-1] < 0.02
-    assert solid.get_paths()[0].vertices[:, 0].max() == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize(("name", "own", "label"), [

@@ -23,11 +23,10 @@ from estim.pipeline import Analysis, analyse
 from estim.problem.priors import HalfNormal, Normal, Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.copying import _symbol, _unit, copies_of
-from estim.reports.first_screen import first_reasons, first_screen, opened_by
 from estim.reports.line import evidence_words
 from estim.reports.pages import unbroken
 from estim.reports.rendering import folded
-from estim.reports.result import Result, result_of
+from estim.reports.result import Result, first_reasons, first_screen, opened_by, result_of
 from estim.sampling.chain import Convergence, Target, _percent
 from estim.sampling.summary import Summary, summarise
 from estim.words import first_step

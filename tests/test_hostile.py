@@ -61,7 +61,7 @@ def plain(estim, monkeypatch: pytest.MonkeyPatch):
 
     def run(*arguments: str | Path) -> Done:
         with monkeypatch.context() as patched:
-            patched.setattr("estim.reports.figures.png", lambda draw: PIXEL)
+            patched.setattr("estim.reports.pages.png", lambda *_: PIXEL)
             return estim(*arguments)
 
     return run

@@ -20,8 +20,8 @@ from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.rounds import settle_by_runs
 from estim.pipeline import Analysis
 from estim.problem.posterior import Problem
-from estim.reports.correlations import correlation_of
-from estim.reports.long_tables import MOST_ROWS, shortened
+from estim.reports.pages import MOST_ROWS, shortened
+from estim.reports.records import correlation_of
 
 
 def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wrong_tilt() -> None:

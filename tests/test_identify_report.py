@@ -16,8 +16,7 @@ from estim.drawing import png
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem.priors import Normal, Uniform
-from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, profile_figure
+from estim.reports.identifiability import IdentifySection, direction_figure, identify_section, profile_figure
 from estim.reports.rendering import render
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")

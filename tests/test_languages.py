@@ -22,8 +22,7 @@ from estim.common import LANGUAGES, InputError, key_of, phrase, phrases, spoken
 from estim.curve_fit import CurveFit, fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
-from estim.reports.rendering import _environment
-from estim.reports.sentences import sentences
+from estim.reports.rendering import _environment, sentences
 from estim.sampling import Target
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")

@@ -18,7 +18,7 @@ from estim.deviation.settled import settled
 from estim.fitting import screen
 from estim.problem import normal, roots
 from estim.problem.roots import Beside
-from estim.reports.figures import residual_figure
+from estim.reports.curve_figures import residual_figure
 from model import Body, positions_at
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")

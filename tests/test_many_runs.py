@@ -22,7 +22,7 @@ from estim.problem.noise import Independent, Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.problem.whitened import Linear
-from estim.reports.residual_panels import MOST_DRAWN, drawn_runs
+from estim.reports.curve_figures import MOST_DRAWN, drawn_runs
 
 X = np.linspace(0.0, 1.0, 9)
 MANY = arrow.MANY + 4

@@ -35,7 +35,7 @@ from estim.measurement.region import ellipse
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report
-from estim.reports.rounded import rounded
+from estim.reports.rendering import rounded
 
 GUM = Path(__file__).resolve().parents[1] / "data" / "gum"
 FILES = sorted(path.stem for path in GUM.glob("*.toml"))

@@ -24,7 +24,7 @@ from estim.reading.columns import read_columns
 from estim.reading.dialect import Dialect
 from estim.reading.run import read_run
 from estim.reading.tracker.importing import stated_tilt
-from estim.reports.origin import origin_facts, origin_warnings, speed_facts
+from estim.reports.derived import origin_facts, origin_warnings, speed_facts
 from estim.reports.rendering import p_words
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")

@@ -38,7 +38,7 @@ def lines(text: str) -> list[str]:
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
-    ("runs", "some"), [(["heavy-04"], {"phase", "force", "ridge"}), (["heavy-02", "heavy-04"], {"consistency", "residuals_together"})]
+    ("runs", "some"), [(["heavy-04"], {"phase", "force", "directions"}), (["heavy-02", "heavy-04"], {"consistency", "residuals_together"})]
 )
 def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_about_them(replica: Path, runs: list[str], some: set[str]) -> None:
     campaign = load_campaign(replica / "campaign.toml")
@@ -63,7 +63,7 @@ def test_a_line_without_its_figure(replica: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_report_shows_no_figure_that_it_does_not_have() -> None:
-    """One parameter has no weakest direction to draw."""
+    """Figures that only some fits have: one parameter, one run."""
     x = [0.1 * i for i in range(8)]
     fit = fit_curve("a*x", x, [2.0 * one for one in x], u_y=0.05, start={"a": 1.0})
     files = curve_report(fit, sample_curve(fit, seed=1, target=Target(ess=400)), title="one", kind="synthetic")
@@ -77,7 +77,7 @@ def test_every_figure_of_every_template_is_asked_whether_it_is_there(project: Pa
     assert "![" not in render("consistency.md.j2", **EMPTY)
 
 
-EMPTY = {"consistency": {"agree": True, "verdict": "", "dof": 0}, "sources": [], "estimates": [], "reject_below": 0.0, "limits_only": True}
+EMPTY = {"consistency": {"agree": True, "verdict": "", "dof": 0, "shared": []}, "reject_below": 0.0, "limits_only": True}
 
 
 def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Pat
     arguments = ["fit", Disk().write(tmp_path), "--out", tmp_path / "out", "--no-figures"]
     done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True)
     loaded = set(done.stdout.splitlines()[-1].split())
-    assert {"estim.reports.figures", "jinja2", "lmfit.minimizer", "emcee"} <= loaded
+    assert {"estim.reports.curve_figures", "jinja2", "lmfit.minimizer", "emcee"} <= loaded
     assert not {"matplotlib.figure", "matplotlib.pyplot", "corner", "xarray"} & loaded
     assert not (tmp_path / "out" / "figures").exists()
     assert "![" not in (tmp_path / "out" / "report.md").read_text()

@@ -22,13 +22,11 @@ from estim.problem.observations import Parameter
 from estim.problem.priors import Normal
 from estim.reports import pages
 from estim.reports.analysis import index_report
-from estim.reports.corner_figures import corner_figure
+from estim.reports.corner_figures import corner_figure, trace_figure
 from estim.reports.curve import curve_report
-from estim.reports.identifiability_figures import direction_figure, profile_figure
-from estim.reports.labels import Labels
-from estim.reports.parameters import ParameterSummary
+from estim.reports.identifiability import direction_figure, profile_figure
+from estim.reports.records import Labels, ParameterSummary
 from estim.reports.result import Result
-from estim.reports.trace_figures import trace_figure
 from estim.sampling.chain import Target
 from estim.studies import determine
 
@@ -57,7 +55,7 @@ def analysis(fit: CurveFit) -> Analysis:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pages, "png", lambda draw: b"")
+    monkeypatch.setattr(pages, "png", lambda *_: b"")
 
 
 def axis_of(name: str) -> str:

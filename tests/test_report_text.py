@@ -15,9 +15,9 @@ from estim.problem.observations import Parameter
 from estim.problem.priors import HalfNormal
 from estim.reports.comparison import _cells
 from estim.reports.derived import derived_rows
-from estim.reports.labels import Labels
+from estim.reports.records import Labels
+from estim.reports.rendering import translated
 from estim.reports.result import RunSummary
-from estim.reports.sentences import translated
 from estim.sampling.summary import Summary, summarise
 
 

@@ -18,7 +18,7 @@ from estim.pipeline import analyse
 from estim.problem.priors import Uniform
 from estim.reports.analysis import analysis_report
 from estim.reports.result import result_of
-from estim.reports.rolling_figures import rolling_figure
+from estim.reports.rolling import rolling_figure
 from estim.sampling import Target
 from estim.words import tell
 from model import Body, trajectory

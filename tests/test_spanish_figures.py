@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from formulas import formula_problem
+from matplotlib import style
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
@@ -17,11 +18,11 @@ from matplotlib.text import Text
 from estim import AxisNames, fit_curve
 from estim.checks.identifiability import identify
 from estim.common import spoken
-from estim.drawing import new_figure, texts_of
+from estim.drawing import STYLE, new_figure, texts_of
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.profile import profile_intervals
 from estim.problem.priors import Normal
-from estim.reports.identifiability_figures import direction_figure, profile_figure
+from estim.reports.identifiability import direction_figure, profile_figure
 from estim.reports.pages import marked
 
 X = np.linspace(0.0, 2.0, 12)
@@ -29,7 +30,7 @@ X = np.linspace(0.0, 2.0, 12)
 
 @pytest.fixture(autouse=True)
 def _spanish() -> Iterator[None]:
-    with spoken("es"):
+    with spoken("es"), style.context(["default", STYLE]):
         yield
 
 

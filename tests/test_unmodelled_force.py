@@ -22,7 +22,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
 from estim.reports.analysis import analysis_report
-from estim.reports.deviation_figures import force_figure
+from estim.reports.deviation import force_figure
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
 from estim.words import tell

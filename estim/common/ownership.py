@@ -20,8 +20,8 @@ REPORT_FILES = ("report.md", "report.html", "report.pdf", "draws.nc")
 """What would pass for a part of any report that is written beside it."""
 FIGURES = (
     "budget", "chances", "comparison", "consistency", "corner", "counts", "coverage", "deviation", "directions", "distribution", "energy", "force",
-    "line", "map", "narrowing", "overview", "phase", "places", "predictive", "profiles", "ranks", "ratios", "reach", "regions",
-    "residuals", "residuals_together", "ridge", "rolling", "tilts", "traces", "trials", "values", "widths",
+    "line", "map", "narrowing", "overview", "phase", "places", "predictive", "profiles", "ranks", "ratios", "regions",
+    "residuals", "residuals_together", "rolling", "traces", "trials", "values",
 )
 """Names of all figures, without the subject that may follow after a hyphen."""
 

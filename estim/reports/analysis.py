@@ -7,74 +7,38 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, significant, table
+from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, table
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
-from estim.reports.budget import Shares, budget_of, shares_of
-from estim.reports.budget_figures import budget_figure
-from estim.reports.captions import alts_of, caption_of
-from estim.reports.consistency import consistency_text
-from estim.reports.consistency_figures import forest_figure
+from estim.reports.budget import Shares, budget_figure, budget_of, shares_of
+from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
-from estim.reports.corner_figures import corner_figure, corner_words
+from estim.reports.corner_figures import corner_figure, corner_words, trace_figure
 from estim.reports.counts import counted_runs, counts_figure, counts_text
-from estim.reports.curve_figures import phase_figure
+from estim.reports.curve_figures import MOST_DRAWN, drawn_runs, phase_figure, residual_figure, together_figure
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import deviation_text
-from estim.reports.deviation_figures import force_figure
+from estim.reports.deviation import deviation_text, force_figure, lacks_figure, lacks_text
 from estim.reports.explanation import explanation_text, runs_text, slip_words
-from estim.reports.figures import residual_figure
-from estim.reports.first_screen import first_reasons, first_screen, opened_by
-from estim.reports.identifiability import IdentifySection, identify_section
-from estim.reports.identifiability_figures import direction_figure, profile_figure
-from estim.reports.joint_figures import together_figure
-from estim.reports.lacks import lacks_text
-from estim.reports.lacks_figures import lacks_figure
-from estim.reports.long_tables import shortened
-from estim.reports.pages import Drawers, page
+from estim.reports.identifiability import IdentifySection, direction_figure, identify_section, profile_figure
+from estim.reports.pages import Drawers, page, shortened
 from estim.reports.rendering import render
-from estim.reports.residual_panels import MOST_DRAWN, drawn_runs, misfit_words, residuals_of
-from estim.reports.result import ParameterSummary, Result, Subject, result_of, to_json
-from estim.reports.rolling import rolling_rows
-from estim.reports.rolling_figures import rolling_figure
-from estim.reports.trace_figures import trace_figure
+from estim.reports.result import ParameterSummary, Result, Subject, first_reasons, first_screen, opened_by, result_of, to_json
+from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_PRIOR_DOMINATED = 0.8
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40  # parameters, beyond which a figure of directions, or a table of all correlations, is not for reading
 _FELT = 0.05  # posterior standard deviations
 _PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of a table of parameters, every cell as text."""
-
-    symbol: str
-    name: str
-    unit: str
-    meaning: str
-    prior: str
-    fit: str
-    posterior: str
-    interval: str
-    narrowing: str
-    rhat: str
-    ess: str
-    mcse: str
 
 
 def analysis_report(
@@ -108,7 +72,7 @@ def report_and_result(
             result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
             consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
             explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
-            shares=shares, misfit=misfit_words(residuals_of(analysis)) if pictures else "",
+            shares=shares,
             first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings, voice),
         )
 
@@ -134,7 +98,7 @@ def _drawers(
     if intervals:
         figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS))
     if shares is not None:
-        figures["figures/budget.png"] = partial(budget_figure, shares)
+        figures["figures/budget.png"] = partial(budget_figure, [label.tex for label in shares.labels], shares.sources, 100.0 * shares.shares)
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
@@ -156,16 +120,15 @@ def _drawers(
 
 def analysis_text(
     result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None, misfit: str = "", first_step: str = "",
+    explanation: str, counts: str = "", shares: Shares | None = None, first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
     consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
-    shares : of the sources of uncertainty, None where there is no uncertainty to explain.  misfit : the largest, in words.
+    shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     first_step : what to do first where the status is not ok.
     """
-    rows = [parameter_row(name, p, result) for name, p in result.parameters.items()]
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY)
     told_below = P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
@@ -173,14 +136,17 @@ def analysis_text(
     screen = first_screen(result)
     return render(
         "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
-        copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result), alts=alts_of(result, misfit),
-        budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)], rows=rows,
-        correlation=_correlation_table(result), derived=derived_rows(result.runs, result.labels), limits=_what_limits(result),
+        copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result),
+        budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)],
+        prior=prior_cell, fit=fit_cell, value=value_cell, interval=interval_cell,
+        symbols=[result.labels.symbol(name) for name in result.correlation.names[:_MOST_CORRELATED]],
+        derived=derived_rows(result.runs, result.labels),
         reject_below=P_POOR_FIT / among, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
         meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency, rolling=rolling_rows(result.rolling or {}), axes=axes, limits_only=result.status != "ok", converged=converged,
-        corner_words=corner_words, lacks=lacks, explanation=explanation, counts=counts,
+        consistency=consistency, friction=friction_cell, axes=axes,
+        axes_words=phrase(" and ").join(phrase("{y} against {x}", y=y, x=x) for x, y in axes), limits_only=result.status != "ok",
+        converged=converged, corner_words=corner_words, lacks=lacks, explanation=explanation, counts=counts,
         deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
         complete=complete_runs([result]), name_of_test=name_of_test, first_step=first_step, reasons=first_reasons(result.reasons),
         said=[*complete_runs([result]), *(words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words))]
@@ -258,75 +224,52 @@ def _index_cell(p: ParameterSummary, shown: Label) -> str:
     return phrase("as stated")
 
 
-def parameter_row(name: str, p: ParameterSummary, result: Result) -> Row:
-    """The cells of one parameter."""
+def fit_cell(name: str, p: ParameterSummary, result: Result) -> str:
+    """What least squares give of a parameter, in its shown unit."""
     shown = result.labels.parameters[name]
-    value, sd = result.fit.values[name], result.fit.sds[name]
-    ok = result.status == "ok"
-    size = abs(value) if p.q975 is None or p.q025 is None else p.q975 - p.q025
-    if not ok:
-        fit = format_rounded(value * shown.factor, 0.1 * size * shown.factor)
-    elif p.limit is not None:
+    value, sd = result.fit.values[name] * shown.factor, result.fit.sds[name]
+    if result.status != "ok":
+        size = abs(value) if p.q975 is None or p.q025 is None else (p.q975 - p.q025) * shown.factor
+        return format_rounded(value, 0.1 * size)
+    if p.limit is not None:
         edge = format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)
-        fit = phrase("{value} (its edge)", value=edge)
-    elif sd is None:
-        fit = phrase("{value} (no symmetric sd)", value=format_rounded(value * shown.factor, (p.sd or 0.0) * shown.factor))
-    else:
-        fit = format_quantity(value * shown.factor, sd * shown.factor)
-    return Row(
-        symbol=shown.symbol, name=name, unit="" if shown.unit == "1" else shown.unit, meaning=p.meaning, prior=_prior(p, shown),
-        fit=fit, posterior=value_cell(p, shown), interval=interval_cell(p, shown),
-        narrowing="" if not p.prior_sd or p.sd is None else f"{p.sd / p.prior_sd:.2f}",
-        rhat="n/a" if p.rhat is None else f"{p.rhat:.4f}", ess=f"{p.ess_bulk or 0:.0f} / {p.ess_tail or 0:.0f}",
-        mcse="n/a" if p.mcse is None else f"{significant(p.mcse * shown.factor, 2)} {'' if shown.unit == '1' else shown.unit}".strip(),
-    )
+        return phrase("{value} (its edge)", value=edge)
+    if sd is None:
+        return phrase("{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * shown.factor))
+    return format_quantity(value, sd * shown.factor)
 
 
-def _prior(p: ParameterSummary, shown: Label) -> str:
+def prior_cell(p: ParameterSummary, shown: Label) -> str:
+    """What was stated of a parameter before, in its shown unit."""
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
         return phrase("{value} (normal)", value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor))
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
-def _turning_rows(result: Result) -> list[tuple[str, str, str, str]]:
+def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
     rows = []
     for run, end in result.turning_point.items():
         if end.never_stops < 0.5:
             shown = Notation("").label(end.unit)
-            rows.append((run, value_cell(end, shown), interval_cell(end, shown), f"{end.never_stops:.1%}"))
+            rows.append((run, value_cell(end, shown), interval_cell(end, shown)))
     return rows
 
 
-def _correlation_table(result: Result) -> list[tuple[str, list[str]]]:
-    symbols = [result.labels.symbol(name) for name in result.correlation.names][:_MOST_CORRELATED]
-    rows = [row[:_MOST_CORRELATED] for row in result.correlation.matrix[:_MOST_CORRELATED]]
-    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(rows)]
-    return list(zip(symbols, cells, strict=True))
-
-
-def _what_limits(result: Result) -> str:
-    """Which parameters the data hardly moved, and the strongest correlation, in words."""
-    weak = [
-        result.labels.symbol(n) for n, p in result.parameters.items() if p.sd is not None and p.prior_sd and p.sd > _PRIOR_DOMINATED * p.prior_sd
-    ]
-    matrix = np.abs(np.array(result.correlation.matrix)) - np.eye(len(result.correlation.names))
-    sentences = []
-    if weak:
-        sentences.append(
-            phrase("The data say little beyond the prior about {names}: what was stated there is what comes out.", names=_listed(weak))
-        )
-    if matrix.size > 1 and matrix.max() > 0.8:
-        i, j = np.unravel_index(int(np.argmax(matrix)), matrix.shape)
-        names = [result.labels.symbol(result.correlation.names[k]) for k in (j, i)]
-        strength = signed(f"{result.correlation.matrix[i][j]:+.2f}")
-        sentences.append(
-            phrase(
-                "{one} and {other} are correlated by {r}: the data fix a combination of the two better "
-                "than either, so a better independent value of one improves the other.", one=names[0], other=names[1], r=strength,
-            )
-        )
-    return " ".join(sentences)
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else phrase("{names} and {last}", names=", ".join(words[:-1]), last=words[-1])
+def caption_of(result: Result) -> str:
+    """What the marks of the main figure mean."""
+    left_out = any(run.excluded for run in result.runs.values())
+    points = phrase("Points: data ± one sd (crosses: left out).") if left_out else phrase("Points: data ± one sd.")
+    forces = list((result.deviation or {}).values())
+    if result.status != "ok":
+        if forces:
+            bare = phrase("Blue: the most probable curve, without a force beside it and from rest; no bands: the status is not ok.")
+        else:
+            bare = phrase("Blue: the most probable curve; no bands: the status is not ok.")
+        return f"{points} {bare}"
+    if any(force.drawn for force in forces):
+        curve = phrase("Blue: the curve and the force it may lack, 68 and 95 %. Grey: a new reading, 95 %.")
+    elif result.curve_deviation or forces:
+        curve = phrase("Blue: the curve without what it may lack, 68 and 95 %. Grey: a new reading, 95 %.")
+    else:
+        curve = phrase("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
+    return f"{points} {curve}"

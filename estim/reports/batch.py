@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, format_rounded, later, phrase, table
+from estim.common import as_json, format_rounded, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -31,11 +31,6 @@ _PANELS, _INFORMED = 4, 0.5  # at most so many quantities, of which the data say
 _BARS = 200  # runs; of more, error bars would be one black band
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
-_HEADS = (
-    later("quantity"), later("unit"), later("runs"), later("median"), later("scatter"), later("typical sd"), later("narrowed (%)"),
-    later("stand apart"),
-)
-_ODD, _BAD = (later("campaign"), later("run"), later("what")), (later("campaign"), later("run"), later("status"), later("why"))
 
 
 def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
@@ -81,20 +76,14 @@ def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
 
 
 def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str]) -> str:
-    quantities = [
-        (
-            one.name, one.unit, f"{len(one.rows)}", *_numbers(one), f"{100.0 * one.informed:.0f}",
-            ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (phrase(" and others") if len(one.apart) > _NAMED else "") or phrase("none"),
-        )
+    bad = [row for row in rows if row.status != "ok"]
+    apart = [
+        ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (phrase(" and others") if len(one.apart) > _NAMED else "") or phrase("none")
         for one in found
     ]
-    heads = tuple(map(phrase, _HEADS))
-    bad = [(row.campaign, row.run, row.status or phrase("no result"), row.error or row.reason) for row in rows if row.status != "ok"]
     return render(
-        "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows),
-        odd=table(tuple(map(phrase, _ODD)), [(row.campaign, row.run, said) for row, said in odd_runs(rows)[:_LISTED]]) if odd_runs(rows) else "",
-        quantities=table(heads, quantities) if quantities else "",
-        bad=table(tuple(map(phrase, _BAD)), bad[:_LISTED]) if bad else "", left=max(len(bad) - _LISTED, 0),
+        "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows), odd=odd_runs(rows)[:_LISTED],
+        quantities=list(zip(found, map(_numbers, found), apart, strict=True)), bad=bad[:_LISTED], left=max(len(bad) - _LISTED, 0),
     )
 
 
@@ -159,12 +148,11 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
             ax.annotate(name, (i + 1, value), xytext=(4, 3), textcoords="offset points", fontsize=7, color=INK)
         if bad.size:
             ax.plot(bad, np.full(bad.size, 0.04), "x", color=INK, markersize=3.5, markeredgewidth=0.8, transform=ax.get_xaxis_transform())
-        ax.set_ylabel(f"{one.name}" + ("" if one.unit == "1" else f" ({one.unit})"), fontsize=9)
-        ax.tick_params(labelsize=8)
+        ax.set_ylabel(f"{one.name}" + ("" if one.unit == "1" else f" ({one.unit})"))
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
-        figure.suptitle(synthetic, fontsize=9)
+        figure.suptitle(synthetic)
     said = phrase("number of the run (cross at the bottom: not ok)") if bad.size else phrase("number of the run")
-    axes[-1].set_xlabel(said, fontsize=9)
+    axes[-1].set_xlabel(said)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

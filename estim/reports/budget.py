@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, format_rounded, later, phrase, split_level
+from estim.common import Label, format_rounded, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
+from estim.drawing import BLUE, INK, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import sought_labels
-from estim.reports.labels import Labels
+from estim.reports.records import Labels
 from estim.sampling import number
 from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _DRAWS = 20_000
 _TOLD = 1e-3  # share of the variance below which a source goes with the others
 _BENT = 0.2
 MAX_QUANTITIES, MAX_SOURCES = 8, 10
-OTHERS = later("all others")
+_WRITTEN = 0.5  # %, from which a share has its number beside it
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):
@@ -64,7 +69,7 @@ class Shares:
     def cells(self) -> list[tuple[str, list[str]]]:
         """Rows of a table: a source, and its share of each quantity with that of the draws in brackets."""
         return [
-            (phrase(OTHERS) if source == OTHERS else source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
+            (source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
             for source, linear, drawn in zip(self.sources, self.shares, self.drawn, strict=True)
         ]
 
@@ -110,7 +115,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     kept = [words for words in ordered[:MAX_SOURCES] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005]
     rows = [(words, groups[words]) for words in kept]
     rest = [i for words in ordered if words not in kept for i in groups[words]]
-    rows += [(OTHERS, rest)] if rest else []
+    rows += [(phrase("all others"), rest)] if rest else []
     return Shares(
         tuple(label for _, label in chosen), tuple(words for words, _ in rows), np.array([np.sum(shares[own], axis=0) for _, own in rows]),
         np.array([np.sum(drawn[own], axis=0) for _, own in rows]),
@@ -139,14 +144,6 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
     return phrase("{shown}, stated", shown=shown) if source.kind == STATED else phrase("{shown}, prior", shown=shown)
 
 
-def part_of_errors(name: str) -> str:
-    """A part of the errors of the readings, in a sentence."""
-    return {
-        READINGS: phrase("the readings"), "scale_x": phrase("the length"), "scale_t": phrase("the clock"), FORCE: phrase("the unmodelled force"),
-        DEVIATION: phrase("what the curve lacks"), START: phrase("the start"), FRAMES: phrase("the bad frames"),
-    }[name]
-
-
 def _sd(value: float, label: Label) -> str:
     return f"{format_rounded(value * label.factor, value * label.factor)} {'' if label.unit == '1' else label.unit}".strip()
 
@@ -154,3 +151,19 @@ def _sd(value: float, label: Label) -> str:
 def _cell(share: float, drawn: float) -> str:
     text = "< 1 %" if share < 0.005 else f"{100.0 * share:.0f} %"
     return text if np.isnan(drawn) or share < 0.005 else f"{text} ({100.0 * drawn:.0f})"
+
+
+def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: FloatArray) -> Figure:
+    """Shares (n_source, n_quantity) of each source in the variance of each quantity, in %; that of correlations may be negative."""
+    figure, panels = grid(len(quantities), height=0.27 * max(len(sources), 2) + 0.7, columns=3, sharey=True)
+    places = np.arange(len(sources))
+    for ax, name, widths in zip(panels, quantities, shares.T, strict=True):
+        bars = ax.barh(places, widths, color=BLUE, height=0.7)
+        ax.bar_label(bars, [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths], padding=3, fontsize=7.5)
+        ax.axvline(0.0, color=INK, lw=0.8)
+        ax.margins(x=0.28 if np.all(widths >= 0.0) else 0.45)
+        ax.set_xlabel(phrase("share of u²({name}) (%)", name=name))
+        ax.spines[["top", "right"]].set_visible(False)
+    name_ticks(panels[0].yaxis, places, sources)
+    panels[0].set_ylim(len(sources) - 0.4, -0.6)
+    return figure

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, findings
+from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, edges, findings, rank_counts, uniformity_band
 from estim.campaign import Campaign
-from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, phrase
+from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, percentage, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid, name_ticks, new_figure
 from estim.problem import Problem
-from estim.reports.calibration_figures import coverage_figure, rank_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
@@ -124,9 +124,47 @@ def _part(c: Calibration) -> Mapping[str, object]:
     sd = 100 * c.share_sd()
     engines = [phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how])) for how, count in sorted(c.how.items()) if how != "none"]
     return {
-        "what": c.what, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
-        "engines": ", ".join(engines), "ess": c.engine.ess,
-        "n_trial": c.n_trial, "n_rejected": c.n_rejected, "n_short": c.n_short, "n_failed": c.n_failed, "n_rank": c.n_rank,
-        "failures": list(c.failures.items()), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
+        "calibration": c, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
+        "engines": ", ".join(engines), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
     }
+
+
+def rank_figure(calibration: Calibration) -> Figure:
+    """Distribution function of the ranks minus that of uniform ranks, one panel a quantity, with the 95 % simultaneous band."""
+    names = list(calibration.reported)
+    figure, axes = grid(len(names), height=1.75, columns=3, sharey=True)
+    z = edges(calibration.n_rank)
+    for ax, name in zip(axes, names, strict=True):
+        ranks = calibration.ranks_of(name)
+        ax.axhline(0.0, color=GREY, lw=0.6)
+        ax.set_title(calibration.labels[name].tex)
+        if ranks.size == 0:
+            continue
+        low, high = uniformity_band(ranks.size, calibration.n_rank)
+        difference = rank_counts(ranks, calibration.n_rank) / ranks.size - z
+        inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
+        ax.fill_between(z, low - z, high - z, color=GREY, alpha=0.3, lw=0)
+        ax.step(z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8)
+    figure.supxlabel(phrase("rank of the truth among posterior draws, as a share"), fontsize=8)
+    figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
+    return figure
+
+
+def coverage_figure(calibration: Calibration) -> Figure:
+    """Share of the trials whose interval held the truth, with one and three Monte-Carlo standard deviations about the stated probability."""
+    names = list(calibration.reported)
+    figure = new_figure(0.26 * len(names) + 1.0)
+    axes = figure.subplots(1, len(calibration.probabilities), squeeze=False, sharey=True)[0]
+    rows = np.arange(len(names))[::-1]
+    for i, (ax, p, sd) in enumerate(zip(axes, calibration.probabilities, calibration.share_sd(), strict=True)):
+        for width, shade in ((1.0, 0.35), (COVERAGE_SDS, 0.18)):
+            ax.axvspan(100 * (p - width * sd), min(100 * (p + width * sd), 100.0), color=GREY, alpha=shade, lw=0)
+        ax.axvline(100 * p, color=INK, lw=0.8)
+        shares = np.array([calibration.share(name)[i] for name in names])
+        off = np.abs(shares - p) > COVERAGE_SDS * sd
+        ax.plot(100 * shares[~off], rows[~off], "o", color=BLUE, ms=4)
+        ax.plot(100 * shares[off], rows[off], "D", color=ORANGE, ms=5)
+        ax.set_xlabel(phrase("covered by the {p} interval (%)", p=percentage(p)))
+    name_ticks(axes[0].yaxis, rows, [calibration.labels[name].tex for name in names])
+    return figure

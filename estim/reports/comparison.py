@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
-import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import as_json, kind_words, later, phrase
-from estim.drawing import BLUE, ORANGE, name_ticks, new_figure
 from estim.problem import Parameter
+from estim.reports.models import values_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
 from estim.studies import Compared
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
 _BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
@@ -58,7 +53,7 @@ def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: in
         data=[phrase(_DATA[s.data]) for s in summaries],
     )
     record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
-    drawers = {"figures/comparison.png": partial(_figure, summaries, common)}
+    drawers = {"figures/comparison.png": partial(values_figure, [(s.name, s.status == "ok", s.posterior) for s in summaries], common)}
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {"comparison.json": as_json(record)}
 
 
@@ -89,31 +84,3 @@ def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
 
 def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
     return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label) for p in common]
-
-
-def _figure(summaries: Sequence[ComparedSummary], common: Sequence[Parameter]) -> Figure:
-    """Mean and standard deviation of each common parameter, one line a model; a model that is not ok has no bar."""
-    figure = new_figure(0.9 + 0.32 * len(summaries) * -(-len(common) // 3))
-    axes = np.atleast_1d(figure.subplots(-(-len(common) // 3), min(3, len(common)), squeeze=False)).ravel()
-    places = np.arange(len(summaries))[::-1]
-    for i, (ax, p) in enumerate(zip(axes, common, strict=False)):
-        shown = p.label
-        for place, s in zip(places, summaries, strict=True):
-            mean, sd, limit = s.posterior[p.name].mean, s.posterior[p.name].sd, s.posterior[p.name].limit
-            colour = BLUE if s.data == "positions" else ORANGE
-            if limit is not None and s.status == "ok":
-                ends = np.array([limit.edge, limit.limit_95]) * shown.factor
-                ax.plot(ends, [place, place], color=colour, lw=1.2)
-                ax.plot(ends[1], place, "<" if limit.side == "upper" else ">", color=colour, ms=5)
-            elif mean is not None and sd is not None:
-                ax.errorbar(mean * shown.factor, place, xerr=sd * shown.factor, fmt="o", color=colour, ms=4, capsize=2)
-        name_ticks(ax.yaxis, places, [s.name if i % 3 == 0 else "" for s in summaries], fontsize=7.5)
-        ax.set_ylim(-0.6, len(summaries) - 0.4)
-        ax.set_xlabel(shown.axis, fontsize=9)
-        ax.tick_params(axis="x", labelsize=7.5)
-        ax.locator_params(axis="x", nbins=4)
-    for extra in axes[len(common) :]:
-        extra.set_visible(False)
-    title = phrase("blue: positions, orange: speeds; bars: one posterior standard deviation; arrow: 95 % limit")
-    figure.suptitle(title, fontsize=8.5)
-    return figure

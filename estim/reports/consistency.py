@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
-from estim.common import Label, Markdown, format_quantity, p_digits, phrase
+from estim.common import Label, Markdown, format_quantity, phrase
+from estim.drawing import BLUE, GREY, INK, VERMILION, grid, legend_below, name_ticks
 from estim.reports.rendering import render
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
-@dataclass(frozen=True)
-class SourceRow:
-    """One source against all others, every cell as text."""
-
-    source: str
-    distance2: str
-    dof: str
-    p_value: str
-    p_holm: str
-
-
-@dataclass(frozen=True)
-class EstimateRow:
-    """One shared parameter as one run gives it, as all others give it, and as the joint fit gives it."""
-
-    parameter: str
-    unit: str
-    run: str
-    alone: str
-    others: str
-    joint: str
+_MOST_ROWS, _FARTHEST = 64, 24
 
 
 def consistency_text(
@@ -43,37 +29,70 @@ def consistency_text(
     """
     return render(
         "consistency.md.j2", pictures=pictures,
-        consistency=consistency, sources=source_rows(consistency), estimates=estimate_rows(consistency, on_edge), reject_below=P_INCONSISTENT,
-        limits_only=limits_only,
+        consistency=consistency, priors=PRIORS, on_edge=on_edge, cell=_cell, reject_below=P_INCONSISTENT, limits_only=limits_only,
     )
-
-
-def source_rows(consistency: Consistency) -> list[SourceRow]:
-    """Every run, and the stated values as one more source."""
-    return [
-        SourceRow(
-            source=Markdown(f"*{phrase('stated values')}*") if row.source == PRIORS else row.source,
-            distance2=f"{row.distance2:.1f}" if row.dof else "—",
-            dof=str(row.dof), p_value=p_digits(row.p_value) if row.dof else "—", p_holm=p_digits(row.p_holm) if row.dof else "—",
-        )
-        for row in consistency.rows
-    ]
-
-
-def estimate_rows(consistency: Consistency, on_edge: Collection[str] = ()) -> list[EstimateRow]:
-    """Every shared parameter by every run that uses it; of those `on_edge` all runs together give a limit, which stands elsewhere."""
-    rows = []
-    for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True)):
-        for run in consistency.used[name]:
-            rows.append(
-                EstimateRow(
-                    parameter=shown.symbol, unit="" if shown.unit == "1" else shown.unit, run=run, alone=_cell(consistency.alone[run], i, shown),
-                    others=_cell(consistency.others[run], i, shown),
-                    joint=phrase("a limit") if name in on_edge else _cell(consistency.joint, i, shown),
-                )
-            )
-    return rows
 
 
 def _cell(estimate: SharedEstimate, i: int, shown: Label) -> str:
     return format_quantity(float(estimate.mean[i]) * shown.factor, float(estimate.sd[i]) * shown.factor)
+
+
+def forest_figure(
+    consistency: Consistency, *, on_edge: Collection[str] = (), edges: Mapping[str, tuple[float, float]] = MappingProxyType({})
+) -> Figure:
+    """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
+
+    Runs that disagree are vermilion.  Of more than 64 runs the 24 are drawn that are
+    farthest from all others, in their order.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
+    """
+    panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
+    drawn = {name: _drawn(consistency, name) for _, name, _ in panels}
+    tallest = max(map(len, drawn.values()))
+    figure, axes = grid(len(panels), height=0.22 * tallest + 1.1, columns=3)
+    wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
+    for ax, (i, name, shown) in zip(axes, panels, strict=True):
+        runs = drawn[name]
+        low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
+        centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
+        if name not in on_edge:  # there all runs together give a limit
+            ax.axvspan(max(centre - sd, low), min(centre + sd, high), color=GREY, alpha=0.25, lw=0, label=phrase("all"))
+            ax.axvline(centre, color=GREY, lw=0.8)
+        for place, run in enumerate(runs):
+            others, alone = consistency.others[run], consistency.alone[run]
+            colour = VERMILION if run in wrong else BLUE
+            value, bar = _within(others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high)
+            ax.errorbar(value, place + 0.17, xerr=bar, fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9, label=phrase("all but this run"))
+            value, bar = _within(alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high)
+            ax.errorbar(value, place - 0.17, xerr=bar, fmt="o", ms=3.5, color=colour, lw=1.4, label=phrase("this run and the stated values"))
+        name_ticks(ax.yaxis, range(len(runs)), runs)
+        for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
+            tick.set_fontweight("bold" if run in wrong else "normal")
+        ax.set_ylim(len(runs) - 0.4, -0.6)
+        ax.locator_params(axis="x", nbins=3)
+        ax.set_xlabel(shown.axis)
+    legend_below(figure)
+    cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
+    some = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
+    figure.suptitle(some)
+    return figure
+
+
+def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
+    """The runs of the panel of a parameter."""
+    runs = consistency.used[name]
+    if len(runs) <= _MOST_ROWS:
+        return runs
+    i = consistency.shared.index(name)
+
+    def apart(run: str) -> float:
+        one, others = consistency.alone[run], consistency.others[run]
+        return float(np.abs(one.mean[i] - others.mean[i]) / max(one.sd[i], 1e-300)) if np.isfinite(one.sd[i]) else 0.0
+
+    chosen = set(sorted(runs, key=apart, reverse=True)[:_FARTHEST])
+    return [run for run in runs if run in chosen]
+
+
+def _within(value: float, sd: float, low: float, high: float) -> tuple[float, list[list[float]]]:
+    """A value and the ends of its bar, no farther than the edges."""
+    reach, value = (float(sd) if np.isfinite(sd) else 0.0), float(np.clip(value, low, high))
+    return value, [[min(reach, value - low)], [min(reach, high - value)]]

@@ -1,4 +1,4 @@
-"""Figure of all pairs of parameters: marginal and joint posteriors."""
+"""Figures of the draws: all pairs of parameters, and the chains."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, Markdown, phrase
-from estim.drawing import BLUE, INK, ORANGE, PALE, WIDTH, name_ticks, tick_texts
+from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, PURPLE, WIDTH, name_ticks, new_figure, tick_texts
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, uses_of
 from estim.reports.derived import sought_draws
@@ -29,6 +29,8 @@ _BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3  # inches left of and below the panels
 _GAP = 0.05  # between two panels, as a share of one
 _N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0  # cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
+_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)  # of ensembles
+_MOST_STEPS, _MOST_STRIPS = 1000, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,3 +209,32 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     elif n < of:
         words.append(phrase("Only {n} of the {of} parameters are drawn, the first ones; `result.json` has them all.", n=n, of=of))
     return Markdown(" ".join(words))
+
+
+def trace_figure(analysis: Analysis) -> Figure:
+    """The mean of each ensemble's walkers, and one of its walkers behind, against the step."""
+    parameters, draws = analysis.problem.parameters, analysis.chain.draws
+    places = analysis.problem.foremost(_MOST_STRIPS)
+    columns = 1 if len(places) <= 8 else 2
+    rows = -(-len(places) // columns)
+    figure = new_figure(0.85 * rows + 0.7)
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True).T.ravel()
+    every = max(1, draws.shape[1] // _MOST_STEPS)
+    steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every]
+    for ax, i in zip(axes, places, strict=False):
+        shown, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor
+        for k, ensemble in enumerate(mine):
+            colour = _COLOURS[k % len(_COLOURS)]
+            ax.plot(steps, ensemble[:, 0], color=colour, lw=0.4, alpha=0.35)
+            ax.plot(steps, ensemble.mean(axis=1), color=colour, lw=1.0)
+        ax.set_ylabel(shown.axis, fontsize=8, rotation=0, ha="right", va="center")
+        ax.locator_params(axis="y", nbins=3)
+    for ax in axes[len(places) :]:
+        ax.set_visible(False)
+    for ax in axes[rows - 1 :: rows]:
+        ax.set_xlabel(phrase("step"))
+    said = phrase("bold: mean of an ensemble; faint: one of its walkers")
+    if len(places) < len(parameters):
+        said = f"{said}; {phrase('{n} of {of} parameters', n=len(places), of=len(parameters))}"
+    figure.suptitle(said)
+    return figure

@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import later, phrase
-from estim.drawing import BLUE, GREY, INK, new_figure
+from estim.drawing import BLUE, GREY, INK, draw_sds, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
@@ -50,14 +50,12 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
     for k, (run, good, counted) in enumerate(pairs):
         top, below = axes[2 * k], axes[2 * k + 1]
         _draw_counts(top, run, _expected(fit, run), counted)
-        top.set_title(run.name, fontsize=10)
+        top.set_title(run.name)
         top.set(ylabel=run.y_label)
         top.set_ylim(bottom=0.0)
-        top.legend(fontsize=7.5, frameon=False, loc="best")
+        top.legend(loc="best")
         top.tick_params(labelbottom=False)
-        for sigma, shade in ((2.0, 0.14), (1.0, 0.26)):
-            below.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
-        below.axhline(0.0, color=GREY, lw=0.8)
+        draw_sds(below)
         below.vlines(run.x, 0.0, good.whitened, color=INK, lw=0.8)
         below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
         reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))

@@ -1,31 +1,26 @@
-"""What follows from the parameters of a run, as a reader sees it: summaries of draws, and a sentence where there is no number."""
+"""What the report of a run says beside its curve: what follows from its parameters, and where its numbers come from."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from typing import Protocol
 
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.campaign import way_back
 from estim.checks import parameter_cells
-from estim.common import Label, phrase
+from estim.common import Label, Quantity, format_quantity, phrase
 from estim.pipeline import Analysis
-from estim.problem import Derived, Observations
-from estim.reports.labels import Labels
+from estim.problem import Derived, Observations, Problem
+from estim.reading import Run
+from estim.reports.records import Labels, RunSummary
 from estim.sampling import Summary, summarise, trusted
 
 _DRAWS = 20_000
-
-
-class Told(Protocol):
-    """What the record of a run has of it.  sought : those of `derived` that were asked for."""
-
-    @property
-    def derived(self) -> dict[str, Summary]: ...
-
-    @property
-    def sought(self) -> list[str]: ...
+_APART = 3.0  # combined standard uncertainties
+_HANDFUL = 5  # frames of the way back that are not worth a word
+_READING = 0.001  # m or rad, as an example
 
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
@@ -108,16 +103,12 @@ def _sought(run: Observations) -> set[str]:
     return {one.name for one in run.sought}
 
 
-def derived_rows(runs: Mapping[str, Told], labels: Labels, *, sought: bool = False) -> list[tuple[str, str, str, str, str]]:
-    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run.
-
-    sought : only what was asked for.
-    """
+def derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
     found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
     for run, summary in runs.items():
         for name, d in summary.derived.items():
-            if not sought or name in summary.sought:
-                found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
+            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
     rows = []
     for name, cells in found.items():
         symbol = labels.derived[next(iter(cells))][name].symbol
@@ -126,3 +117,76 @@ def derived_rows(runs: Mapping[str, Told], labels: Labels, *, sought: bool = Fal
         else:
             rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
     return rows
+
+
+def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
+    """The facts of an imported track, its tilt beside the stated one where both are known, and what a user's own curve takes as exact."""
+    stated = stated_phi(run, problem)
+    if not run.words.from_release:
+        exact = {name: value for name, value in run.arguments.items() if not isinstance(value, str)}
+        return (*table.facts, *(phrase("{name} is fixed at {value:.10g}", name=name, value=value) for name, value in exact.items()))
+    if table.tilt is None or stated is None:
+        return table.facts
+    return (*table.facts, phrase("tilt measured from the track {measured}, stated {stated}", measured=_degrees(table.tilt), stated=_degrees(stated)))
+
+
+def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
+    """What is suspicious about the file, and a tilt that contradicts the stated one."""
+    stated = stated_phi(run, problem)
+    if table.tilt is None or stated is None:
+        return table.warnings
+    apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
+    if apart <= _APART * u:
+        return table.warnings
+    said = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
+    if u > 0.0:
+        warning = phrase(
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.1f} combined standard uncertainties: "
+            "was the x axis level, and the camera square to the plane of motion?", apart=apart / u, **said,
+        )
+    else:
+        warning = phrase(
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.2g} deg, both taken as exact: "
+            "was the x axis level, and the camera square to the plane of motion?", apart=math.degrees(apart), **said,
+        )
+    return (*table.warnings, warning)
+
+
+def speed_facts(run: Observations) -> tuple[str, ...]:
+    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
+    if run.motion is None or run.positions:
+        return ()
+    facts = []
+    if "offset" not in run.arguments:
+        coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
+        reading = run.noise.size.sigma.value if run.noise.made_of_positions else 0.0
+        example = format_quantity(0.0, reading or _READING, plus_minus=False)
+        facts.append(
+            phrase(
+                'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading',
+                coordinate=coordinate, key=key, example=example,
+            )
+        )
+    back = way_back(run.excluded)
+    if back > _HANDFUL:
+        facts.append(
+            phrase('noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot', back=back)
+        )
+    return tuple(facts)
+
+
+def stated_phi(run: Observations, problem: Problem) -> Quantity | None:
+    """Tilt of the ramp (rad) as stated before the fit, with a common zero error; None for a curve that has no tilt."""
+    if run.motion is None or "phi" not in run.arguments:
+        return None
+    priors = {p.name: p.prior for p in problem.parameters}
+    value, variance = 0.0, 0.0
+    for name in ("phi", "phi_zero"):
+        source = run.arguments.get(name, 0.0)
+        value += priors[source].expectation if isinstance(source, str) else float(source)
+        variance += priors[source].sd ** 2 if isinstance(source, str) else 0.0
+    return Quantity(value, math.sqrt(variance))
+
+
+def _degrees(tilt: Quantity) -> str:
+    return f"{format_quantity(math.degrees(tilt.value), math.degrees(tilt.u))} deg"

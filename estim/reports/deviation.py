@@ -1,20 +1,25 @@
-"""The section of a report on what the curve lacks; the text stands in `templates/deviation.md.j2`."""
+"""The sections of a report on what the curve lacks: an unmodelled force along a track, or the deviation of a user's own curve."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from estim.checks import force_finding, noise_finding
-from estim.common import Markdown, significant
-from estim.deviation import FoundForce
+from estim.checks import deviation_finding, force_finding, noise_finding
+from estim.common import OF_BODY, Markdown, phrase
+from estim.deviation import DeviationSize, FoundDeviation, FoundForce
+from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
-from estim.reports.labels import Labels
+from estim.problem import Observations
+from estim.reports.records import Labels
 from estim.reports.rendering import render
 from estim.words import tell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _AVERAGE = "rolling_resistance"  # what a constant force is part of
 
@@ -54,16 +59,6 @@ class ForceSummary(msgspec.Struct, frozen=True):
     high_95: list[float]
 
 
-@dataclass(frozen=True)
-class _Section:
-    run: str
-    summary: ForceSummary
-    grown: list[tuple[str, str]]
-    average: str
-    sd: str
-    sd_material: str
-
-
 def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
     """Run, or body of runs that share one -> its unmodelled force; None where none was asked for."""
     return {found.run: _summary(analysis, found) for found in analysis.fit.forces} or None
@@ -71,17 +66,7 @@ def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
 
 def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
-    sections = []
-    for run, force in forces.items():
-        grown = [(labels.symbol(name), significant(factor, 2)) for name, factor in force.growth.items()]
-        average = force.average
-        sections.append(
-            _Section(
-                run, force, grown, "" if average is None else labels.symbol(average.parameter),
-                "" if average is None else significant(average.sd, 2), "" if average is None else significant(average.sd_material, 2),
-            )
-        )
-    return render("deviation.md.j2", pictures=pictures, sections=sections)
+    return render("deviation.md.j2", pictures=pictures, forces=forces, labels=labels)
 
 
 def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
@@ -106,3 +91,109 @@ def _average(analysis: Analysis, found: FoundForce, sds: Mapping[str, float]) ->
     if not isinstance(name, str):
         return None
     return AverageResistance(name, sds[name], float(np.hypot(sds[name], found.force.material_sd / found.upright)))
+
+
+def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> Figure:
+    """Median with 68 and 95 % bands, in percent of the weight; ticks where the points lie."""
+    figure, axes = grid(len(forces), height=2.8)
+    by_name = {run.name: run for run in runs}
+    for ax, found in zip(axes, forces, strict=True):
+        several, force = [by_name[name] for name in found.runs], found.force
+        draw_bands(ax, force.x, 100.0 * force.quantiles, median=phrase("median"))
+        ax.axhline(0.0, color=GREY, lw=0.8)
+        if force.back is not None:
+            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label=phrase("way back, median and 68 %"))
+            ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
+        for own, colour in zip(found.own, RUN_COLOURS[1:] * len(found.own), strict=False):
+            ax.plot(own.x, 100.0 * own.mean, color=colour, lw=0.8, label=phrase("{run} adds", run=own.run))
+        place = np.concatenate([run.y if run.positions else run.x for run in several])
+        label = several[0].y_label if several[0].positions else several[0].x_label
+        ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label=phrase("points that are fit"))
+        ax.set(xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1]))
+        said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability)
+        ax.set_title(said)
+    legend_below(figure, ncols=4)
+    return figure
+
+
+def _title(found: FoundForce) -> str:
+    return found.run if len(found.runs) == 1 else phrase("body {body}, shared by {n} runs", body=found.run.removeprefix(OF_BODY), n=len(found.runs))
+
+
+class SizeSummary(msgspec.Struct, frozen=True):
+    """One way to read what a curve lacks; quantiles 0.16, 0.5, 0.84 if it is there, null where it certainly is not."""
+
+    share: float  # probability
+    prior_scale: float  # of the half-normal prior of its amplitude, unit of y
+    amplitude: list[float | None]  # standard deviation, unit of y
+    length: list[float | None]
+    length_unit: str
+
+
+class DeviationSummary(msgspec.Struct, frozen=True):
+    """What the curve of a run lacks, and what of it the curve cannot make up for, at the points; unit of y."""
+
+    unit: str  # of y
+    probability: float  # P(amplitude > 0)
+    smooth: SizeSummary | None  # a deviation of y along x
+    correlated: SizeSummary | None  # errors of readings that follow each other
+    typical: float  # root mean square of the best estimate of the visible part
+    most: float  # its largest size
+    noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the independent errors, in units of the stated ones, or of y where none were stated
+    stated: bool  # whether the size of the errors was stated
+    conservative: bool  # whether the readings scatter by far less than stated
+    growth: dict[str, float]  # sd of each parameter over that with independent errors, both linearised; empty where the status is not ok
+    words: str
+    x: list[float]
+    low_95: list[float]
+    low_68: list[float]
+    median: list[float]
+    high_68: list[float]
+    high_95: list[float]
+
+
+def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
+    """Run -> what its curve lacks; None where that was not asked for."""
+    return {found.run: _curve_summary(analysis, found) for found in analysis.fit.deviations} or None
+
+
+def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+    """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
+    return render("lacks.md.j2", pictures=pictures, found=found, labels=labels)
+
+
+def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:
+    problem, visible = analysis.problem, found.visible
+    run = next(run for run in problem.runs if run.name == found.run)
+    low_95, low_68, median, high_68, high_95 = visible.quantiles.tolist()
+    return DeviationSummary(
+        unit=run.y_unit, probability=found.probability, smooth=_size(found.smooth, run.x_unit),
+        correlated=_size(found.correlated, found.lacks.along_unit),
+        typical=visible.typical, most=visible.most, noise=list(found.noise), stated=found.lacks.stated, conservative=found.conservative,
+        growth=dict(found.growth) if analysis.diagnosis.ok else {},
+        words=tell(deviation_finding(found, x_unit=run.x_unit, y_unit=run.y_unit)),
+        x=visible.x.tolist(), low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
+    )
+
+
+def _size(size: DeviationSize | None, unit: str) -> SizeSummary | None:
+    if size is None:
+        return None
+    amplitude, length = ([None if np.isnan(one) else one for one in three] for three in (size.amplitude, size.length))
+    return SizeSummary(size.share, size.scale, amplitude, length, unit)
+
+
+def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations]) -> Figure:
+    """Median with 68 and 95 % bands; points: the residuals of the best curve with independent errors."""
+    figure, axes = grid(len(deviations), height=2.8)
+    by_name = {run.name: run for run in runs}
+    for ax, found in zip(axes, deviations, strict=True):
+        run, visible = by_name[found.run], found.visible
+        draw_bands(ax, visible.x, visible.quantiles, median=phrase("median"))
+        ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
+        ax.axhline(0.0, color=GREY, lw=0.8)
+        ax.set(xlabel=run.x_label, ylabel=phrase("deviation of {y}", y=run.y_label), xlim=(visible.x[0], visible.x[-1]))
+        said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=found.probability)
+        ax.set_title(said)
+    legend_below(figure, ncols=4)
+    return figure

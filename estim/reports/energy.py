@@ -11,13 +11,11 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import Quantity, as_json, format_p, format_quantity, gravest, kind_words, percentage, phrase, significant, with_unit
-from estim.drawing import GREY, MARKS, new_figure
+from estim.drawing import GREY, MARKS, RUN_COLOURS, legend_below, new_figure
 from estim.pipeline import Analysis
-from estim.reports.joint_figures import RUN_COLOURS
 from estim.reports.pages import page
-from estim.reports.rendering import render
+from estim.reports.rendering import interval, render
 from estim.reports.result import Provenance, provenance
-from estim.reports.rounded import interval
 from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
 from estim.words import STATUS_WORDS
@@ -222,13 +220,12 @@ def energy_figure(records: Sequence[EnergyRecord], *, title: str, bad: frozenset
         change.axhline(0.0, color=GREY, lw=0.8)
         for ax in (strip, change):
             ax.set_title(record.run, fontsize=7, loc="right", pad=2)
-            ax.tick_params(labelsize=7)
     along = f"{phrase('time t')} (s)" if timed else f"{phrase('position x')} (m)"
     x_panel.set(xlabel=along, ylabel=phrase("(a) position x (m)"))
     v_panel.set(xlabel=along, ylabel=phrase("(b) speed v (m/s)"))
     for strips, name in ((energies, phrase("(c) energy E/M (J/kg)")), (changes, "(d) (E − E₀)/E₀ (%)")):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
-    figure.legend(*x_panel.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=min(n, 6))
-    figure.suptitle(title, fontsize=10)
+    legend_below(figure, ncols=min(n, 6))
+    figure.suptitle(title)
     return figure

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import msgspec
 
@@ -54,16 +53,6 @@ class ExplanationSummary(msgspec.Struct, frozen=True):
     candidates: list[CandidateSummary]
 
 
-@dataclass(frozen=True)
-class _Row:
-    words: str
-    gain: str
-    value: str
-    left: str
-    added: str
-    add: Markdown
-
-
 def explanation_summary(explanation: Explanation | None) -> ExplanationSummary | None:
     """The record of the candidates, None where none were refit."""
     if explanation is None:
@@ -92,7 +81,8 @@ def explanation_text(explanation: Explanation) -> Markdown:
     """Markdown fragment without a heading."""
     found = explanation.found[:_MOST_SHOWN]
     return render(
-        "explanation.md.j2", verdict=tell(verdict(explanation)), rows=[_row(one) for one in found], found=f"{FOUND:g}", tied=f"{TIED:g}",
+        "explanation.md.j2", verdict=tell(verdict(explanation)),
+        rows=found, value=_values, remains=_left, added=_added, add=_add_cell, found=f"{FOUND:g}", tied=f"{TIED:g}",
         more=len(explanation.found) - len(found), best=next(iter(explanation.candidates), None), offered=explanation.offered is not None,
         n_tried=len(explanation.candidates), left=_left(explanation.plain),
     )
@@ -108,9 +98,9 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     """The same for a terminal, line by line."""
     said = [tell(verdict(explanation))]
     for one in explanation.found[:_MOST_SHOWN]:
-        row = _row(one)
-        line = phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=row.gain, words=one.words, value=row.value, left=row.left)
-        said.append(line if one.outcome is None else phrase("{line}; added to the campaign: {added}", line=line, added=row.added))
+        gain = signed(f"{one.gain:.0f}")
+        line = phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=gain, words=one.words, value=_values(one), left=_left(one))
+        said.append(line if one.outcome is None else phrase("{line}; added to the campaign: {added}", line=line, added=_added(one)))
     if explanation.offered is not None:
         said.append(phrase("to add (priors as wide as such a thing may be; what you measured of it is better):"))
         said += [f"    {line}" for line in explanation.offered.lines]
@@ -130,8 +120,8 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     return render("causes_of_runs.md.j2", rows=rows)
 
 
-def _row(one: Candidate) -> _Row:
-    return _Row(one.words, signed(f"{one.gain:.0f}"), ", ".join(map(_value, one.numbers)), _left(one), _added(one), _add_cell(one))
+def _values(one: Candidate) -> str:
+    return ", ".join(map(_value, one.numbers))
 
 
 def _value(n: Estimated) -> str:

@@ -24,7 +24,7 @@ def _html(files: Files) -> bytes:
 
 
 def _pdf(files: Files) -> bytes:
-    from estim.reports.pdf_page import pdf_page
+    from estim.reports.html_page import pdf_page
 
     return pdf_page(files, lang=language())
 

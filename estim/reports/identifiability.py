@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
 from estim.common import Label, Markdown, format_rounded, phrase, signed, significant
+from estim.distributions import chi2_quantile
+from estim.drawing import BLUE, GREY, INK, ORANGE, grid, legend_below, name_ticks, new_figure
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
+_TOP_RISE = 5.0
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -97,3 +109,106 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
         return words
     strongest = problem.parameters[problem.names.index(leaning.strongest)]
     return phrase("{words}; most that of {symbol}", words=words, symbol=strongest.label.symbol)
+
+
+def direction_figure(problem: Problem, found: Identifiability) -> Figure:
+    """Information of the data along each direction, in units of the prior's, and what each direction is made of."""
+    n = len(found.directions)
+    single = len(problem.runs) == 1
+    labels = [p.bare_label if single else p.label for p in problem.parameters]
+    figure = new_figure(1.5 + 0.30 * n + (0.0 if single else 0.6))
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25 if n < 8 else 1.7))
+    information = np.array([d.information for d in found.directions])
+    places = np.arange(n)
+    colours = [BLUE if d.held_by == "data" else ORANGE if d.held_by == "prior" else INK for d in found.directions]
+    top = 10.0 * max(10.0, float(information.max()))
+    left.barh(places, np.maximum(information, 2.0 * _FLOOR) - _FLOOR, left=_FLOOR, color=colours, height=0.62)
+    left.axvline(1.0, color=INK, lw=1)
+    left.set_xscale("log")
+    left.set_xlim(_FLOOR, top)
+    first, last = math.ceil(math.log10(_FLOOR)), math.floor(math.log10(top))
+    powers = range(first, last + 1, 1 if last - first < 9 and n < 8 else 2 * -(-(last - first) // 18))
+    left.xaxis.set_ticks([], minor=True)
+    name_ticks(left.xaxis, [10.0**power for power in powers], ["10" + f"{power}".translate(_RAISED) for power in powers])
+    left.set_ylim(n - 0.5, -0.5)
+    name_ticks(left.yaxis, places, [f"{k + 1}" for k in places])
+    left.set_xlabel(phrase("information of the data / of the prior"))
+    left.set_ylabel(phrase("direction"))
+    left.text(0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8)
+    left.text(1.25, -0.6, phrase("the data"), color=BLUE, ha="left", va="bottom", fontsize=8)
+    for place, value in zip(places, information, strict=True):
+        if value < _FLOOR:
+            left.text(3.0 * _FLOOR, place, f"< {_FLOOR:.0e}".replace("e-0", "e-"), va="center", fontsize=7, color=INK)
+    upright = not single or max(len(shown.symbol) for shown in labels) > 8
+    _components(right, np.array([d.vector for d in found.directions]), [shown.tex for shown in labels], upright=upright)
+    return figure
+
+
+def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: bool) -> None:
+    """A heat map of unit directions (n, n), rows as in the bars beside it."""
+    n = len(vectors)
+    ax.imshow(vectors, cmap="PuOr_r", vmin=-1.0, vmax=1.0, aspect="auto")
+    for row, column in np.ndindex(n, n):
+        if abs(vectors[row, column]) >= 0.15:
+            colour = "white" if abs(vectors[row, column]) > 0.7 else INK
+            text = signed(f"{vectors[row, column]:+.1f}")
+            ax.text(column, row, text, ha="center", va="center", fontsize=7 if n < 10 else 6, color=colour)
+    name_ticks(ax.xaxis, np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
+    ax.set_yticks([])
+    ax.tick_params(axis="x", length=0)
+    ax.set_title(phrase("components, in prior standard deviations"))
+
+
+def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray) -> Figure:
+    """How the objective rises with each parameter, all others re-optimised, with posterior quantiles below.
+
+    draws : (n_draw, n_par) of the posterior.
+    """
+    from matplotlib.lines import Line2D
+
+    figure, axes = grid(len(intervals), height=1.75, columns=3)
+    for k, (ax, interval) in enumerate(zip(axes, intervals, strict=True)):
+        index = problem.names.index(interval.name)
+        parameter = problem.parameters[index]
+        shown = parameter.label if len(problem.runs) > 1 else parameter.bare_label
+        _draw_profile(ax, interval, draws[:, index] * shown.factor, shown.factor)
+        ax.set_xlabel(shown.axis)
+        if k % 3 == 0:
+            ax.set_ylabel(phrase("rise of −2 ln p"))
+    handles = [
+        Line2D([], [], color=BLUE, lw=1.4, label=phrase("profile")),
+        Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
+        Line2D([], [], color=INK, lw=3, marker="|", ms=7, label=phrase("posterior: median, 68 and 95 %")),
+    ]
+    legend_below(figure, handles=handles)
+    return figure
+
+
+def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
+    sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
+    x, kept = np.unique(interval.x * factor, return_index=True)
+    # the signed square root of a rise is nearly a straight line: smooth in between
+    root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
+    fine = np.linspace(x[0], x[-1], 300)
+    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4)
+    levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
+    ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
+    closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]
+    ax.vlines([end for end, _ in closed], 0.0, [level for _, level in closed], color=BLUE, lw=0.7, alpha=0.6)
+    for (opened, ends), anchor in zip(sides, ("left", "right"), strict=True):
+        for place in {ends[p] * factor for p in opened if opened[p]}:
+            ax.axvline(place, color=ORANGE, lw=1.6)
+            ax.annotate(
+                phrase("open"), (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
+                ha=anchor, va="top", fontsize=6.5, color=ORANGE,
+            )
+    q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
+    ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
+    ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt")
+    ax.plot(median, -0.55, "|", color=INK, ms=7)
+    shown = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
+    margin = 0.06 * float(np.ptp(shown)) if math.isfinite(np.ptp(shown)) and np.ptp(shown) > 0.0 else 1.0
+    ax.set_xlim(shown.min() - margin, shown.max() + margin)
+    ax.set_ylim(-1.1, _TOP_RISE)
+    ax.set_yticks([0, 1, 2, 3, 4])
+    ax.locator_params(axis="x", nbins=4)

@@ -16,7 +16,10 @@ independent one.)  The coordinates `step` and `walker` tell where a draw comes f
 
 from __future__ import annotations
 
+import io
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
@@ -24,16 +27,15 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from estim.arrays import FloatArray
 from estim.common import InputError, Stream, one_line, phrase, stream
 from estim.fitting import Limit
 from estim.pipeline import Analysis
-from estim.reports.netcdf import Group, as_netcdf
 from estim.reports.result import Result, software_versions
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray
-
 
 HOW_TO_GET = "pip install arviz-base h5netcdf xarray-einstats"
 _NETCDF = ("h5netcdf", "h5py")
@@ -41,6 +43,8 @@ _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 _MOST_POINTWISE = 10_000  # points
 _POINTWISE_DRAWS, _POINTWISE_NUMBERS = 2000, 600_000  # of the log likelihood of every point: draws, and draws times points
+Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
+"""Dimensions, values, attributes."""
 
 
 def can_write_netcdf() -> bool:
@@ -238,3 +242,41 @@ def _dim(run: str) -> str:
 
 def _about(unit: str, meaning: str) -> dict[str, str]:
     return {"units": one_line(unit), "long_name": one_line(meaning)}  # HDF5 takes no null character
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """variables : name -> `Variable`.  coordinates : name -> dimensions and whole numbers.  attributes : texts and whole numbers."""
+
+    variables: Mapping[str, Variable] = field(default_factory=dict)
+    coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = field(default_factory=dict)
+    attributes: Mapping[str, str | int] = field(default_factory=dict)
+
+
+def as_netcdf(groups: Mapping[str, Group]) -> bytes:
+    """The groups, path -> `Group` ("/" is the file itself), as the bytes of a file.
+
+    By the CF conventions: a coordinate of one dimension bears its name, variables name the others in their attribute `coordinates`.
+    """
+    import h5netcdf
+
+    buffer = io.BytesIO()
+    with h5netcdf.File(buffer, "w") as file:
+        for path, group in groups.items():
+            _write(file if path == "/" else file.create_group(path), group)
+    return buffer.getvalue()
+
+
+def _write(place: Any, group: Group) -> None:
+    for name, said in group.attributes.items():
+        place.attrs[name] = said if isinstance(said, str) else np.atleast_1d(said)
+    everything = [(dims, np.asarray(values)) for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())]
+    place.dimensions = {dim: size for dims, values in everything for dim, size in zip(dims, values.shape, strict=True)}
+    for name, (dims, values) in group.coordinates.items():
+        place.create_variable(name, dims, data=np.asarray(values, dtype=np.int64))
+    for name, (dims, values, about) in group.variables.items():
+        variable = place.create_variable(name, dims, data=values, fillvalue=np.nan)
+        variable.attrs.update(about)
+        along = [other for other, (own, _) in group.coordinates.items() if own != (other,) and set(own) <= set(dims)]
+        if along:
+            variable.attrs["coordinates"] = " ".join(along)

@@ -23,13 +23,12 @@ from estim.common import (
     kind_words,
     later,
     one_line,
-    percentage,
     phrase,
     signed,
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, ORANGE, new_figure
+from estim.drawing import BLUE, INK, LEVELS, ORANGE, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -139,30 +138,20 @@ def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Vo
 
 
 def _row(analysis: LineAnalysis, method: str) -> LineRow:
-    reading = analysis.readings[method]
-    if analysis.status != "ok":
-        return _bare_row(analysis, method)
-    gamma, resistance = (LineEstimate(q.value, q.u) for q in (reading.gamma, reading.resistance))
+    """What a method says; of a status that is not ok the best line and how well it fits, without any uncertainty."""
+    reading, ok = analysis.readings[method], analysis.status.ok
+    gamma, resistance = (LineEstimate(q.value, q.u) if ok else None for q in (reading.gamma, reading.resistance))
+    e_n = number(reading.e_n) if ok else None
     if method == "posterior":
-        draws = {name: analysis.chain.flat[:, i] for i, name in enumerate(analysis.chain.names)}
-        cov = np.cov(draws["intercept"], draws["slope"])
-        errors = {"posterior sd": [float(np.sqrt(cov[0, 0])), float(np.sqrt(cov[1, 1])), float(cov[0, 1])]}
-        means = (float(draws["intercept"].mean()), float(draws["slope"].mean()))
-        return LineRow(*means, None, None, None, errors, None, None, gamma, resistance, number(reading.e_n))
+        line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in ("intercept", "slope")]]
+        intercept, slope = line.mean(axis=0).tolist()
+        cov = np.cov(line.T)
+        errors = {"posterior sd": [float(np.sqrt(cov[0, 0])), float(np.sqrt(cov[1, 1])), float(cov[0, 1])]} if ok else {}
+        return LineRow(intercept, slope, None, None, None, errors, None, None, gamma, resistance, e_n)
     fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-    errors = {name: [error.u_intercept, error.u_slope, error.cov] for name, error in fit.standard_errors.items()}
-    return LineRow(
-        fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, fit.recommended, fit.reason, gamma, resistance, number(reading.e_n)
-    )
-
-
-def _bare_row(analysis: LineAnalysis, method: str) -> LineRow:
-    """A best line and how well it fits, without any uncertainty: for a status that is not ok."""
-    if method == "posterior":
-        intercept, slope = (float(analysis.chain.flat[:, analysis.chain.names.index(name)].mean()) for name in ("intercept", "slope"))
-        return LineRow(intercept, slope, None, None, None, {}, None, None, None, None, None)
-    fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-    return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), {}, None, None, None, None, None)
+    errors = {name: [error.u_intercept, error.u_slope, error.cov] for name, error in fit.standard_errors.items()} if ok else {}
+    recommended, reason = (fit.recommended, fit.reason) if ok else (None, None)
+    return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, recommended, reason, gamma, resistance, e_n)
 
 
 def line_report(
@@ -213,7 +202,7 @@ def line_values(result: LineResult) -> dict[str, object]:
     shared: dict[str, object] = {
         "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
-        "gamma_masses": _estimate(result.gamma_masses), "sources": _sources(), "methods": [], "best": [], "errors": [], "limits": [],
+        "gamma_masses": _estimate(result.gamma_masses), "sources": dict(CONVENTIONS), "methods": [], "best": [], "errors": [], "limits": [],
         "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt"),
         **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
     }
@@ -221,7 +210,10 @@ def line_values(result: LineResult) -> dict[str, object]:
     if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
         return shared | {
             "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
-            "limits": [(symbol, p.meaning, interval_cell(p, Notation(symbol).label("1"))) for symbol, p in _limited(result)],
+            "limits": [
+                (symbol, p.meaning, interval_cell(p, Notation(symbol).label("1")))
+                for symbol, p in (("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"]))
+            ],
         }
     gamma = _estimate(result.methods["posterior"].gamma)
     return shared | {
@@ -233,15 +225,6 @@ def line_values(result: LineResult) -> dict[str, object]:
         "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
         "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min), "evidence": evidence_words(evidence.value),
     }
-
-
-def _sources() -> dict[str, str]:
-    """Convention of standard errors -> where it is in print."""
-    return dict(CONVENTIONS)
-
-
-def _limited(result: LineResult) -> list[tuple[str, Summary]]:
-    return [("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"])]
 
 
 def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
@@ -300,9 +283,7 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         draws = analysis.chain.thinned(4000)
         names = analysis.chain.names
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
-        for probability, alpha in ((0.95, 0.22), (0.68, 0.40)):
-            low, high = np.quantile(lines, [0.5 - 0.5 * probability, 0.5 + 0.5 * probability], axis=0)
-            ax.fill_between(x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase("posterior of the line, {p}", p=percentage(probability)))
+        draw_bands(ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %"))
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
         said = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
@@ -316,6 +297,6 @@ def line_figure(analysis: LineAnalysis) -> Figure:
     ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
     ax.set_ylabel(phrase("sin {theta_min}  (smallest ascending angle)", theta_min=Notation("θ_min").label("rad").tex))
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
-    ax.set_title(series.body, fontsize=10)
-    figure.legend(fontsize=8, frameon=False, loc="outside lower center", ncols=2)
+    ax.set_title(series.body)
+    legend_below(figure, ncols=2)
     return figure

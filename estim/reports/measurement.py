@@ -5,20 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
+from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, gravest, later, one_line, phrase, signed
+from estim.common import Status, as_json, gravest, later, one_line, phrase
 from estim.distributions import student_quantile
-from estim.measurement import Propagation
-from estim.reports.measurement_figures import budget_figure, distribution_figure, region_figure
+from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, grid, legend_below
+from estim.measurement import Propagation, Region, ellipse
+from estim.reports.budget import budget_figure
 from estim.reports.pages import page
-from estim.reports.rendering import render
+from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, software_versions
-from estim.reports.rounded import interval, rounded
 from estim.sampling import number
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has
@@ -28,6 +34,11 @@ _LAWS = {
     "curvilinear-trapezoidal": later("curvilinear-trapezoidal"), "arcsine": later("arcsine"), "t": later("t"),
     "standardised-t": later("standardised-t"), "exponential": later("exponential"), "lognormal": later("lognormal"), "gamma": later("gamma"),
     "exact": later("exact"),
+}
+_BINS, _CELLS, _MOST_CELL_DRAWS = 120, 70, 400_000
+_LEAST_SHARE, _MOST_ROWS, _MOST_PANELS = 0.5, 16, 6
+_INTERVALS_DRAWN = {
+    "symmetric": later("{percent} interval of the draws, symmetric"), "shortest": later("{percent} interval of the draws, shortest"),
 }
 
 
@@ -229,16 +240,14 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: bool = T
     result = measurement_result(propagation, seed=seed)
     drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
     if any(np.isfinite(row.share) for budget in propagation.budgets for row in budget.rows):
-        drawers["figures/budget.png"] = partial(budget_figure, propagation)
+        drawers["figures/budget.png"] = partial(shares_figure, propagation)
     if propagation.regions:
         drawers["figures/regions.png"] = partial(region_figure, propagation)
 
     def text(*, pictures: Collection[str]) -> str:
         return render(
             "measurement.md.j2", pictures=pictures, result=result, percent=f"{100.0 * result.probability:g}", compared=_compared(result),
-            budgets={name: _budget(result, one) for name, one in result.outputs.items()}, validation=_validation(result),
-            alone=len(result.outputs) == 1, regions=_regions(result), inputs=_inputs(result), ok=result.status == Status.OK,
-            which_interval=phrase(_INTERVALS[result.interval]),
+            alone=len(result.outputs) == 1, ok=result.status == Status.OK, which_interval=phrase(_INTERVALS[result.interval]), law=_law, dof=_dof,
         )
 
     return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
@@ -292,49 +301,128 @@ def _expanded(value: float | None, half: float, u: float | None) -> tuple[str, s
     return _cell(half, u, value), _ends(ends, u)
 
 
-def _budget(result: MeasurementResult, one: OutputRecord) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for row in one.budget:
-        part = result.inputs[row.input]
-        dof = "∞" if part.dof is None else f"{part.dof:.4g}"
-        sensitivity = "n/a" if row.sensitivity is None else signed(f"{row.sensitivity:.4g}")
-        contribution = "n/a" if row.contribution is None else f"{row.contribution:.3g}"
-        share = "n/a" if row.share is None else f"{row.share:.1f}"
-        uncertainty = f"{part.u:.3g}" + ("" if part.unit == "1" else f" {part.unit}")
-        rows.append((row.input, part.meaning, signed(f"{part.value:.10g}"), uncertainty, _law(part), dof, sensitivity, contribution, share))
-    return rows
-
-
-def _validation(result: MeasurementResult) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for name, one in result.outputs.items():
-        wrong = (
-            phrase("the GUM's interval does not hold: believe the Monte Carlo") if one.decided
-            else phrase("not decided by so many draws: believe the Monte Carlo")
-        )
-        verdict = phrase("the GUM's interval holds") if one.gum_holds else wrong
-        rows.append((name, *(("n/a" if v is None else f"{v:.2g}") for v in (one.d_low, one.d_high, one.tolerance)), verdict))
-    return rows
-
-
 def _law(part: PartRecord) -> str:
     """Its distribution as a reader calls it."""
     return phrase(_LAWS[part.distribution])
 
 
-def _regions(result: MeasurementResult) -> list[tuple[str, ...]]:
-    return [
-        (
-            ", ".join(one.outputs), *(signed(f"{v:.3f}") for v in (one.correlation, one.correlation_drawn)), f"{one.k_ellipse:.2f}",
-            f"{one.k_ellipse_drawn:.2f}", f"{one.k_rectangle:.2f}", f"{one.k_rectangle_drawn:.2f}", f"{100.0 * one.gum_ellipse_holds:.1f} %",
-        )
-        for one in result.regions
-    ]
+def _dof(dof: float | None) -> str:
+    """Degrees of freedom; None: infinitely many."""
+    return "∞" if dof is None else f"{dof:.4g}"
 
 
-def _inputs(result: MeasurementResult) -> list[tuple[str, ...]]:
-    return [
-        (name, part.meaning, signed(f"{part.value:.10g}"), phrase("exact") if part.u == 0.0 else f"{part.u:.4g}",
-         "" if part.unit == "1" else part.unit, _law(part), "" if part.u == 0.0 else "∞" if part.dof is None else f"{part.dof:.4g}")
-        for name, part in result.inputs.items()
-    ]
+def axis_name(name: str, unit: str) -> str:
+    return name if unit == "1" else f"{name} ({unit})"
+
+
+def _density_name(unit: str) -> str:
+    if unit == "1":
+        return phrase("density")
+    return f"{phrase('density')} (1/({unit}))" if set(unit) & set(" /*·") else f"{phrase('density')} (1/{unit})"
+
+
+def distribution_figure(propagation: Propagation) -> Figure:
+    """A histogram of the draws of each output, the distribution that the GUM's interval assumes over it, and both intervals."""
+    outputs = propagation.model.outputs
+    figure, axes = grid(len(outputs), height=3.1)
+    for i, (ax, output) in enumerate(zip(axes, outputs, strict=True)):
+        _distribution(ax, propagation, i)
+        ax.set(xlabel=axis_name(output.name, output.unit), ylabel=_density_name(output.unit))
+        ax.ticklabel_format(axis="both", style="sci", scilimits=(-4, 5), useMathText=True)
+        ax.locator_params(axis="x", nbins=6)
+    legend_below(figure, ncols=2)
+    return figure
+
+
+def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
+    linear, sampled = propagation.linear, propagation.sampled
+    draws = sampled.draws[:, i]
+    draws = draws[np.isfinite(draws)]
+    value, u = float(linear.value[i]), float(linear.u[i])
+    percent = f"{100.0 * sampled.probability:g} %"
+    if draws.size:
+        tail = 0.1 * (1.0 - sampled.probability)
+        low, high = np.quantile(draws, [tail, 1.0 - tail])
+        counts, edges = np.histogram(draws, bins=_BINS, range=(low, high if high > low else low + 1.0))
+        ax.stairs(counts / (draws.size * np.diff(edges)), edges, fill=True, color=PALE, label=phrase("draws (Monte Carlo)"))
+        interval = propagation.interval
+        said = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
+        for end in (interval.low[i], interval.high[i]):
+            ax.axvline(float(end), color=BLUE, lw=1.4, label=said)
+    if u > 0.0 and math.isfinite(value):
+        left, right = ax.get_xlim()
+        room = 0.25 * float(linear.high[i] - linear.low[i])
+        x = np.linspace(min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400)
+        ax.plot(x, _density((x - value) / u, float(linear.dof[i])) / u, color=ORANGE, lw=1.6, label=phrase("the GUM's normal or t distribution"))
+        for end in (linear.low[i], linear.high[i]):
+            ax.axvline(float(end), color=ORANGE, lw=1.4, ls="--", label=phrase("{percent} interval of the GUM", percent=percent))
+    ax.set_ylim(bottom=0.0)
+
+
+def _density(z: FloatArray, dof: float) -> FloatArray:
+    if math.isinf(dof) or dof > 1e6:
+        return np.asarray(np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi))
+    log_norm = special.gammaln(0.5 * (dof + 1.0)) - special.gammaln(0.5 * dof) - 0.5 * math.log(dof * math.pi)
+    return np.asarray(np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof)))
+
+
+def shares_figure(propagation: Propagation) -> Figure:
+    """Share of each input in the linear variance of each output, largest first, and that of the correlations."""
+    budgets = propagation.budgets
+    shares = np.nan_to_num([[row.share for row in budget.rows] for budget in budgets]).T
+    names, order = [row.input.name for row in budgets[0].rows], np.argsort(-shares.max(axis=1), kind="stable")
+    told = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
+    rest = [i for i in order if i not in told]
+    sources, rows = [names[i] for i in told], [shares[i] for i in told]
+    if shares[rest].max(initial=0.0) > 0.0:
+        sources.append(phrase("{n} more", n=len(rest)) if len(rest) > 1 else names[rest[0]])
+        rows.append(shares[rest].sum(axis=0))
+    correlated = np.nan_to_num([budget.correlation_share for budget in budgets])
+    if np.any(correlated != 0.0):
+        sources.append(phrase("correlations"))
+        rows.append(correlated)
+    return budget_figure([output.name for output in propagation.model.outputs], sources, np.array(rows))
+
+
+def region_figure(propagation: Propagation) -> Figure:
+    """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle, and the smallest region."""
+    shown = propagation.regions[:_MOST_PANELS]
+    figure, axes = grid(len(shown), height=3.9)
+    for ax, region in zip(axes, shown, strict=True):
+        _region(ax, propagation, region)
+    legend_below(figure, ncols=2)
+    return figure
+
+
+def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
+    draws = propagation.sampled.draws[:_MOST_CELL_DRAWS, list(region.pair)]
+    percent = f"{100.0 * region.probability:g} %"
+    rings = np.hstack([ellipse(region.value, region.covariance, region.k_ellipse), ellipse(region.mean, region.drawn, region.k_drawn)])
+    ends = np.quantile(draws, [0.005, 0.995], axis=0).T
+    lows, highs = np.minimum(rings.min(axis=1), ends[:, 0]), np.maximum(rings.max(axis=1), ends[:, 1])
+    limits = [(low - 0.08 * (high - low), high + 0.08 * (high - low)) for low, high in zip(lows, highs, strict=True)]
+    density, x, y = np.histogram2d(draws[:, 0], draws[:, 1], bins=_CELLS, range=limits)
+    ax.pcolormesh(x, y, np.ma.masked_equal(density.T, 0.0), cmap="Greys", vmax=1.6 * density.max(), rasterized=True)
+    ordered = np.sort(density.ravel())[::-1]
+    level = float(ordered[min(int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))), ordered.size - 1)])
+    middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
+    ax.contour(*middles, _smooth(density.T), levels=[max(level, 0.5)], colors=INK, linewidths=0.9, linestyles=":")
+    said = phrase("smallest region with {percent} of the draws, roughly", percent=percent)
+    ax.plot([], [], color=INK, lw=0.9, ls=":", label=said)
+    said = phrase("{percent} ellipse of the GUM", percent=percent)
+    ax.plot(*ellipse(region.value, region.covariance, region.k_ellipse), color=ORANGE, lw=1.8, ls="--", label=said)
+    ax.plot(*ellipse(region.mean, region.drawn, region.k_drawn), color=BLUE, lw=1.5, label=phrase("{percent} ellipse of the draws", percent=percent))
+    half = region.k_rectangle_drawn * np.sqrt(np.diag(region.drawn))
+    (a, b), (c, d) = region.mean - half, region.mean + half
+    ax.plot([a, c, c, a, a], [b, b, d, d, b], color=GREEN, lw=1.4, ls="-.", label=phrase("{percent} rectangle of the draws", percent=percent))
+    one, two = (propagation.model.outputs[k] for k in region.pair)
+    ax.set(xlabel=axis_name(one.name, one.unit), ylabel=axis_name(two.name, two.unit))
+    ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)
+    ax.locator_params(nbins=5)
+
+
+def _smooth(cells: FloatArray) -> FloatArray:
+    """Each cell averaged with its neighbours, for a contour that does not follow the noise."""
+    padded = np.pad(cells, 1, mode="edge")
+    n, m = cells.shape
+    return np.asarray(sum(padded[i : i + n, j : j + m] for i in range(3) for j in range(3)) / 9.0)

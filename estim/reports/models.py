@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import as_json, kind_words, later, phrase, signed, split_level
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
-from estim.reports.models_figures import predictive_figure, values_figure
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
 from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains, log_odds, rival_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
@@ -37,6 +43,8 @@ _LACKS = {
     Lack.IMPROPER: later("a prior is no distribution"),
 }
 _ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
+_SHORT = {"energy": later("change of energy"), "its_place": later("place of largest speed")}
+_FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
 class PredictedSummary(msgspec.Struct, frozen=True):
@@ -99,7 +107,8 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
         "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
         "models": summaries, "provenance": provenance(campaign, runs, seed),
     }
-    drawers = {"figures/values.png": partial(values_figure, summaries, common, comparison.recommended)}
+    compared = [(s.name, s.status == "ok", s.posterior) for s in summaries]
+    drawers = {"figures/values.png": partial(values_figure, compared, common, comparison.recommended)}
     if shown is not None and shown.predicted:
         drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name)
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {"models.json": as_json(record)}
@@ -226,3 +235,79 @@ def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list
     every = {(one.run, one.name): one.words for row in rows for one in row.predicted}
     of_row = [{(one.run, one.name): one.p_words for one in row.predicted} for row in rows]
     return [(run, words, [cells.get((run, name), "—") for cells in of_row]) for (run, name), words in every.items()]
+
+
+def values_figure(rows: Sequence[tuple[str, bool, Mapping[str, Summary]]], common: Sequence[Parameter], recommended: str = "") -> Figure:
+    """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in grey, dashed.
+
+    rows : name of a model, whether it is ok, its posterior.
+    """
+    figure, axes = grid(len(common), height=0.5 + 0.27 * len(rows), columns=3)
+    places = np.arange(len(rows))[::-1]
+    for i, (ax, p) in enumerate(zip(axes, common, strict=True)):
+        for place, (name, ok, posterior) in zip(places, rows, strict=True):
+            _interval(ax, place, posterior[p.name], p.label.factor, ok=ok, recommended=name == recommended)
+        name_ticks(ax.yaxis, places, [name if i % 3 == 0 else "" for name, *_ in rows])
+        ax.set_ylim(-0.6, len(rows) - 0.4)
+        ax.set_xlabel(p.label.axis)
+        ax.locator_params(axis="x", nbins=4)
+    figure.suptitle(
+        phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, not to be used") if recommended
+        else phrase("median, 68 and 95 % intervals; grey, dashed: not ok, not to be used")
+    )
+    return figure
+
+
+def _interval(ax: Axes, place: float, summary: Summary, factor: float, *, ok: bool, recommended: bool) -> None:
+    quantiles = (summary.q025, summary.q16, summary.median, summary.q84, summary.q975)
+    if any(q is None for q in quantiles):
+        return
+    low, lower, middle, upper, high = (float(q) * factor for q in quantiles if q is not None)
+    colour = ORANGE if recommended else BLUE if ok else GREY
+    ax.plot([low, high], [place, place], color=colour, lw=1.0, ls="-" if ok else (0, (3, 2)))
+    ax.plot([lower, upper], [place, place], color=colour, lw=2.6 if ok else 1.6)
+    ax.plot(middle, place, "s" if recommended else "o", color=colour, mfc=colour if ok else "white", ms=5 if recommended else 4, zorder=4)
+
+
+def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
+    """Histograms of each statistic of the data sets, and that of the data: a line, or an outline where it depends on the parameters."""
+    runs = list(dict.fromkeys(one.run for one in predicted))
+    names = list(dict.fromkeys(one.name for one in predicted))
+    figure = new_figure(0.7 + 1.75 * len(runs))
+    axes = figure.subplots(len(runs), len(names), squeeze=False)
+    by_place = {(one.run, one.name): one for one in predicted}
+    for i, run in enumerate(runs):
+        for k, name in enumerate(names):
+            ax, one = axes[i, k], by_place.get((run, name))
+            if one is None:
+                ax.set_visible(False)
+                continue
+            _histogram(ax, one)
+            if k == 0:
+                ax.set_ylabel(run)
+    title = phrase("{model}: filled: data sets drawn from the posterior; orange: the data", model=model)
+    figure.suptitle(title)
+    return figure
+
+
+def _histogram(ax: Axes, one: Predicted) -> None:
+    again, observed = one.again * one.label.factor, one.observed * one.label.factor
+    ends = np.quantile(again[np.isfinite(again)], [_FAR / 2.0, 1.0 - _FAR / 2.0]) if np.any(np.isfinite(again)) else np.array([0.0, 1.0])
+    low, high = min(float(ends[0]), float(np.min(observed))), max(float(ends[1]), float(np.max(observed)))
+    width = max(high - low, 1e-12)
+    edges: list[float] = np.linspace(low - 0.03 * width, high + 0.03 * width, 31).tolist()
+    ax.hist(again, bins=edges, color=PALE, edgecolor=BLUE, linewidth=0.4)
+    if observed.size > 1:
+        ax.hist(observed, bins=edges, histtype="step", color=ORANGE, linewidth=1.6)
+    else:
+        ax.axvline(float(observed[0]), color=ORANGE, lw=2.2)
+    ax.set_yticks([])
+    ax.set_xlim(edges[0], edges[-1])
+    ax.locator_params(axis="x", nbins=3)
+    unit = "" if one.label.unit == "1" else f" ({one.label.unit})"
+    ax.set_xlabel(_short(one) + unit, fontsize=7.5)
+    ax.set_title(f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK)
+
+
+def _short(one: Predicted) -> str:
+    return phrase(_SHORT.get(one.name, one.words))

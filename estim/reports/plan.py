@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from estim.common import Status, as_json, decide, format_quantity, kind_words, phrase
+from estim.drawing import COLOURS, GREY, INK, MARKS, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
-from estim.reports.plan_figures import along_figure, ratio_figure
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.words import tell
@@ -25,6 +25,8 @@ SCHEMA = "estim-plan/2"
 _MOST_RUNS = 8  # suggested further runs that are shown
 _MOST_WAYS, _MOST_REFUSED = 3, 6
 _NOTHING = 0.02  # of a standard deviation: a gain below is none
+_WIDE = 68  # characters of a row's name
+_MOST = len(COLOURS)  # targets
 
 
 class TargetRecord(msgspec.Struct, frozen=True):
@@ -126,7 +128,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, how=phrase(plan.how), shown=[_row(o) for o in shown],
         left_out=len(plan.options) - len(shown),
         heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
-        refused=_refused(plan.refused), halving=[(h.target.label.symbol, _way_rows(h)) for h in plan.halving],
+        refused=_refused(plan.refused), halving=[(h.target.label.symbol, [way for way in h.ways if np.isfinite(way.ratio)]) for h in plan.halving],
     )
     return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {"plan.json": as_json(record)}
 
@@ -215,5 +217,48 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
     return rows
 
 
-def _way_rows(halving: Halving) -> list[tuple[str, str]]:
-    return [(way.words, f"{100.0 * way.ratio:.0f} %") for way in halving.ways if np.isfinite(way.ratio)]
+def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
+    """Standard deviations over those as things are, one row an option, the best at the top."""
+    names = [option.wish.words if len(option.wish.words) <= _WIDE else f"{option.wish.words[:_WIDE]}…" for option in options]
+    places = -np.arange(len(names), dtype=float)
+    figure = new_figure(0.2 * len(names) + 1.1)
+    ax = figure.subplots()
+    ax.axvline(1.0, color=INK, lw=0.8)
+    ax.axvline(0.5, color=INK, lw=0.8, ls="--")
+    ax.hlines(places, 0.0, 1.0, color=GREY, lw=0.4, alpha=0.5)
+    for k, target in enumerate(plan.targets[:_MOST]):
+        ratios = [option.ratio[k] for option in options]
+        said = phrase("u of {quantity}", quantity=target.label.tex)
+        ax.plot(ratios, places, MARKS[k], color=COLOURS[k], ms=5, ls="none", label=said, mec="white", mew=0.5)
+    ax.set_xlim(0.0, max(1.05, 1.03 * max(float(np.max(option.ratio)) for option in options)))
+    ax.set_ylim(float(places[-1]) - 0.8, 0.8)
+    name_ticks(ax.yaxis, places, names)
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel(phrase("expected u / u as things are (dashed: halved)"))
+    if len(plan.targets) > 1:
+        legend_below(figure, ncols=min(len(plan.targets), 3))
+    else:
+        ax.set_title(phrase("u of {quantity}", quantity=plan.targets[0].label.tex))
+    return figure
+
+
+def along_figure(plan: Plan) -> Figure:
+    """One further reading at each place: what it leaves of the standard deviations; grey: the range of the readings at hand."""
+    runs = plan.fit.problem.runs
+    figure = new_figure(2.4 * len(plan.along) + 0.4)
+    axes = figure.subplots(len(plan.along), 1, squeeze=False)[:, 0]
+    for ax, along in zip(axes, plan.along, strict=True):
+        run = next(run for run in runs if run.name == along.run)
+        ax.axvspan(*along.inside, color=GREY, alpha=0.18, lw=0)
+        ax.axhline(1.0, color=INK, lw=0.8)
+        for k, target in enumerate(plan.targets[:_MOST]):
+            ax.plot(along.x, along.ratio[k], color=COLOURS[k], lw=1.4, label=phrase("u of {quantity}", quantity=target.label.tex))
+            best = int(np.argmin(along.ratio[k]))
+            ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
+        ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)
+        ax.set_xlabel(run.x_label)
+        ax.set_ylabel(phrase("u / u as things are"))
+        if len(plan.along) > 1:
+            ax.set_title(along.run)
+    axes[0].legend()
+    return figure

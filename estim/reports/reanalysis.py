@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -12,12 +12,14 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.checks import Estimate, result_table, screen_lines
+from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
 from estim.common import as_json, format_p, kind_words, listed, percentage, phrase, split_level, table, with_unit
+from estim.drawing import BLUE, INK, ORANGE, grid, legend_below, name_ticks
 from estim.pipeline import Analysis
-from estim.reports.analysis import Row, complete_runs, parameter_row
+from estim.reports.analysis import complete_runs, prior_cell
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
+from estim.reports.curve_figures import phase_figure, residual_figure
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
@@ -32,15 +34,12 @@ from estim.reports.energy import (
     summarise_energy,
     to_value,
 )
-from estim.reports.figures import residual_figure
-from estim.reports.first_screen import MOST_MINDS, first_screen, sensitivity_words
 from estim.reports.line import LineResult, line_estimate, line_figure, line_lines, line_result, line_values
 from estim.reports.pages import page
-from estim.reports.reanalysis_figures import narrowing_figure, overlay_figure, tilts_figure, width_figure
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, Result, provenance, result_of
+from estim.reports.result import MOST_MINDS, Provenance, Result, first_screen, provenance, result_of, sensitivity_words
 from estim.sampling import number
-from estim.studies import BodyAnalysis, Reanalysis
+from estim.studies import BodyAnalysis, Narrowing, Reanalysis
 from estim.words import Voice
 
 if TYPE_CHECKING:
@@ -146,19 +145,22 @@ def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bo
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
         drawn["figures/narrowing.png"] = partial(narrowing_figure, [body.narrowing for body in trusted])
-        drawn["figures/widths.png"] = partial(width_figure, trusted)
     if r.line is not None:
         drawn["figures/line.png"] = partial(line_figure, r.line)
     for body in r.bodies:
-        drawn[f"figures/phase-{body.body}.png"] = partial(overlay_figure, body)
-        if len(body.joint.problem.runs) > 1:
-            drawn[f"figures/tilts-{body.body}.png"] = partial(tilts_figure, body)
+        drawn[f"figures/phase-{body.body}.png"] = partial(phase_figure, body.joint, body.propagated, whose=_whose(body))
         if body in trusted:
             drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, title=body.body)
         drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness)
         drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
     below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
     return page(drawn, partial(reanalysis_text, result, below), wanted=figures, kind=r.campaign.kind) | {"result.json": as_json(result)}
+
+
+def _whose(body: BodyAnalysis) -> str:
+    """What the propagated band is called in a legend: the paper's where all values beside the inputs are published ones."""
+    of_paper = any(band.published for band in body.propagated) and not any(band.held for band in body.propagated)
+    return phrase("the paper's band, 68 %") if of_paper else phrase("stated inputs propagated, 68 %")
 
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
@@ -185,7 +187,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
     return render(
         "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=kind_words(result.kind),
         line=None if result.line is None else line_values(result.line), shown=shown,
-        rows={name: _rows(body.joint) for name, body in result.bodies.items()},
+        prior=prior_cell, value=value_cell, interval=interval_cell,
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
         limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
@@ -287,22 +289,19 @@ def _called(what: str, runs: Iterable[str], bodies: Iterable[str]) -> str:
     return names.get(what) or phrase("line")
 
 
-def _rows(result: Result) -> list[object]:
-    return [parameter_row(name, p, result) for name, p in result.parameters.items()]
-
-
 def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
     """Run, status, posterior of gamma, kappa, theta0 and phi; a dash where the status is not ok."""
     table = []
     for name, run in result.runs.items():
-        rows = {row_name.partition("[")[0]: parameter_row(row_name, p, run) for row_name, p in run.parameters.items()}
-        cells = [_single_cell(rows[key], run) if key in rows else "" for key in ("gamma", "kappa", "theta0", "phi")]
+        own = {split_level(full)[0]: full for full in run.parameters}
+        cells = [_single_cell(own[key], run) if key in own else "" for key in ("gamma", "kappa", "theta0", "phi")]
         table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
     return table
 
 
-def _single_cell(row: Row, run: Result) -> str:
-    return with_unit(row.posterior, row.unit) if run.parameters[row.name].measured else phrase("as stated")
+def _single_cell(name: str, run: Result) -> str:
+    p, shown = run.parameters[name], run.labels.parameters[name]
+    return with_unit(value_cell(p, shown), shown.unit) if p.measured else phrase("as stated")
 
 
 def _limit_words(body: BodySummary) -> list[str]:
@@ -328,3 +327,22 @@ def _limit_words(body: BodySummary) -> list[str]:
 def format_limit(u: float) -> str:
     """An uncertainty to two digits."""
     return f"{u:.{max(0, 1 - math.floor(math.log10(u)))}f}" if u > 0.0 else "0"
+
+
+def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
+    """Uncertainty of gamma and kappa against the number of runs fit together, beside single runs."""
+    pairs = [(found, i) for found in tables for i in range(len(found.names))]
+    figure, axes = grid(len(pairs), height=2.9, columns=2)
+    for ax, (found, i) in zip(axes, pairs, strict=True):
+        count = np.arange(1, len(found.runs) + 1)
+        ax.plot(count, found.u[:, i], "o-", color=BLUE, label=phrase("runs up to this one together"))
+        ax.plot(count, found.u_single[:, i], "s", color=INK, label=phrase("this run alone"), zorder=3, mfc="none", mew=1.6, ms=8)
+        if np.isfinite(found.u_prior[i]):
+            ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated before"))
+        shown = np.array([*found.u[:, i], *found.u_single[:, i], found.u_prior[i]])
+        top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
+        ax.set(ylabel=f"u({found.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
+        upright = sum(len(run) for run in found.runs) > 36
+        name_ticks(ax.xaxis, count, found.runs, rotation=90 if upright else 0)
+    legend_below(figure)
+    return figure

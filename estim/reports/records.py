@@ -1,12 +1,24 @@
-"""The parts of `result.json`; `estim.reports.result` puts them together."""
+"""The parts of `result.json`, and how its numbers are shown; `estim.reports.result` puts them together."""
 
 from __future__ import annotations
 
-import msgspec
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from estim.reports.bad_frames import BadFrame
-from estim.reports.outliers import Outlier
-from estim.sampling import Summary
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from estim.arrays import FloatArray
+from estim.checks import bad_frames_found, is_measured, upper_limit
+from estim.common import Label, Notation, split_level
+from estim.deviation import FoundForce
+from estim.pipeline import Analysis
+from estim.problem import Observations, Problem
+from estim.sampling import Summary, number
+from estim.words import tell
+
+_MOST = 150  # parameters: the matrix grows with their square
 
 
 class CertificateSummary(msgspec.Struct, frozen=True):
@@ -117,3 +129,135 @@ class Provenance(msgspec.Struct, frozen=True):
     data_sha256: dict[str, str]
     seed: int
     versions: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Labels:
+    """parameters : by name.  bare : the same without their levels, by name too.
+
+    derived : run -> name of what follows from its parameters -> label.
+    """
+
+    parameters: Mapping[str, Label]
+    bare: Mapping[str, Label]
+    derived: Mapping[str, Mapping[str, Label]]
+
+    def symbol(self, name: str) -> str:
+        """Of a parameter ("θ₀[heavy-04]"), or of all that have `name` without their levels ("θ₀")."""
+        if name in self.parameters:
+            return self.parameters[name].symbol
+        return next(shown.symbol for full, shown in self.bare.items() if split_level(full)[0] == name)
+
+
+def labels_of(problem: Problem, values: FloatArray) -> Labels:
+    """As those who made the parameters and what follows from them say; values (n_par,)."""
+    named = problem.named(values)
+    return Labels(
+        parameters={p.name: p.label for p in problem.parameters}, bare={p.name: p.bare_label for p in problem.parameters},
+        derived={run.name: {name: d.label for name, d in run.derived(run.bind(named)).items()} for run in problem.runs},
+    )
+
+
+def names_as_labels(units: Mapping[str, str], derived: Mapping[str, Mapping[str, str]]) -> Labels:
+    """Where only names and units are known: of the parameters, and of what is derived for each run."""
+    split = {name: (*split_level(name), unit) for name, unit in units.items()}
+    return Labels(
+        parameters={name: Notation(base).label(unit, level) for name, (base, level, unit) in split.items()},
+        bare={name: Notation(base).label(unit) for name, (base, _, unit) in split.items()},
+        derived={run: {name: Notation(name).label(unit) for name, unit in found.items()} for run, found in derived.items()},
+    )
+
+
+class Outlier(msgspec.Struct, frozen=True):
+    """A frame that is more likely an outlier than not."""
+
+    row: int  # of the points that are fit, from 1
+    x: float
+    y: float
+    probability: float
+
+
+def outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
+    """Those of a run."""
+    return [
+        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
+        for found in analysis.outliers if found.run == run.name for i in found.frames
+    ]
+
+
+class BadFrame(msgspec.Struct, frozen=True):
+    """A frame whose reading is shifted, or from which on all are, found beside an unmodelled force; its shift is one more unknown of the fit."""
+
+    kind: str  # "frame": this one reading; "step": all from it on; "clock": all times from it on
+    t_s: float | None
+    line: int | None  # of the file
+    size: float  # of the shift
+    sd: float
+    unit: str
+    probability: float  # that something is wrong there
+    words: str
+
+
+def bad_frames(forces: Sequence[FoundForce], run: str) -> list[BadFrame]:
+    """Those of one run, in the order of time."""
+    return [
+        BadFrame(
+            jump.kind, number(jump.t), jump.line or None, jump.size, jump.sd, "s" if jump.kind == "clock" else found.reading_unit,
+            jump.probability, tell(words),
+        )
+        for found in forces if found.run == run
+        for jump, words in zip(found.bad.jumps, bad_frames_found(found), strict=True)
+    ]
+
+
+class ParameterSummary(Summary, frozen=True, kw_only=True):
+    prior: str
+    prior_mean: float | None
+    prior_sd: float | None
+    ess_bulk: float | None
+    ess_tail: float | None
+    rhat: float | None
+    mcse: float | None
+    stated: str  # what was said of it before, in words and shown units; "" for nothing
+    measured: bool | None  # whether the data say something of it: neither a limit nor known hardly better than before; null where not ok
+    upper_95: float | None  # one-sided limit of what cannot be negative and may be zero
+    true: float | None  # of synthetic data whose truth is known
+
+
+def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) -> ParameterSummary:
+    """Of the parameter at place i.  truth : name -> true value, where it is known."""
+    parameter, diagnosis, draws = analysis.problem.parameters[i], analysis.diagnosis, analysis.chain.flat[:, i]
+    summary = analysis.summaries[i]
+    upper = upper_limit(summary, parameter.prior, draws)
+    return ParameterSummary(
+        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
+        prior_mean=number(parameter.prior.expectation),
+        prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
+        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]), stated=parameter.prior.stated_words(parameter.unit, parameter.label),
+        measured=is_measured(summary, parameter.prior, upper) if diagnosis.ok else None, upper_95=upper, true=truth.get(parameter.name),
+    )
+
+
+def correlation_of(analysis: Analysis) -> Correlation:
+    """Of at most `_MOST` parameters, in their order."""
+    kept = _told(analysis)
+    matrix = np.atleast_2d(np.corrcoef(analysis.chain.flat[:, kept].T))
+    return Correlation([analysis.problem.names[i] for i in kept], matrix.round(6).tolist())
+
+
+def _told(analysis: Analysis) -> list[int]:
+    """Places of half as many parameters in order, shared ones first, then whole runs by their strongest correlation."""
+    problem, draws = analysis.problem, analysis.chain.flat
+    if problem.n_par <= _MOST:
+        return list(range(problem.n_par))
+    kept = set(problem.foremost(_MOST // 2))
+    uses = np.bincount(np.concatenate(problem.columns), minlength=problem.n_par)
+
+    def strongest(used: NDArray[np.int64]) -> float:
+        found = np.abs(np.atleast_2d(np.corrcoef(draws[:, used].T))) - np.eye(used.size)
+        return float(np.max(found[:, uses[used] == 1], initial=0.0))
+
+    for used in sorted(problem.columns, key=strongest, reverse=True):
+        if len(kept.union(used.tolist())) <= _MOST:
+            kept.update(used.tolist())
+    return sorted(kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,20 +11,22 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
+from estim.common import InputError, Notation, as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
+from estim.drawing import BLUE, GREEN, INK, MARKS, draw_bands, legend_below, new_figure
 from estim.line import ThetaMinSeries
-from estim.reports.kept_fit import fitted_values as fitted_values
 from estim.reports.pages import page
-from estim.reports.regime_figures import reach_figure, regime_figure
-from estim.reports.regime_words import place_words
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, provenance
+from estim.reports.result import SCHEMA, Provenance, Result, provenance
 from estim.sampling import number
-from estim.studies import BodyMap, RunPlace
-from estim.words import STATUS_WORDS, Voice, advice_for, tell
+from estim.studies import BodyMap, FittedValues, RunPlace
+from estim.words import STATUS_WORDS, Voice, advice_for, sure, tell
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.container import ErrorbarContainer
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
 MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
@@ -32,6 +34,23 @@ _ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {
     "asked": later("as asked for"), "stated": later("ramp_length_m less ramp_start_m"),
+}
+_STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
+_VERMILION = "#B34700"
+_FRICTIONS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
+_NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
+_NAMED = 4  # names in one label
+_THETA_MIN = Notation("θ_min").label("rad").tex
+_SLIVER = 1e-6  # rad
+_NONE_ENOUGH = 9.0  # stands for no friction that would do
+_ENDS = {
+    "turns": {"ramp": later("turns at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns at the end of the recorded way ({m:.3g} m)")},
+    "climbs on": {"ramp": later("climbs and turns on the ramp"), "recorded way": later("climbs and turns on the recorded way")},
+    "turns on": {"ramp": later("turns on the ramp"), "recorded way": later("turns on the recorded way")},
+    "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded way")},
+    "turns beyond": {
+        "ramp": later("turns only beyond the end of the ramp"), "recorded way": later("turns only beyond the end of the recorded way"),
+    },
 }
 
 
@@ -116,29 +135,21 @@ def map_report(
     for found in maps:
         own = line if line is not None and line.body == found.body else None
         drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own)
-        if found.uphill:
-            drawers[f"figures/reach-{found.body}.png"] = partial(reach_figure, found)
     text = partial(
         render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
-        parts=[(found, result.bodies[found.body], _tilt_rows(result.bodies[found.body])) for found in maps],
+        parts=[(found, result.bodies[found.body]) for found in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
-        spread=_spread_words, degrees=_degrees, line_body=None if line is None else line.body,
+        spread=_spread_words, degrees=_degrees, per_radian=_DEGREES, line_body=None if line is None else line.body,
         way=_way_words,
     )
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
 
 
 def _way_words(found: BodyMap) -> dict[str, str]:
-    """What tables and captions call the end of the ramp, or of the recorded way in its place."""
+    """What the table calls the end of the ramp, or of the recorded way in its place."""
     if found.end.origin == "recorded":
-        return {
-            "passes": phrase("passes the end of the recorded way up to (°)"),
-            "against": phrase("Against the length of the recorded way."),
-        }
-    return {
-        "passes": phrase("passes the end of the ramp up to (°)"),
-        "against": phrase("Against the length of the ramp."),
-    }
+        return {"passes": phrase("passes the end of the recorded way up to (°)")}
+    return {"passes": phrase("passes the end of the ramp up to (°)")}
 
 
 def map_lines(found: BodyMap) -> list[str]:
@@ -201,12 +212,189 @@ def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
     return signed(format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68)))
 
 
-def _tilt_rows(body: BodyOnMap) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for tilt in body.tilts:
-        passes = tilt.passes_up_to
-        rows.append((
-            signed(f"{tilt.phi * _DEGREES:.3g}"), _degrees(tilt.least), _degrees(tilt.largest), _degrees(tilt.rolls_on_up_to), _degrees(passes),
-            _spread_words(tilt.farthest),
-        ))  # fmt: skip
-    return rows
+def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
+    """What the body does, over tilt and angle of release; the distance to the turning point as contours in m."""
+    from matplotlib.lines import Line2D
+
+    figure = new_figure(6.2)
+    ax = figure.subplots()
+    _zones(ax, found)
+    _distances(ax, found)
+    handles: list[Patch | Line2D | ErrorbarContainer] = list(_zone_patches(found))
+    for low, high, colour in _borders(found):
+        _band(ax, found.phi, low, colour)
+        if high is not None:
+            _band(ax, found.phi, high, colour)
+    limits = (
+        phrase("least and largest angle to set off, with 68 and 95 %") if found.downhill
+        else phrase("least and largest angle to climb, with 68 and 95 %")
+    )
+    handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
+    if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
+        said = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
+        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=said))
+    if found.downhill and np.any((found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])):
+        handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
+    if np.any(np.isfinite(found.contours)):
+        handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns after this many m")))
+    if line is not None:
+        handles.append(_line_points(ax, line))
+    _frame(ax, found)
+    _runs(ax, found)
+    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty")))
+    legend_below(figure, ncols=2, handles=handles)
+    return figure
+
+
+def _frame(ax: Axes, found: BodyMap) -> None:
+    along = phrase("tilt φ (°), uphill positive") if found.downhill else phrase("tilt φ (°)")
+    ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
+    ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
+    ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
+    ax.yaxis.set_ticks(np.arange(np.ceil(found.theta0_range[0] * _DEGREES / 30.0), found.theta0_range[1] * _DEGREES / 30.0 + 1e-9) * 30.0)
+    ax.set_title(found.body)
+
+
+def _zones(ax: Axes, found: BodyMap) -> None:
+    ax.set_facecolor(_STILL)
+    phi, lowest, highest, on, passes = found.phi * _DEGREES, *(b[2] * _DEGREES for b in (found.lowest, found.highest, found.rolls_on, found.passes))
+    for low, high, colour in ((lowest, on, _ROLLS), (on, passes, _PASSES), (passes, highest, _TURNS)):
+        ax.fill_between(phi, low, high, where=high > low, color=colour, lw=0, zorder=0.5, interpolate=True)
+
+
+def _zone_patches(found: BodyMap) -> Iterator[Patch]:
+    from matplotlib.patches import Patch
+
+    down = phrase("rolls down, or stays") if not found.downhill else phrase("sets off the other way")
+    yield Patch(fc=_STILL, label=phrase("sets off uphill instead, or stays") if not found.uphill else down)
+    if np.any(found.highest[2] > found.passes[2]):
+        yield Patch(fc=_TURNS, label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]))
+    if np.any(found.passes[2] > found.rolls_on[2]):
+        yield Patch(fc=_PASSES, label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]))
+    if np.any(found.rolls_on[2] > found.lowest[2]):
+        yield Patch(fc=_ROLLS, label=phrase("rolls on for ever"))
+
+
+def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, str]]:
+    if np.any(found.passes[2] > found.rolls_on[2]):
+        yield np.where(found.passes > found.rolls_on, found.passes, np.nan), None, _VERMILION
+    if found.downhill:
+        on = np.where((found.rolls_on > found.lowest) & (found.rolls_on < found.highest), found.rolls_on, np.nan)
+        yield on, None, GREEN
+    yield found.lowest, found.highest, INK
+
+
+def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str) -> None:
+    """A border with its 68 and 95 % bands; its line where half of the draws have it.  border : (5, n_phi) rad."""
+    degrees = border * _DEGREES
+    jump = np.flatnonzero(np.abs(np.diff(border[2])) > 2.0)  # of a body without a heavy side, which sets off from every angle or from none
+    for at in jump:
+        ax.axvline(phi[at] * _DEGREES, color=colour, lw=1.8, zorder=2.5)
+    flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)  # it is nowhere
+    degrees[2, flat] = np.nan
+    draw_bands(ax, phi * _DEGREES, degrees, colour, zorder=2.0)
+
+
+def _distances(ax: Axes, found: BodyMap) -> None:
+    """From where it turns after so many metres, each line with its number."""
+    phi = found.phi * _DEGREES
+    for i, (stop, release) in enumerate(zip(found.stops, found.contours, strict=True)):
+        there = np.flatnonzero(np.isfinite(release))
+        if there.size < 2:
+            continue
+        ax.plot(phi, release * _DEGREES, color=BLUE, lw=0.8, zorder=1.5)
+        if there.size > 0.06 * phi.size:
+            at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
+            ax.text(phi[at], release[at] * _DEGREES, f"{stop:.3g}", fontsize=8, color=BLUE, ha="center", va="center", zorder=1.6, clip_on=True,
+                    bbox={"fc": _TURNS, "ec": "none", "pad": 0.6})  # fmt: skip
+
+
+def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:
+    return ax.errorbar(
+        line.phi * _DEGREES, line.theta_min * _DEGREES, xerr=line.u_phi * _DEGREES, yerr=line.u_theta_min * _DEGREES, fmt="s", color=_VERMILION,
+        mfc="white", ms=4.5, lw=0.9, zorder=4, label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
+    )
+
+
+def _runs(ax: Axes, found: BodyMap) -> None:
+    """Error bars of the runs; runs near each other have one label, on the side where there is room."""
+    width, height = np.ptp(found.phi), found.theta0_range[1] - found.theta0_range[0]
+    groups: list[list[RunPlace]] = []
+    for i, place in enumerate(found.runs):
+        at = np.array([place.phi[0], place.theta0[0]]) * _DEGREES
+        u = np.array([place.phi[1], place.theta0[1]]) * _DEGREES
+        ax.errorbar(at[0], at[1], xerr=u[0], yerr=u[1], fmt=MARKS[i % len(MARKS)], color=INK, ms=5, lw=1.2, zorder=5)
+        near = (g for g in groups if abs(g[0].phi[0] - place.phi[0]) < _NEAR * width and abs(g[0].theta0[0] - place.theta0[0]) < 0.5 * _NEAR * height)
+        group = next(near, None)
+        if group is None:
+            groups.append([place])
+        else:
+            group.append(place)
+    for group in groups:
+        names = [place.run for place in group[:_NAMED]] + ([phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else [])
+        left = group[0].phi[0] > found.phi.mean()
+        ax.annotate(
+            "\n".join(names), (group[0].phi[0] * _DEGREES, group[0].theta0[0] * _DEGREES), (-6 if left else 6, 5), textcoords="offset points",
+            ha="right" if left else "left", va="bottom", color=INK, zorder=7, bbox={"fc": "white", "ec": "none", "alpha": 0.65, "pad": 0.6},
+        )
+
+
+def place_words(found: BodyMap, place: RunPlace) -> str:
+    """What a run should do, and what its recording shows."""
+    said = [f"{place.run}: {_start_words(place)}"]
+    if place.sets_off >= 0.5:
+        said.append(_end_words(place))
+    return "; ".join([*said, _recording_words(place, as_it_may=not found.known.fitted)])
+
+
+def _start_words(place: RunPlace) -> str:
+    uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
+    if place.sets_off < 0.5:
+        return (
+            phrase("does not climb (it does with {chance})", chance=chance) if uphill
+            else phrase("does not set off downhill (it does with {chance})", chance=chance)
+        )
+    return phrase("climbs ({chance})", chance=chance) if uphill else phrase("rolls down ({chance})", chance=chance)
+
+
+def _end_words(place: RunPlace) -> str:
+    """Where it turns."""
+    if not np.isfinite(place.stop[2]):
+        return phrase("and on for ever")
+    return phrase("turns at {at} m", at=format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))))
+
+
+def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
+    at, chance = place.farthest, sure(place.agrees)
+    if place.turned:
+        return phrase("its recording turns at {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
+            "its recording turns at {at:.3g} m", at=at
+        )
+    return phrase("its recording goes to {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
+        "its recording goes to {at:.3g} m", at=at
+    )
+
+
+def fitted_values(campaign: Campaign, text: str, *, place: str) -> FittedValues:
+    """Means and covariance of the parameters in `text`, a `result.json` that stands at `place`.
+
+    A parameter on an edge of its prior has no mean: it is left to its prior.  Raises InputError where it is no result of this campaign as it stands,
+    or not ok.
+    """
+    try:
+        result = msgspec.json.decode(text, type=Result)
+    except (msgspec.DecodeError, msgspec.ValidationError):
+        raise InputError(f"must be the result.json of `estim fit` ({SCHEMA})", field="--fit", file=place) from None
+    if result.status != "ok":
+        raise InputError("must be that of a fit that is ok", field="status", value=result.status, file=place)
+    if result.provenance.campaign_sha256 != campaign.sha256:
+        raise InputError("must be that of the campaign as it stands: fit it again", field="campaign_sha256", file=place)
+    known = {name: p for name, p in result.parameters.items() if p.mean is not None and p.sd is not None}
+    chosen = [i for i, name in enumerate(result.correlation.names) if name in known]
+    names = tuple(result.correlation.names[i] for i in chosen)
+    sds = np.array([known[name].sd for name in names], dtype=float)
+    correlation = np.array(result.correlation.matrix, dtype=float)
+    if correlation.shape != (len(result.correlation.names),) * 2 or not names:
+        raise InputError("must be a square matrix with a row for each parameter", field="correlation", file=place)
+    means = np.array([known[name].mean for name in names], dtype=float)
+    return FittedValues(names, means, correlation[np.ix_(chosen, chosen)] * np.outer(sds, sds), place)

@@ -1,21 +1,30 @@
-"""Templates of `templates/` filled in.
+"""Templates of `templates/` filled in, their sentences translated before they are compiled; numbers of a table that belong together.
 
 Every value that a template prints goes through `markdown`, which no template can forget: it is the environment's `finalize`.
-What is `Markdown` already passes.
+What is `Markdown` already passes.  A sentence is a row of a table, an item of a list, a heading, or the lines of a paragraph up to a blank line or
+a line of tags alone; white space in it counts as a blank.  Tags inside it belong to it: a translation keeps them and puts them where its grammar
+wants them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+import math
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, destination, format_p, language, markdown, p_digits, percentage, phrase, signed, significant
-from estim.reports.sentences import translated
+from estim.common import Markdown, code, destination, format_p, format_quantity, language, markdown, p_digits, percentage, phrase, signed, significant
 
 if TYPE_CHECKING:
     import jinja2
+
+_TAG = re.compile(r"\{%.*?%\}|\{#.*?#\}", re.DOTALL)
+_MARKED = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}|`[^`]*`|</?\w[^>]*>", re.DOTALL)
+_QUOTED = re.compile(r"\{[{%][^}]*?(?:\bif\b|\belse\b|~)[^}]*?[\"'][^\"']*[A-Za-z]{2}[^\"']*[\"'][^}]*?[%}]\}")
+_WORD = re.compile(r"[^\W\d_]{2}")
+_OWN_LINE = ("|", "#", "-", "*", ">", "<")  # begins a sentence of its own
 
 
 def p_words(p: float) -> str:
@@ -80,7 +89,83 @@ def _environment(_language: str) -> jinja2.Environment:
         keep_trailing_newline=True, autoescape=False, finalize=markdown,
     )
     environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
-    environment.filters |= {"signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
+    environment.filters["fixed"] = lambda v, form: "n/a" if v is None else form % v
+    environment.filters["unit"] = lambda unit: "" if unit == "1" else unit
+    environment.filters["beside"] = lambda text, unit: text if unit == "1" else f"{text} {unit}"
+    environment.filters |= {"quantity": format_quantity, "digits": p_digits, "signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
     environment.globals["phrase"] = phrase
     environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
     return environment
+
+
+def sentences(source: str) -> Iterator[str]:
+    """Those of a template's source that have words, in their order."""
+    found: list[str] = []
+
+    def kept(words: str) -> str:
+        found.append(words)
+        return words
+
+    _each(source, kept)
+    yield from found
+
+
+def translated(source: str) -> str:
+    """A template's source in the language that is spoken."""
+    return _each(source, phrase)
+
+
+def _each(source: str, of: Callable[[str], str]) -> str:
+    """`source` with each sentence that has words replaced by `of` it; where that is the same, the lines stay as they are."""
+    out: list[str] = []
+    block: list[str] = []
+
+    def close() -> None:
+        if block:
+            before = " ".join(line.strip() for line in block)
+            after = of(before) if _has_words(before) else before
+            indent = block[0][: len(block[0]) - len(block[0].lstrip())]  # of an item below another
+            out.extend(block if after == before else [indent + after])
+            block.clear()
+
+    for line in source.split("\n"):
+        bare = line.strip()
+        if not bare or not _TAG.sub("", bare).strip():
+            close()
+            out.append(line)
+            continue
+        if bare.startswith(_OWN_LINE) or (block and block[-1].strip().startswith(("|", "#"))):
+            close()
+        block.append(line)
+    close()
+    return "\n".join(out)
+
+
+def _has_words(text: str) -> bool:
+    return bool(_WORD.search(_MARKED.sub("", text)) or _QUOTED.search(text))
+
+
+def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
+    """`value` to the decimal place of the last of `digits` significant digits of `u`; without a usable u to six significant digits.
+
+    beside : the larger number next to which it stands, whose notation it shares.
+    """
+    if not math.isfinite(value):
+        return "n/a"
+    if not (math.isfinite(u) and u > 0.0):
+        return signed(f"{value:.6g}")
+    place = math.floor(math.log10(u) + 1e-12) - (digits - 1)
+    if round(u / 10.0**place) >= 10**digits:
+        place += 1
+    exponent = math.floor(math.log10(max(abs(value), u, abs(beside))))
+    if -4 <= exponent < 9 and place > -9:
+        return signed(f"{value:.{max(0, -place)}f}")
+    return signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}e{exponent:+03d}")
+
+
+def interval(low: float, high: float, u: float, digits: int) -> str:
+    """Both ends by `rounded`, or "n/a"."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "n/a"
+    larger = max(abs(low), abs(high))
+    return f"[{rounded(low, u, digits, beside=larger)}, {rounded(high, u, digits, beside=larger)}]"

@@ -1,16 +1,27 @@
-"""Whether bodies rolled without slipping, as a record and as the rows of a table."""
+"""Whether bodies rolled without slipping: the record, the rows of a table, and the figure of the force of the ramp along the way."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from estim.common import phrase, signed, significant
+from estim.arrays import FloatArray
+from estim.checks import Rolling, way_of
+from estim.common import phrase, significant
+from estim.drawing import GREY, LEVELS, ORANGE, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
+from estim.problem import Motion, Problem
 from estim.sampling import number
 from estim.words import tell
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
 
 
 class RollingSummary(msgspec.Struct, frozen=True):
@@ -39,17 +50,46 @@ def rolling_summaries(analysis: Analysis) -> dict[str, RollingSummary] | None:
     }
 
 
-def rolling_rows(rolling: Mapping[str, RollingSummary]) -> list[tuple[str, str, str, str, str, str]]:
-    """Run, friction that it needs, what is enough, where, least normal force, probability."""
-    return [
-        (
-            run, _size(one.friction_needed), _size(one.friction_enough_95), f"{signed(f'{one.where:.3g}')} {one.unit}",
-            "n/a" if one.least_normal is None else signed(f"{one.least_normal:.2f}"),
-            phrase("no friction stated") if one.probability is None else f"{one.probability:.2f}",
-        )
-        for run, one in rolling.items()
-    ]
-
-
-def _size(friction: float | None) -> str:
+def friction_cell(friction: float | None) -> str:
+    """A coefficient of friction, None where none is enough."""
     return phrase("no friction is enough") if friction is None else significant(friction, 2)
+
+
+def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rolling]) -> Figure:
+    """N/(M g) and |F|/N from the release to the farthest reading, one panel a run with a stated friction: median, 68 and 95 % bands.
+
+    draws : (n_draw, n_par).
+    """
+    stated = {one.run: one for one in rolling if one.stated}
+    figure, axes = grid(len(stated), height=2.8)
+    named = problem.named(draws)
+    for ax, run in zip(axes, (run for run in problem.runs if run.name in stated), strict=True):
+        footing = run.body.footing(way_of(run), run.bind(named))
+        along = np.median(footing.along, axis=0)
+        draw_bands(ax, along, _quantiles(footing.normal), GREY, median="N/(M g)")
+        draw_bands(ax, along, _quantiles(np.where(np.isfinite(footing.needed), footing.needed, np.nan)), median="|F|/N")
+        _grip(ax, run.body)
+        label = run.y_label if run.positions else run.x_label
+        ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
+        said = phrase("{run}: rolls all the way with probability {p:.2f}", run=run.name, p=stated[run.name].holds)
+        ax.set_title(said)
+    legend_below(figure)
+    return figure
+
+
+def _quantiles(values: FloatArray) -> FloatArray:
+    """(5, n_x) where half of the draws get: beyond, a band would be that of the few that do."""
+    there = np.mean(np.isfinite(values), axis=0) > 0.5
+    found = np.full((len(LEVELS), there.size), np.nan)
+    found[:, there] = np.nanquantile(values[:, there], LEVELS, axis=0)
+    return found
+
+
+def _grip(ax: Axes, motion: Motion) -> None:
+    """The stated friction, a line with one standard uncertainty."""
+    grip = motion.grip
+    if grip is None:
+        return
+    centre, sd = (grip, 0.0) if isinstance(grip, float) else (grip.expectation, grip.sd)
+    ax.axhline(centre, color=ORANGE, lw=1.4, ls="--", label=phrase("stated friction"))
+    ax.axhspan(centre - sd, centre + sd, color=ORANGE, alpha=0.2, lw=0)

@@ -12,13 +12,12 @@ import numpy as np
 
 from estim.checks import Estimate
 from estim.common import Markdown, Notation, Status, as_json, format_quantity, later, one_line, phrase, significant
-from estim.drawing import BLUE, GREEN, INK, ORANGE, new_figure
+from estim.drawing import BLUE, GREEN, INK, ORANGE, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
-from estim.reports.rendering import render
+from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, software_versions
-from estim.reports.rounded import interval, rounded
 from estim.sampling import Summary, number
 from estim.words import STATUS_WORDS
 
@@ -92,24 +91,25 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
     result = straight_line_result(line)
 
     def text(*, pictures: Collection[str]) -> str:
-        used = result.recommended
+        fit, used = line.fit, line.fit.standard_errors[line.fit.recommended]
+        x, y = result.columns["x"], result.columns["y"]
         rows = [
-            (convention, *(_pair(v, u, 3) for v, u in ((_nan(result.intercept), a), (_nan(result.slope), b))),
-             "n/a" if cov is None else significant(cov, 3), Markdown(phrase("**recommended**") if convention == used else ""))
-            for convention, (a, b, cov) in result.standard_errors.items()
+            (
+                name, _pair(fit.intercept, one.u_intercept, 3), _pair(fit.slope, one.u_slope, 3),
+                significant(one.cov, 3) if math.isfinite(one.cov) else "n/a", Markdown(phrase("**recommended**") if one is used else ""),
+            )
+            for name, one in fit.standard_errors.items()
         ]
-        a, b, _ = result.standard_errors[used]
         return render(
             "straight_line.md.j2", pictures=pictures, result=result, ok=line.status.ok, status_words=STATUS_WORDS[line.status],
             method=phrase(_METHODS[result.method]), rows=rows, percent=f"{100.0 * result.probability:g}",
-            sources={name: CONVENTIONS[name] for name in errors},
-            equation=f"{result.columns['y']} = ({_pair(_nan(result.intercept), a)}) + ({_pair(_nan(result.slope), b)}) · {result.columns['x']}",
+            sources={name: CONVENTIONS[name] for name in line.fit.standard_errors},
+            equation=f"{y} = ({_pair(fit.intercept, used.u_intercept)}) + ({_pair(fit.slope, used.u_slope)}) · {x}",
             predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
-            uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, b),
+            uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, used.u_slope),
             opened={"methods"} if not line.status.ok else (), copies=copies_of(_estimates(result)) if line.status.ok else None,
         )
 
-    errors = result.standard_errors
     return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {"result.json": as_json(result)}
 
 
@@ -145,11 +145,7 @@ def straight_line_lines(line: StraightLine) -> list[str]:
 def _pair(value: float, u: float | None, digits: int = 2) -> str:
     """Value ± uncertainty to as many digits of it."""
     known = u if u is not None else math.nan
-    return rounded(value, known, digits) + (f" ± {rounded(known, known, digits, beside=value)}" if known > 0.0 else "")
-
-
-def _nan(value: float | None) -> float:
-    return math.nan if value is None else value
+    return rounded(value, known, digits) + (f" ± {rounded(known, known, digits, beside=value)}" if 0.0 < known < math.inf else "")
 
 
 def _ends(ends: list[float | None], u: float | None) -> str:
@@ -195,19 +191,19 @@ def straight_line_figure(line: StraightLine) -> Figure:
         label=phrase("points, ± 1 standard uncertainty") if fit.method != "ols" else phrase("points"),
     )
     if line.status.ok:
-        for i, p in enumerate(line.predictions):
+        for p in line.predictions:
             upper.errorbar(
                 p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
-                label=phrase("prediction, {percent}", percent=percent) if i == 0 else None,
+                label=phrase("prediction, {percent}", percent=percent),
             )
-        for i, q in enumerate(line.inverses):
+        for q in line.inverses:
             if math.isfinite(q.low):
                 upper.errorbar(
                     q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
-                    label=phrase("inverse prediction, {percent}", percent=percent) if i == 0 else None,
+                    label=phrase("inverse prediction, {percent}", percent=percent),
                 )
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
-    figure.legend(*upper.get_legend_handles_labels(), fontsize=8, frameon=False, loc="outside lower center", ncols=2)
+    legend_below(figure, ncols=2)
     return figure
 

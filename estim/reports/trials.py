@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
 import msgspec
+import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import Label, Notation, Quantity, Status, as_json, e_n, format_quantity, kind_words, later, one_line, phrase, signed
-from estim.line import UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis
+from estim.drawing import BLUE, GREY, INK, LEVELS, ORANGE, draw_bands, grid, legend_below, new_figure
+from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
-from estim.reports.trials_figures import chances_figure, starts_figure
 from estim.sampling import Summary, number, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for, told_apart
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 TRIALS_SCHEMA = "estim-trials/1"
 _LINES = {"york": later("York's line through the θ_min series"), "posterior": later("Bayesian line through the θ_min series")}
 _GAMMA = Notation("γ").label("1")
+_MOST_PANELS = 12
+_ASIDE = 0.011  # of the width of the panel: from a mark to the next of the same angle
+_MARKS = {(LOW, True): ("^", BLUE), (LOW, False): ("o", "white"), (HIGH, True): ("v", ORANGE), (HIGH, False): ("s", "white")}
+_NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 
 
 class WayRow(msgspec.Struct, frozen=True):
@@ -205,3 +213,114 @@ def _threshold_cells(row: ThresholdRow) -> tuple[str, ...]:
     above = (row.n_climbed == 0) == (row.end == "min")
     limit = f"> {low95}" if above else f"< {high95}"
     return name, f"{math.degrees(row.phi):.2f}", counts, phrase("one outcome only"), "", limit
+
+
+def starts_figure(analysis: TrialsAnalysis) -> Figure:
+    """Every trial, the intervals of each tilt by itself, and where ascents begin and end by all trials at once; a panel for each end."""
+    trials = analysis.trials
+    figure = new_figure(3.4 * len(trials.ends) + 0.8)
+    axes = figure.subplots(len(trials.ends), 1, squeeze=False)[:, 0]
+    read = np.array([tilt.phi for tilt in trials.tilts])
+    room = 0.08 * max(float(np.ptp(read)), 0.01)
+    phi = np.linspace(min(0.0, read.min() - room), read.max() + room, 120)
+    for ax, end in zip(axes, reversed(trials.ends), strict=True):
+        _draw_starts(ax, analysis, end, phi)
+        _draw_trials(ax, analysis, end, float(np.degrees(np.ptp(phi))))
+        ax.set(xlim=np.degrees(phi[[0, -1]]), ylabel=phrase("θ, angle of release as set (°)"))
+        low, high = ax.get_ylim()
+        ax.set_ylim(max(low, 0.0), min(high, 180.0))
+    axes[-1].set_xlabel(phrase("φ, tilt of the ramp as read (°)"))
+    axes[0].set_title(trials.body + ("" if analysis.status.ok else f" — {analysis.status}"))
+    legend_below(figure, ncols=2)
+    return figure
+
+
+def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) -> None:
+    if analysis.status.ok:
+        starts = np.quantile(np.degrees(analysis.starts(end, phi)), LEVELS, axis=0)
+        draw_bands(ax, np.degrees(phi), starts, said=later("limit of the ascents, all trials at once, {p:.0f} %"))
+    gamma = analysis.gamma_masses
+    if gamma is not None:
+        sine = np.sin(phi) / gamma.value
+        smallest = np.degrees(np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan))
+        label = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
+        ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
+    label = phrase("limit of the ascents, each tilt by itself, 95 %")
+    for found in (one for one in analysis.thresholds if one.end == end):
+        low, high = np.degrees(found.quantiles[[0, -1]])
+        ax.plot([np.degrees(found.phi)] * 2, [low, high], color=GREY, lw=2.5, solid_capstyle="butt", zorder=3, label=label)
+
+
+def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> None:
+    """Ascents right of their tilt, refusals left of it, those of one angle side by side.  width : degrees, of the panel."""
+    for climbed, mark, face, label in (
+        (True, "^", BLUE, phrase("climbed (right of the tilt)")), (False, "o", "white", phrase("did not climb (left of it)")),
+    ):
+        x, y = [], []
+        for tilt in analysis.trials.tilts:
+            part = tilt.end(end)
+            for place, angle in _side_by_side(part.theta[part.climbed == climbed], Counter()):
+                x.append(np.degrees(tilt.phi) + (1.0 if climbed else -1.0) * (place + 1.0) * _ASIDE * width)
+                y.append(angle)
+        ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
+
+
+def _side_by_side(angles: FloatArray, seen: Counter[float]) -> list[tuple[int, float]]:
+    """Angles in degrees, each with how many of the same came before it, those in `seen` among them."""
+    placed = []
+    for angle in np.round(np.degrees(angles), 6).tolist():
+        placed.append((seen[angle], angle))
+        seen[angle] += 1
+    return placed
+
+
+def chances_figure(analysis: TrialsAnalysis) -> Figure:
+    """The chance of an ascent against the angle, a panel for each tilt, and its trials at 1 and 0; angles above 90 degrees mirrored there."""
+    trials = analysis.trials
+    chosen = np.unique(np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS)).round().astype(int))
+    figure, axes = grid(len(chosen), height=2.2 if len(chosen) > 2 else 2.8)
+    for ax, which in zip(axes, chosen, strict=True):
+        tilt = trials.tilts[which]
+        inside = np.minimum(tilt.theta, np.pi - tilt.theta)
+        room = 4.0 * float(np.median(analysis.column("scatter")))
+        angles = np.linspace(max(0.0, inside.min() - room), min(0.5 * np.pi, inside.max() + room), 161)
+        chance = _chances(analysis, tilt.phi, angles, trials.ends[0])
+        draw_bands(ax, np.degrees(angles), np.quantile(chance, LEVELS, axis=0), said=later("chance of an ascent, {p:.0f} %"))
+        if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
+            middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
+            ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label=phrase("median above 90°"))
+        for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
+            seen: Counter[float] = Counter()
+            for end in trials.ends:
+                part = tilt.end(end)
+                placed = _side_by_side(np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], seen)
+                mark, face = _MARKS[end, climbed]
+                label = phrase("climbed") if climbed else phrase("did not climb")
+                label += f", {phrase(_NAMES[end])}" if len(trials.ends) > 1 else ""
+                heights = [level + step * place for place, _ in placed]
+                ax.plot([angle for _, angle in placed], heights, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, clip_on=False, zorder=4)
+        ax.set(xlim=np.degrees(angles[[0, -1]]), ylim=(-0.08, 1.08))
+        ax.set_yticks([0.0, 0.5, 1.0])
+        ax.set_title(phrase("φ read as {phi:.2f}°", phi=math.degrees(tilt.phi)))
+    as_set = phrase("θ, angle of release as set (°)")
+    mirrored = phrase("θ, or 180° − θ (°)") if len(trials.ends) > 1 else "180° − θ (°)" if trials.ends == (HIGH,) else as_set
+    for ax in axes[-2:] if len(axes) > 2 else axes[-1:]:
+        ax.set_xlabel(mirrored)
+    for ax in axes[::2] if len(axes) > 2 else axes:
+        ax.set_ylabel(phrase("chance of an ascent"))
+    legend_below(figure)
+    return figure
+
+
+def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str, *, n_draw: int = 300) -> FloatArray:
+    """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over its errors, `inside` rad from the vertical at that end."""
+    posterior, names = analysis.posterior, analysis.chain.names
+    draws = analysis.chain.thinned(n_draw)
+    values = {name: draws[:, i] for i, name in enumerate(names)}
+    starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
+    zero = draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0) if "zero_theta" in names else 0.0
+    per_width = math.pi / math.sqrt(3.0) / draws[:, [names.index("scatter")]]
+    total = np.zeros((len(draws), inside.size))
+    for k, weight in enumerate(np.exp(posterior.log_weights)):
+        total += weight * 0.5 * (1.0 + np.tanh(0.5 * (inside - starts[:, [k]] - zero) * per_width))
+    return total

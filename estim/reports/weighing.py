@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, format_quantity, kind_words, one_line, phrase, signed
+from estim.common import as_json, format_quantity, kind_words, one_line
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, software_versions
 from estim.sampling import number
@@ -82,8 +82,8 @@ def body_report(source: CampaignFile, weighing: Weighing, *, seed: int) -> dict[
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(
-        "body.md.j2", result=result, kind=kind_words(result.kind), values=_value_rows(result), budgets=_budgets(result),
-        correlation=_correlation_rows(result), inputs=[(name, format_quantity(one.value, one.u), one.unit) for name, one in result.inputs.items()],
+        "body.md.j2", result=result, kind=kind_words(result.kind), budgets=_budgets(result), label=lambda out, unit: OUTPUTS[out][0].label(unit),
+        symbols=[f"{OUTPUTS[out][0].symbol}[{rest}" for out, _, rest in (name.partition("[") for name in result.correlation.names)],
     )
     return {"report.md": text.encode(), "result.json": as_json(result)}
 
@@ -99,20 +99,6 @@ def body_lines(weighing: Weighing) -> list[str]:
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 
-def _value_rows(result: BodyResult) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = []
-    for body, summary in result.bodies.items():
-        for out, v in summary.values.items():
-            label = OUTPUTS[out][0].label(v.unit)
-            drawn = "n/a" if v.mean is None or v.sd is None else format_quantity(v.mean * label.factor, v.sd * label.factor)
-            ends = [None if end is None else end * label.factor for end in (v.low_95, v.high_95)]
-            interval = "n/a" if None in ends or v.u == 0.0 else signed(f"[{ends[0]:.4g}, {ends[1]:.4g}]")
-            linear = format_quantity(v.value * label.factor, v.u * label.factor)
-            believe = phrase("exact") if v.u == 0.0 else phrase("both agree") if v.linear_holds else "Monte Carlo"
-            rows.append((body, label.symbol, phrase(v.meaning), linear, drawn, interval, "" if label.unit == "1" else label.unit, believe))
-    return rows
-
-
 def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, list[str]]]]]:
     """For each body the symbols of what is uncertain, and a row for each input that says anything: its share of each variance."""
     found = {}
@@ -124,9 +110,3 @@ def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, l
         rows = [(name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]]) for name in largest]
         found[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
     return found
-
-
-def _correlation_rows(result: BodyResult) -> list[tuple[str, list[str]]]:
-    symbols = [f"{OUTPUTS[out][0].symbol}[{rest}" for out, _, rest in (name.partition("[") for name in result.correlation.names)]
-    cells = [[signed(f"{value:+.2f}") if j <= i else "" for j, value in enumerate(row)] for i, row in enumerate(result.correlation.matrix)]
-    return list(zip(symbols, cells, strict=True))

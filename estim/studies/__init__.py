@@ -9,6 +9,7 @@ from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, drift_of, 
 from estim.studies.known_values import FittedValues
 from estim.studies.limits import Narrowing
 from estim.studies.models import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, compare_models, contains, log_odds, rival_of
+from estim.studies.paper_band import PropagatedBand
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis, reanalyse
 from estim.studies.regimes import BodyMap, map_bodies
 from estim.studies.run_places import RunPlace
