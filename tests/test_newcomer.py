@@ -74,7 +74,6 @@ def test_energy_and_reanalysis_refuse_positions_and_robust_errors_at_once(tmp_pa
 def test_decimal_commas_are_told_as_such(tmp_path: Path) -> None:
     for text, says in (
         ("t_s,x_m\n0,0,0,1\n", r"a.csv:2: 'row' must have 2 cells \(decimal commas\? write decimal points, or"),
-        ("t_s;x_m\n0;0,1\n", r"a.csv:2: 'x_m' must be a number with a decimal point, not a comma: 0,1"),
         ("t_s;x_m\n0;x\n", r"a.csv:2: 'x_m' must be a number: x"),
     ):
         (tmp_path / "a.csv").write_text(text)

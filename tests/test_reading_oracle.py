@@ -37,7 +37,11 @@ TOKENS = (
 
 
 def oracle(data: bytes) -> dict[str, list[float]] | None:
-    """The columns that the bytes hold; None where a careful person would not be sure."""
+    """The columns that the bytes hold; None where a careful person would not be sure.
+
+    What stands above the line of names is no data.  Blank cells behind the last column are nothing.  Decimals have a point, or all a comma where
+    commas do not part the cells.
+    """
     text = data.decode("utf-8")
     text = text[1:] if text.startswith("\ufeff") else text
     if "\0" in text:
@@ -46,27 +50,38 @@ def oracle(data: bytes) -> dict[str, list[float]] | None:
     comments = ("#",)
     for line in io.StringIO(text, newline=None).read().split("\n"):
         bare = line.strip()
-        if header is None and bare.lstrip("#% ") != bare and all(name.strip() in KNOWN for name in re.split("[\t;,]", bare.lstrip("#% "))):
-            comments, bare, line = ("#", "%") if bare.startswith("%") else ("#",), bare.lstrip("#% "), line.lstrip("#% ")
-        if not bare or bare.startswith(comments):
+        if not rows and (names := _header(bare.lstrip("#% "))) is not None and not (header and bare.startswith("#")):
+            comments = ("#", "%") if bare.startswith("%") else ("#",)
+            header, mark = names
             continue
-        mark = mark if header else next((m for m in "\t;," if m in line), ",")
+        if header is None or not bare or bare.startswith(comments):
+            continue
         try:
-            cells = [cell.strip() for cell in next(csv.reader([line], delimiter=mark, strict=True))]
+            cells = line.split() if mark == " " else [cell.strip() for cell in next(csv.reader([line], delimiter=mark, strict=True))]
         except csv.Error:
             return None
-        if header is None:
-            header = cells
-        elif len(cells) != len(header):
+        while len(cells) > len(header) and not cells[-1]:
+            cells.pop()
+        if len(cells) != len(header):
             return None
-        else:
-            rows.append(cells)
-    if header is None or len(set(header)) != len(header) or not all(name in KNOWN or name.startswith("_") for name in header):
+        rows.append(cells)
+    if header is None or len(set(header)) != len(header):
         return None
+    read = {name: [row[i] for row in rows] for i, name in enumerate(header) if name in KNOWN}
+    commas = mark != "," and not any("." in cell for column in read.values() for cell in column)
     try:
-        return {name: [_number(row[i]) for row in rows] for i, name in enumerate(header) if name in KNOWN}
+        return {name: [_number(cell.replace(",", ".") if commas else cell) for cell in column] for name, column in read.items()}
     except InvalidOperation:
         return None
+
+
+def _header(line: str) -> tuple[list[str], str] | None:
+    """The names on a line that is one of names, and what parts them."""
+    mark = next((m for m in "\t;,| " if m in line), ",")
+    cells = line.split() if mark == " " else [cell.strip() for cell in line.split(mark)]
+    while cells and not cells[-1]:
+        cells.pop()
+    return (cells, mark) if cells and all(name in KNOWN or name.startswith("_") for name in cells) else None
 
 
 def _number(cell: str) -> float:

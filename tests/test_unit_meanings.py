@@ -14,8 +14,9 @@ from estim import AxisNames, Poisson, fit_curve
 from estim.campaign import load_campaign
 from estim.common import in_unit, is_angle, is_in_degrees, is_unit, same_unit
 from estim.common.errors import InputError
-from estim.curves import contradiction, read_formula, refuse_degrees, units_of
+from estim.curves import read_formula, units_of
 from estim.curves.dimensions import certain_dimensions
+from estim.curves.units import contradiction, refuse_degrees
 from estim.reading import Dialect, name_and_unit, read_layout
 from estim.reports.copying import _unit as latex_of
 
@@ -106,7 +107,7 @@ def test_counts_in_bins_have_no_unit_of_their_own() -> None:
         assert rule_of("N/tau*exp(-x/tau) + p", "µs", unit, "1/us", density=True) is None
     assert rule_of("a*exp(-x/tau) + p", "min", "1", "1/min") is None  # counts of a minute each
     counts = np.random.default_rng(1).poisson(50.0 * np.exp(-T))
-    with pytest.raises(InputError, match="'units' of 'B' must be in 1/µs"):
+    with pytest.raises(InputError, match="must be in 1/µs here"):
         fit_curve("A*exp(-x/tau) + B", T, counts, noise=Poisson(bins=T[1]), axes=AxisNames("t", "µs"), units={"B": "1/s"}, n_start=1)
 
 
@@ -165,7 +166,7 @@ def test_an_arctangent_gives_no_degrees(text: str) -> None:
 def test_only_numbers_that_somebody_stated_are_turned() -> None:
     given = {"u_y": 0.1, "axes": AxisNames("t", "s", "s", "m"), "n_start": 1}
     for start in ({}, {"s0": 1.0}):
-        with pytest.raises(InputError, match=r"'units' of 'v' must be in m/s here.*nothing is converted: mm/s$"):
+        with pytest.raises(InputError, match=r"'units\[v\]' must be in m/s here.*nothing is converted: mm/s$"):
             fit_curve("s0 + v*x", T, T, units={"v": "mm/s"}, bounds={"v": (0.0, 10.0)}, start=start, **given)
     with pytest.raises(InputError, match=r"write 0\.004 m/s for 4 mm/s"):
         fit_curve("s0 + v*x", T, T, units={"v": "mm/s"}, start={"v": 4.0}, **given)

@@ -103,9 +103,9 @@ def test_times_of_events_say_the_unit_of_a_lifetime(tmp_path: Path) -> None:
 
 def test_python_refuses_the_same() -> None:
     x, axes = np.linspace(0.0, 10.0, 21), AxisNames("t", "s", "U", "V")
-    with pytest.raises(InputError, match=r"'units' of 'tau' must be in s here.*write 0.005 s for 5 ms"):
+    with pytest.raises(InputError, match=r"'units\[tau\]' must be in s here.*write 0.005 s for 5 ms"):
         fit_curve("U*exp(-x/tau)", x, np.exp(-x), u_y=0.1, start={"U": 1.0, "tau": 5.0}, units={"tau": "ms"}, axes=axes)
-    with pytest.raises(InputError, match="'units' of 'p' must be in rad here"):
+    with pytest.raises(InputError, match=r"'units\[p\]' must be in rad here"):
         fit_curve("U*cos(x/T + p)", x, x, u_y=0.1, start={"U": 1.0, "T": 1.0, "p": 9.0}, units={"p": "°"}, axes=axes)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import CampaignFile
-from estim.reading import Table, read_table
+from estim.reading import Table, read_known_columns
 
 COLUMNS = ("phi_deg", "theta_min_deg", "u_phi_deg", "u_theta_min_deg")
 _MIN_ROWS = 3
@@ -77,7 +77,7 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     line, folder = source.line, source.path.parent
     path = Path(folder / line.file)
     with source.reading(path, COLUMNS):
-        table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2])
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2])
     for name in COLUMNS[:2]:
         outside = np.abs(table.columns[name]) > 90.0
         if np.any(outside):

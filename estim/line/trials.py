@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign import CampaignFile
-from estim.reading import read_table
+from estim.reading import read_known_columns
 
 COLUMNS = ("phi_deg", "theta_deg", "climbed")
 LOW, HIGH = "min", "max"  # ends of the angles from which a body climbs
@@ -93,7 +93,7 @@ def read_trials(source: CampaignFile) -> Trials:
         raise source.places.error("has no [trials] table: it names the trials of release", (), field="campaign")
     path = Path(source.path.parent / stated.file)
     with source.reading(path, COLUMNS):
-        table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS)
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS)
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
         outside = (table.columns[name] < low) | (table.columns[name] > high)
         if np.any(outside):

@@ -30,11 +30,16 @@ def read_columns(
 
     Raises InputError with file, line, field, rule and value; where the file may be read in two ways, the rule names the key that settles it.
     """
-    dialect = dialect or Dialect()
-    layout = read_layout(path, dialect, shown_as=shown_as, needed=needed)
+    layout = read_layout(path, dialect or Dialect(), shown_as=shown_as, needed=needed)
     if not layout.names:
         raise no_names(layout)
     needed = [*needed, *(name for name in optional if name not in needed and is_column(name, layout.names))]
+    return _columns(layout, dialect or Dialect(), needed, min_rows)
+
+
+def _columns(layout: Layout, dialect: Dialect, needed: Sequence[str], min_rows: int, *, complete: bool = False) -> Table:
+    """complete : whether an empty cell is refused; else its row is left out."""
+    shown_as = layout.file
     places = [place_of(name, layout.names, shown_as, layout.header_line) for name in needed]
     unsaid = layout.delimiter == "," and dialect.delimiter is None and dialect.decimal is None
     if unsaid and len(layout.names) > len(set(places)) and may_be_decimal_commas(line for _, line in layout.rows):
@@ -47,6 +52,8 @@ def read_columns(
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for number, cells in rows:
         blank = next((name for name, place in zip(needed, places, strict=True) if is_missing(cells[place])), None)
+        if blank is not None and complete:
+            raise InputError("must be a number", field=blank, value=cells[places[needed.index(blank)]], file=shown_as, line=number)
         if blank is not None:
             left_out.setdefault(blank, []).append(number)
             continue
@@ -70,23 +77,35 @@ def read_columns(
     return Table(shown_as, layout.sha256, layout.header_line or 0, named, at, warnings, tuple(facts), units, empty, layout.imported, unread)
 
 
-def read_known_columns(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect) -> Table:
-    """The columns of the table at `path` that are called as one of `known`, or as other programs call these; all others are left unread.
+def read_known_columns(
+    path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, dialect: Dialect | None = None, needed: Sequence[str] = ()
+) -> Table:
+    """The columns of the table at `path` that are called as one of `known`, or as other programs call these, those `needed` among them.
 
+    Where nothing is stated of how the table is written, any other column must begin with _ and no cell may be empty; else both are left out.
     Raises InputError as `read_columns` does, and where a column has an uncertain place or another unit than its name says.
     """
-    layout = read_layout(path, dialect, shown_as=shown_as)
+    stated = dialect is not None and dialect != Dialect()
+    layout = read_layout(path, dialect or Dialect(), shown_as=shown_as, needed=known)
     if not layout.names:
         raise no_names(layout)
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
+    line = layout.header_line
+    for name in () if stated else layout.names:
+        if name not in called and not name.startswith("_"):
+            rule = f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)"
+            raise InputError(rule, field=name, file=shown_as, line=line)
     if len(set(called.values())) < len(called):
-        raise InputError("has two columns that are called alike", field="header", value=", ".join(called), file=shown_as, line=layout.header_line)
+        raise InputError("has two columns that are called alike", field="header", value=", ".join(called), file=shown_as, line=line)
     if not called:
         rule = f"must hold columns that are called {', '.join(known)} (or name all columns: columns = [...])"
-        raise InputError(rule, field="header", value=", ".join(layout.names), file=shown_as, line=layout.header_line)
-    table = read_columns(path, needed=list(called), min_rows=min_rows, shown_as=shown_as, dialect=dialect)
+        raise InputError(rule, field="header", value=", ".join(layout.names), file=shown_as, line=line)
+    for name in needed:
+        if name not in called.values():
+            raise InputError("is missing", field=name, file=shown_as, line=line, quoted=f"the header has {listed(list(called))}")
+    table = _columns(layout, dialect or Dialect(), list(called), min_rows, complete=not stated)
     for name, ours in called.items():
-        if same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
+        if ours in UNITS and same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
             raise InputError(rule, field=name, value=table.units[name], file=shown_as, line=table.header_line or None)
     return replace(table, columns=MappingProxyType({called[name]: column for name, column in table.columns.items()}))

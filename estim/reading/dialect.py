@@ -102,10 +102,11 @@ def cells_of(line: str, delimiter: str) -> list[str]:
     return line.split() if delimiter == " " else split_cells(line, delimiter)
 
 
-def shown_delimiter(line: str) -> str:
-    """What separates the cells of a row of data, by the row alone: tabs, semicolons and bars always do, commas unless they are in numbers."""
-    if found := next((mark for mark in ("\t", ";", "|") if mark in line), None):
+def shown_delimiter(*lines: str) -> str:
+    """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always do, commas unless in numbers of the last."""
+    if found := next((mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None):
         return found
+    line = lines[-1]
     words = line.split()
     return " " if "," not in line or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word)) else ","
 
@@ -153,7 +154,7 @@ def number_in(cell: str, name: str, mark: str, file: str, line: int) -> float:
     elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
         hint = " without marks between thousands"
     elif is_spreadsheet_error(cell):
-        hint = " (leave the cell empty where there is none)"
+        hint = " (leave the row out where there is none)"
     raise InputError(f"must be a number{hint}", field=name, value=cell, file=file, line=line)
 
 

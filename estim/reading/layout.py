@@ -66,7 +66,7 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     plain = [(number, line) for number, line in below if not is_comment(line)]
     if not plain:
         raise InputError("has no rows of numbers" + (" below the lines that are skipped" if dialect.skip_rows else ""), file=shown_as)
-    delimiter = dialect.mark or (_ONE_COLUMN if _is_one_column(plain, dialect) else shown_delimiter(plain[-1][1]))
+    delimiter = dialect.mark or (_ONE_COLUMN if _is_one_column(plain, dialect) else shown_delimiter(*(line for _, line in plain[-2:])))
     start = 0 if dialect.header is False else 1 if dialect.header else _start(plain, delimiter, shown_as)
     rows = [(number, line) for number, line in plain[start:]]
     if not rows:
@@ -74,7 +74,7 @@ def read_layout(path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence
     percent = any(line.lstrip().startswith("%") for _, line in plain[:start])
     rows = [(number, line) for number, line in rows if not (percent and line.lstrip().startswith("%"))]
     width, least = _widths(rows, delimiter)
-    names, header_line, units = _header(plain[:start], below, rows[0][0], delimiter, (least, width), dialect, needed, shown_as)
+    names, header_line, units = _header(plain[:start], below, rows, delimiter, (least, width), dialect, needed, shown_as)
     head = facts_of(lines, header_line or rows[0][0])
     warnings = tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE))
     return Layout(shown_as, digest, delimiter, names, header_line, units, rows, warnings, (*head, *([note] if note else [])), bool(head))
@@ -210,9 +210,10 @@ def _widths(rows: Lines, delimiter: str) -> tuple[int, int]:
 
 
 def _header(
-    above: Lines, below: Lines, first: int, delimiter: str, widths: tuple[int, int], dialect: Dialect, needed: Sequence[str], file: str
+    above: Lines, below: Lines, rows: Lines, delimiter: str, widths: tuple[int, int], dialect: Dialect, needed: Sequence[str], file: str
 ) -> tuple[tuple[str, ...], int | None, tuple[str, ...]]:
-    """Names of the columns, their line and their units.  above : lines over the numbers; below : all lines with comments; first : line of numbers."""
+    """Names of the columns, their line and their units.  above : lines over the numbers, which stand in `rows`; below : all lines with comments."""
+    first = rows[0][0]
     if not dialect.header:
         _refuse_half_a_row(above, delimiter, widths, file)
     if dialect.columns is not None:
@@ -223,7 +224,7 @@ def _header(
     if dialect.header:
         (number, line), cells = above[0], _trimmed(_cells(above[0][1].strip().lstrip("%# "), delimiter))
         if not widths[0] <= len(cells) <= widths[1]:
-            raise cells_differ(widths[0], len(cells), delimiter, file, first)
+            raise _odd_row(rows, len(cells), delimiter, file)
         return tuple(cells), number, tuple(name_and_unit(cell)[1] for cell in cells)
     units: list[str] = []
     for i, (number, line) in reversed(list(enumerate(above))):
@@ -240,7 +241,7 @@ def _header(
             units = said if of_units else cells
             continue
         if not fits and any(name in cells for name in needed):
-            raise cells_differ(widths[0], len(cells), delimiter, file, first)
+            raise _odd_row(rows, len(cells), delimiter, file)
         return _named(cells, units, number) if fits else ((), None, ())
     comments = [(number, line.lstrip("# \t").rstrip()) for number, line in below if number < first and is_comment(line)]
     for number, line in comments[-1:]:
@@ -286,6 +287,12 @@ def _is_in_symbols(unit: str) -> bool:
     """Whether a unit is made of symbols that are known."""
     words = [part for part in _SEPARATORS.split(unit.replace("µ", "u").replace("μ", "u")) if part]
     return unit == "1" or (_NUMBER_FIRST.match(unit) is None and bool(words) and all(word in _SYMBOLS for word in words))
+
+
+def _odd_row(rows: Lines, width: int, delimiter: str, file: str) -> InputError:
+    """What is said of the first row that has another number of cells than there are names."""
+    number, n_cell = next((number, n) for number, line in rows if (n := len(_cells(line, delimiter))) != width)
+    return cells_differ(n_cell, width, delimiter, file, number)
 
 
 def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:

@@ -18,7 +18,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
 from estim.reading.columns import read_known_columns
 from estim.reading.dialect import Dialect
-from estim.reading.table import Table, read_table
+from estim.reading.table import Table
 from estim.reading.tracker.importing import (
     Choices,
     Imported,
@@ -125,10 +125,7 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
         if choices is None and not is_tracker_file(path):
             refuse_bare_export(path, shown_as or str(path))
         return _imported(imported, name)
-    if dialect is not None and stated:
-        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect)
-    else:
-        table = read_table(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path))
+    table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect)
     names = set(table.columns)
     shown = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):

@@ -1,28 +1,21 @@
-"""Tables of numbers from CSV files, read without changing a number.
+"""What every source of a table gives, a CSV file (`estim.reading.columns`) or a track: columns of numbers, their units, and the line of each row.
 
-`#` starts a comment line; a column whose name starts with `_` is left unread.  Commas, semicolons or tabs separate the
-cells; decimals have a point, and where a comma may be either, the file is refused.
-
-A first line like ``%Time (s)<TAB>Theta (rad)<TAB>Omega (rad/s)``, as LabVIEW writes it, is understood too.
+`#` starts a comment line; a column whose name starts with `_` is left unread.
 """
 
 from __future__ import annotations
 
 import csv
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import EXTREME, InputError, extreme, listed, read_number, same_unit
-from estim.reading.cells import is_comment
-from estim.reading.input_file import line_after_comment, lines_of, read_text
+from estim.common import InputError, same_unit
+from estim.reading.input_file import line_after_comment, lines_of
 
 _OTHER_NAMES = {
     "time (s)": "t_s",
@@ -82,44 +75,6 @@ class Table:
         return InputError(rule, field=name, value=self.columns[name][row].item(), file=self.file, line=int(self.lines[row]))
 
 
-def read_table(path: Path, *, known: Sequence[str], min_rows: int, shown_as: str, needed: Sequence[str] = ()) -> Table:
-    """The table of finite numbers in the CSV file at `path`, with columns out of `known`, those that are `needed` among them.
-
-    Raises InputError with file, line, field, rule and value.
-    """
-    text, digest = read_text(path, shown_as=shown_as)
-    rows = numbered_lines(text, file=shown_as)
-    header = next(((n, line) for n, line in rows if not is_comment(line) or _names(line, known)), None)
-    if header is None:
-        raise InputError("has no line of column names", file=shown_as)
-    header_line, header_text = header
-    names = _names(header_text, known)
-    if not names:
-        raise InputError(f"must hold column names ({', '.join(known)})", field="header", value=header_text, file=shown_as, line=header_line)
-    delimiter = _delimiter(header_text)
-    for name in needed:
-        if name not in names:
-            raise InputError("is missing", field=name, file=shown_as, line=header_line, quoted=f"the header has {listed(names)}")
-    _check_names(names, known, shown_as, header_line)
-    percent = header_text.lstrip().startswith("%")  # LabVIEW's
-    below = [(number, line) for number, line in rows if number > header_line and not is_comment(line)]
-    data = [(number, line) for number, line in below if not (percent and line.lstrip().startswith("%"))]
-    numbers = [number for number, _ in data]
-    cells = [_cells(line, names, delimiter, shown_as, number) for number, line in data]
-    if len(cells) < min_rows:
-        raise InputError(f"must hold at least {min_rows} rows of numbers", field="rows", value=len(cells), file=shown_as)
-    if delimiter == "," and any(name.startswith("_") for name in names) and may_be_decimal_commas(line for _, line in data):
-        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], file=shown_as, line=numbers[0])
-    table = np.array(cells)
-    columns = {column: table[:, i] for i, column in enumerate(names) if not column.startswith("_")}
-    lines = np.array(numbers)
-    for array in (*columns.values(), lines):
-        array.setflags(write=False)
-    warnings = tuple(line[len(NOTE) :].strip() for _, line in rows if line.startswith(NOTE))
-    facts = facts_of(rows, header_line)
-    return Table(shown_as, digest, header_line, MappingProxyType(columns), lines, warnings, facts, imported=bool(facts))
-
-
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
     """What the head of a file that `estim import` made says of where it comes from."""
     head = [line for number, line in rows if number < header_line]
@@ -147,28 +102,6 @@ def may_be_decimal_commas(lines: Iterable[str]) -> bool:
     return all(_WHOLE.fullmatch(line.strip()) for line in lines)
 
 
-def _delimiter(header: str) -> str:
-    return next((mark for mark in ("\t", ";", ",") if mark in header), ",")
-
-
-def _names(line: str, known: Sequence[str]) -> list[str]:
-    """Column names on a line, in our spelling; empty where the line is no header."""
-    cells = [cell.strip() for cell in line.lstrip("%# ").split(_delimiter(line))]
-    names = [own_name(cell) for cell in cells]
-    commented = line.lstrip().startswith(_COMMENTS)
-    if commented:
-        return names if all(name in known for name in names) else []
-    return names if all(name and not _is_number(name) for name in names) else []
-
-
-def _is_number(text: str) -> bool:
-    try:
-        read_number(text)
-    except ValueError:
-        return False
-    return True
-
-
 def own_name(cell: str) -> str:
     """A column name in our spelling: "Time (s)" is t_s."""
     return _OTHER_NAMES.get(cell.strip().lower(), cell.strip())
@@ -177,41 +110,3 @@ def own_name(cell: str) -> str:
 def split_cells(line: str, delimiter: str) -> list[str]:
     """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not enclose whole cells."""
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
-
-
-def _check_names(names: list[str], known: Sequence[str], file: str, line: int) -> None:
-    seen: set[str] = set()
-    for name in names:
-        if name not in known and not name.startswith("_"):
-            rule = f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)"
-            raise InputError(rule, field=name, file=file, line=line)
-        if name in seen:
-            raise InputError("stands twice in the header", field=name, file=file, line=line)
-        seen.add(name)
-
-
-def _cells(line: str, names: list[str], delimiter: str, file: str, number: int) -> list[float]:
-    try:
-        texts = split_cells(line, delimiter)
-    except csv.Error as error:
-        raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
-    if len(texts) != len(names):
-        commas = delimiter == "," and len(texts) == 2 * len(names)
-        hint = " (decimal commas? write decimal points, or separate the cells by semicolons)" if commas else ""
-        raise InputError(f"must have {len(names)} cells{hint}", field="row", value=len(texts), file=file, line=number)
-    values = []
-    for name, text in zip(names, texts, strict=True):
-        if name.startswith("_"):
-            values.append(0.0)
-            continue
-        try:
-            value = read_number(text)
-        except ValueError:
-            hint = " with a decimal point, not a comma" if _is_number(text.replace(",", ".", 1)) else ""
-            raise InputError(f"must be a number{hint}", field=name, value=text, file=file, line=number) from None
-        if not math.isfinite(value):
-            raise InputError("must be finite", field=name, value=text, file=file, line=number)
-        if extreme(value):
-            raise InputError(EXTREME, field=name, value=text, file=file, line=number)
-        values.append(value)
-    return values
