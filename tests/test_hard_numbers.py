@@ -9,7 +9,7 @@ import pytest
 from troubles import Disk, Formula
 
 from estim.campaign import load_campaign
-from estim.common.errors import InputError
+from estim.common.errors import InputError, NumericalError
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
@@ -40,9 +40,10 @@ def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("any_speed", "sampled_opinion")
-def test_positions_in_a_wrong_unit_end_in_a_status(tmp_path: Path) -> None:
-    analysis = analyse(load_campaign(scaled_run(tmp_path, 1000.0)), ["r"], seed=1, target=QUICK)
-    assert not analysis.diagnosis.ok
+def test_positions_in_a_wrong_unit_end_in_words(tmp_path: Path) -> None:
+    """Every parameter is pressed against a limit, a hundred thousand standard deviations from what was stated: there is nothing to sample."""
+    with pytest.raises(NumericalError, match="the posterior density is zero or not finite everywhere around the fit"):
+        analyse(load_campaign(scaled_run(tmp_path, 1000.0)), ["r"], seed=1, target=QUICK)
 
 
 @pytest.mark.parametrize("sigma", ["1e-200", "1e200"])

@@ -173,11 +173,11 @@ def test_both_doors_say_the_same_of_a_table(shape: str, seed: int, stated: bool,
 
 
 def test_an_edge_of_what_the_curve_is_defined_for_is_named_by_both_doors(tmp_path: Path) -> None:
+    """The command has the size of the errors as one more parameter: its fit ends at the edge, and the residual tests call it a poor fit."""
     x, y = slowing_ball()
     with pytest.raises(NumericalError, match=r"no finite derivatives in .*tau"):
         fit_curve(SINKING, x, y, bounds={"tau": (0.0, None)})
-    with pytest.raises(NumericalError, match=r"no finite derivatives in .*tau"):
-        by_command(table(tmp_path, x, y), SINKING, u_y=None, low={"tau": 0.0})
+    assert by_command(table(tmp_path, x, y), SINKING, u_y=None, low={"tau": 0.0}).at_bound == ("tau",)
 
 
 def narrow_peak(seed: int) -> tuple[np.ndarray, np.ndarray]:

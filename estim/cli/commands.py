@@ -230,6 +230,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     loaded = load_campaign(campaign)
     loaded.study.require_body()
     folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
+    loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
     claim(folder, "result.json")
     with kept_pieces(folder, resume=resume) as store:
         result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes, store=store)
