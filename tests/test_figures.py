@@ -227,16 +227,6 @@ def test_neither_an_outlier_far_off_nor_what_was_left_out_presses_the_points_fla
     assert not np.any(far_off(rolling, [Outliers(run.name, probability)]))
 
 
-def test_a_band_that_its_line_hides_is_called_so() -> None:
-    x = np.linspace(0.0, 1.0, 50)
-    for half, hidden in ((0.001, True), (0.1, False)):
-        band = np.array([x - half, x + half])
-        bands = Bands("r", x, x, {0.68: band, 0.95: band}, {0.68: band, 0.95: band}, np.array([1.0]))
-        curve_figures._draw_bands(ax := Figure().subplots(), bands, "a new point")
-        names = [name for name in ax.get_legend_handles_labels()[1] if name.startswith("the curve")]
-        assert [("under its line" in name) for name in names] == [hidden] * 2
-
-
 def test_narrowing_names_the_runs() -> None:
     u, alone, before = np.array([[0.2], [0.1]]), np.array([[0.2], [0.3]]), np.array([0.4])
     table = Narrowing(("gamma[b]",), (Notation("γ").label("1", "[b]"),), ("zebra", "ant"), u, alone, before)

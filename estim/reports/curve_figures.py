@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_LINE = 0.01  # of the height of a curve: what a line hides
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
 MOST_DRAWN = 15  # runs
@@ -96,10 +95,8 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         low, high = bands.credible[probability]
-        thin = np.median(high - low) < _LINE * np.ptp(bands.median)
         curve = later("the curve with its force, {p:.0f} %") if bands.completed else later("the curve, {p:.0f} %")
-        name = phrase(curve, p=100 * probability) + (f" ({phrase('mostly under its line')})" if thin else "")
-        ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=name)
+        ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase(curve, p=100 * probability))
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=phrase("posterior median"))
 
 
