@@ -273,7 +273,7 @@ def _inner_fit(
 def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
     words = [led_here(best.n_same, best.n_start), *same]
     if perfect:
-        words.append(phrase("the curve passes through every point to rounding error"))
+        words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:
         words.append(phrase("the size of the errors was estimated from the residuals"))
     return "; ".join(words)

@@ -189,7 +189,7 @@ class CurveFit:
         pairs = [(float(matrix[i, j]), f"{a}, {b}") for i, a in enumerate(self.names) for j, b in enumerate(self.names[:i])]
         told = sorted((pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION), key=lambda pair: -abs(pair[0]))
         if self.status.ok and told:
-            lines.append(phrase("correlations (those below {size} are left out):", size=_TOLD_CORRELATION))
+            lines.append(phrase("correlations (those below {size} are omitted):", size=_TOLD_CORRELATION))
             lines += [f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told]
         return "\n".join(lines)
 
@@ -267,7 +267,7 @@ class CurveFit:
 
 
 def _derived_words(found: LinearDerived) -> str:
-    return phrase("derived, linear") if math.isfinite(found.interval[0.95][0]) else phrase("derived; sample_curve may know one")
+    return phrase("derived, linear") if math.isfinite(found.interval[0.95][0]) else phrase("derived; sample_curve can provide one")
 
 
 def _unit(problem: Problem, name: str) -> str:

@@ -32,7 +32,7 @@ def test_one_parameter_conjugate_numbers() -> None:
     assert found.ratios[0] == pytest.approx(1.0 / math.sqrt(1.0 + expected), rel=1e-9)
     assert found.n_learnt == pytest.approx(expected / (1.0 + expected), rel=1e-9)
     assert found.directions[0].held_by == "data"
-    assert found.sentences == ("The data tell 0.9 of 1 combinations of the parameters; every one is held by the data.",)
+    assert found.sentences == ("The data constrain 0.9 of 1 combinations of the parameters; every combination is determined by the data.",)
 
 
 def test_posterior_sds_are_those_of_the_fit_where_priors_are_normal(rng: np.random.Generator) -> None:

@@ -58,7 +58,7 @@ class _Work:
         except EstimError as error:
             said = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
-            said = phrase("fault of the program, please report it: {error}", error=f"{type(error).__name__}: {error}")
+            said = phrase("this is a bug in the program, please report it: {error}", error=f"{type(error).__name__}: {error}")
         forget(self.folder, unit.place)
         return failed(unit, said, time.process_time() - began)
 

@@ -61,5 +61,6 @@ def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float
 def blur_cause(problem: Problem, exposure: float) -> Cause:
     """Motion blur as a candidate for what is missing; `problem` has it."""
     lines = ("noise", f"exposure_s = {exposure:.3g}")
-    return Cause("blur", phrase("motion blur: readings uncertain by what the body moves while a picture is exposed"), problem, (), lines,
+    return Cause("blur", phrase("motion blur: the readings are uncertain by the distance that the body moves during an "
+                                "exposure"), problem, (), lines,
                  scanned=Scanned("exposure", exposure, "s"))

@@ -129,25 +129,25 @@ def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
 
 def _instruments(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     shared, degree = "[shared]", float(np.radians(1.0))
-    yield Sketch("clock", phrase("a clock that is off (scale_t)"), {"scale_t": Normal(0.0, 0.02)}, (shared, 'scale_t = "0.000(20)"'))
+    yield Sketch("clock", phrase("a wrong clock rate (scale_t)"), {"scale_t": Normal(0.0, 0.02)}, (shared, 'scale_t = "0.000(20)"'))
     if not any(run.angular for run in runs):
-        words = phrase("a length scale that is off (scale_x)")
+        words = phrase("a wrong length scale (scale_x)")
         yield Sketch("length_scale", words, {"scale_x": Normal(0.0, 0.02)}, (shared, 'scale_x = "0.000(20)"'))
         length = _length(runs)
         bow = float(format_rounded(_BOW * length, 0.1 * _BOW * length))
         yield Sketch(
-            "distortion", phrase("a picture that is bowed (lens, camera not square to the ramp)"), {"distortion": Normal(0.0, bow)},
+            "distortion", phrase("a curved image (lens, camera not perpendicular to the ramp)"), {"distortion": Normal(0.0, bow)},
             (shared, f'distortion_m = "0 +/- {bow:g}"', f"picture_length_m = {length:g}", "picture_start_m = 0"), picture=Place(length, 0.0),
         )
-    yield Sketch("angle_at_release", phrase("θ₀ read with an error that was not stated"), {"theta0_zero": Normal(0.0, 3.0 * degree)}, (
+    yield Sketch("angle_at_release", phrase("an unstated error in the reading of θ₀"), {"theta0_zero": Normal(0.0, 3.0 * degree)}, (
         shared, 'theta0_zero_deg = "0.0(30)"'))
-    yield Sketch("tilt", phrase("φ read with an error that was not stated"), {"phi_zero": Normal(0.0, degree)}, (shared, 'phi_zero_deg = "0.0(10)"'))
+    yield Sketch("tilt", phrase("an unstated error in the reading of φ"), {"phi_zero": Normal(0.0, degree)}, (shared, 'phi_zero_deg = "0.0(10)"'))
 
 
 def _ramp(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
     degree, length = float(np.radians(1.0)), _length(runs)
     yield Sketch(
-        "bend", phrase("a ramp whose tilt changes along the way"), {"phi_slope": Normal(0.0, 2.0 * degree)},
+        "bend", phrase("a ramp whose tilt changes along its length"), {"phi_slope": Normal(0.0, 2.0 * degree)},
         ("[shared]", 'phi_slope_deg_m = "0.0(20)"'),
     )
     sag = float(format_rounded(_SAG * length, 0.1 * _SAG * length))

@@ -87,7 +87,7 @@ def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch]
         elif _ALWAYS.get(name) in sketches:
             found.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
     if said and not any(outline.of_campaign for outline in found):
-        found.append(Outline(STATED, phrase("all that the campaign states"), ADDED - said, None, of_campaign=True))
+        found.append(Outline(STATED, phrase("everything that the campaign states"), ADDED - said, None, of_campaign=True))
     if forced:
         what = next(outline.name for outline in found if outline.of_campaign)
         words = phrase(

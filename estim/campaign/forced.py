@@ -102,7 +102,7 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     if level is None or stated is None:
         if obstacle is None:
             return Stance(FORCE_SCALE)
-        reason = phrase("an unmodelled force does not go with {what}", what=phrase(obstacle.what, **circumstances.named))
+        reason = phrase("an unmodelled force cannot be combined with {what}", what=phrase(obstacle.what, **circumstances.named))
         return Stance(0.0, complete_as(reason, levels.run.name))
     scale = float(stated)
     if not (math.isfinite(scale) and 0.0 < scale <= _LARGEST):

@@ -64,7 +64,7 @@ def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], No
 
 
 def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
-    shapes: dict[str, str] = {"student-t": phrase("Student-t tails"), "mixture": phrase("some frames outliers")}
+    shapes: dict[str, str] = {"student-t": phrase("Student-t tails"), "mixture": phrase("a fraction of outlying frames")}
     robust = [Candidate(f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)) for shape, tails in shapes.items()]
     return [Candidate(name, words, plain), *robust]
 

@@ -61,7 +61,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
         "rolling_resistance": Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, later("coefficient of rolling resistance"), 0.0),
         "radius": Kind(Notation("R"), {"radius_m": 1.0}, "m", None, later("radius of the disk"), 0.0, False),
         "rho": Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, later("distance of the particle from the axle / R"), 0.0, False),
-        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, later("share of the mass that does not rotate"), 0.0),
+        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, later("fraction of the mass that does not rotate"), 0.0),
         "particle_gyration": Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, later("radius of gyration of the particle / R"), 0.0),
         "g": Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, later("acceleration of free fall"), 0.0, False),
     }
@@ -93,9 +93,9 @@ EFFECTS: Mapping[str, Kind] = MappingProxyType(
         "scale_x": _scale("δ_x", "scale_x", later("common relative error of the readings of the position"), usual=3e-3),
         "scale_t": _scale("δ_t", "scale_t", later("common relative error of the clock"), usual=5e-4),
         "moment": _effect("Q", "resisting_moment_n_m", "N m", later("resisting moment, the same whatever the mass"), low=0.0),
-        "load_resistance": _effect("c_N", "load_resistance", "1", later("rolling resistance / the load that the ramp feels"), low=0.0),
-        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", later("force of drag / (M v)"), low=0.0),
-        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", later("force of drag / (M v²)"), low=0.0),
+        "load_resistance": _effect("c_N", "load_resistance", "1", later("rolling resistance / load on the ramp"), low=0.0),
+        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", later("drag force / (M v)"), low=0.0),
+        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", later("drag force / (M v²)"), low=0.0),
         "moment_once_cos": _of_turn("a₁", "moment_once_cos", later("resisting moment as cos θ / (M g R)")),
         "moment_once_sin": _of_turn("b₁", "moment_once_sin", later("resisting moment as sin θ / (M g R)")),
         "moment_twice_cos": _of_turn("a₂", "moment_twice_cos", later("resisting moment as cos 2θ / (M g R)")),
@@ -104,7 +104,7 @@ EFFECTS: Mapping[str, Kind] = MappingProxyType(
             Notation("φ′", "°/m", float(np.degrees(1.0))), {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0}, "rad/m", 0.0,
             later("change of the tilt along the ramp"),
         ),
-        "sag": _effect("sag", "sag_m", "m", later("how deep the ramp sags in its middle")),
-        "distortion": _effect("bow", "distortion_m", "m", later("shift of the middle of the picture")),
+        "sag": _effect("sag", "sag_m", "m", later("sag of the ramp at its middle")),
+        "distortion": _effect("bow", "distortion_m", "m", later("displacement of the centre of the image")),
     }
 )

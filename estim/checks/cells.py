@@ -197,8 +197,8 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
 
 
 def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
-    """'curve against data p = 0.91, data against stated values p = 0.068'; what was not tested is left out."""
-    tests = ((later("curve against data {p}"), p_curve), (later("data against stated values {p}"), p_stated))
+    """'goodness of fit: p = 0.91, agreement with the stated values: p = 0.068'; what was not tested is left out."""
+    tests = ((later("goodness of fit: {p}"), p_curve), (later("agreement with the stated values: {p}"), p_stated))
     return ", ".join(phrase(words, p=format_p(p)) for words, p in tests if p is not None and np.isfinite(p))
 
 

@@ -148,19 +148,21 @@ def _sentences(
     said = [phrase("Not identified by data nor prior: {words}.", words=d.words) for d in free]
     count = {"learnt": n_learnt, "n": n}
     if free or prior:
-        said.append(phrase("The data tell {learnt:.1f} of {n} combinations of the parameters; the rest comes from what was stated before.", **count))
+        said.append(phrase("The data constrain {learnt:.1f} of {n} combinations of the parameters; the rest comes from the values "
+                           "stated beforehand.", **count))
     else:
-        said.append(phrase("The data tell {learnt:.1f} of {n} combinations of the parameters; every one is held by the data.", **count))
+        said.append(phrase("The data constrain {learnt:.1f} of {n} combinations of the parameters; every combination is determined by "
+                           "the data.", **count))
     said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
-    said += [phrase("Only the prior holds: {words}.", words=d.words) for d in prior]
+    said += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
     if dominated:
         parameters = {p.name: p for p in problem.parameters}
         symbols = [parameters[name].label.symbol for name in dominated]
         named = {"symbols": _listed(symbols), "share": PRIOR_DOMINATED}
         if len(symbols) == 1:
-            said.append(phrase("{symbols} is known hardly better than before (posterior sd above {share} of the prior's).", **named))
+            said.append(phrase("{symbols} is hardly better known than before the data (posterior sd above {share} of the prior's).", **named))
         else:
-            said.append(phrase("{symbols} are known hardly better than before (posterior sd above {share} of the prior's).", **named))
+            said.append(phrase("{symbols} are hardly better known than before the data (posterior sd above {share} of the prior's).", **named))
     return tuple(said)
 
 

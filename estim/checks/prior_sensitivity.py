@@ -36,11 +36,11 @@ _ALPHAS = (0.8, 1.25)
 _CONFLICT = 2.0  # of z
 
 DETERMINED = later("determined by the data")
-PRIOR_MATTERS = later("the prior matters")
-BOTH_MATTER = later("data and prior both matter")
+PRIOR_MATTERS = later("sensitive to the prior")
+BOTH_MATTER = later("sensitive to both data and prior")
 CONFLICT = later("data and prior disagree (conflict)")
 WEAK = later("weak likelihood")
-UNRELIABLE = later("cannot be told from these draws")
+UNRELIABLE = later("undecided from these draws")
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ _FAR = 0.1  # sds: what moved by less is told together
 def verify(report: Path, root: Path | None) -> None:
     """Recompute REPORT (its folder) from the inputs that it names, and say what holds.
 
-    Reports of single runs in folders below are verified with it.  Told are files that were changed after they were written, inputs that are no longer
+    Reports of single runs in folders below are verified with it.  It lists files that were changed after they were written, inputs that are no longer
     the same, and every result that differs by more than the tolerances (docs/verifying.md); and what was not compared.  Exit code 0: everything that
     was compared holds; 3: something does not.
     """

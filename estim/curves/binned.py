@@ -32,7 +32,7 @@ _OFF = 0.01  # of the log-likelihood, and ten times as much for what stands out,
 class BinnedCurve:
     """What is expected in bins from low to high (n_bin,), in order, of a `density` per unit of x; at any x that of the bin around it.
 
-    total : number of events to which the density is scaled, so that its own size has no say; None where it is taken as it is.
+    total : number of events to which the density is scaled, so that its normalisation is irrelevant; None where it is taken as it is.
     events : (n_event,) places of single ones in order, if they are known.
     """
 

@@ -2,8 +2,8 @@
 
 - `Poisson`: y is a number of events.  With `bins` the curve is their density along x, integrated over each bin; without, what is expected at x.
 - `Binomial`: y is the number of successes among `trials`; the curve is the probability of one.
-- `EventTimes`: x are the times of single events within a window; the curve is their density, whose own size has no say.  A background is part of
-  the formula ("exp(-x/tau) + b").
+- `EventTimes`: x are the times of single events within a window; the curve is their density, whose normalisation is irrelevant.  A background is part
+  of the formula ("exp(-x/tau) + b").
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ _READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}  #
 _BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
 _STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
 _DEGREES = float(np.degrees(1.0))
-_SIZES = {"once": later("size of the moment once per turn / (M g R)"), "twice": later("size of the moment twice per turn / (M g R)")}
+_SIZES = {"once": later("amplitude of the moment once per turn / (M g R)"), "twice": later("amplitude of the moment twice per turn / (M g R)")}
 _PHASES = {
     "once": later("phase of the moment once per turn, largest at θ"), "twice": later("phase of the moment twice per turn, largest at 2 θ"),
 }
@@ -259,7 +259,7 @@ class DisturbedMotion(RollingMotion):
         if known.forces is not None:
             found |= _of_forces(known, arguments, found.get("resisting_moment"))
         if "release_energy" in arguments:
-            found["speed_at_release"] = _derived("m/s", known.speed, phrase("speed at release, from the energy there"), Notation("v_0"))
+            found["speed_at_release"] = _derived("m/s", known.speed, phrase("speed at release, from the energy at release"), Notation("v_0"))
         elif "release_speed" in arguments:
             found["energy_at_release"] = _derived("1", known.energy, phrase("kinetic energy at release / (M g R)"), Notation("E_0"))
         if self.in_time:
@@ -292,7 +292,7 @@ def _of_forces(known: _Disturbed, arguments: Mapping[str, ArrayLike], rolling: D
         found["slope"] = _derived("1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s"))
         if rolling is not None:
             whole = rolling.values + np.asarray(arguments["moment"])
-            found["resisting_moment"] = _derived("N m", whole, phrase("moment of all resistance, c_rr M g R cos φ + Q"), Notation("Q_all"))
+            found["resisting_moment"] = _derived("N m", whole, phrase("total resisting moment, c_rr M g R cos φ + Q"), Notation("Q_all"))
     for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
         if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
             size, angle = turn_amplitude(cosine, sine)

@@ -49,7 +49,7 @@ class WithDeviation(WithMixture):
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
         if not self.lacks.stated:
-            stated = phrase("errors of {what}, their size summed over", what=phrase(words.what))
+            stated = phrase("errors of {what}, marginalised over their size", what=phrase(words.what))
         beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
         beside += [phrase("errors that follow each other")] if self.lacks.along is not None else []
         return phrase("{stated}; beside it {what}", stated=stated, what=phrase(" or ").join(beside))

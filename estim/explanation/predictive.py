@@ -133,14 +133,14 @@ def _of_motion(
     top = int(np.argmax(np.abs(v)))
     if first.stop <= top < x.size - (last.stop - last.start):
         observed, again = x[[top]], np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
-        found.append(_predicted(run, "its_place", phrase("place of the largest speed"), here, observed, again))
+        found.append(_predicted(run, "its_place", phrase("position of the largest speed"), here, observed, again))
         if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
             end = x[last]
             found.append(_compared(run, "turning_point", phrase("turning point"), here, v[None, last], vs[:, last], lambda y: _zero_of(end, y)))
     scale = np.max(_energy(run, x, v, arguments)[0], axis=1, keepdims=True)
     lost = [_change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))]
     percent = Notation("ΔE/T", "%", 100.0).label("1")
-    words = phrase("energy at the end less at the start, of the largest kinetic energy")
+    words = phrase("energy at the end minus energy at the start, relative to the largest kinetic energy")
     return (*found, _predicted(run, "energy", words, percent, lost[0], lost[1]))
 
 

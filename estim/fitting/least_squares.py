@@ -310,7 +310,7 @@ def led_here(n_same: int, n_start: int) -> str:
 
 def settled(led: str) -> str:
     """What a fit says that settled, with the words of `led_here`."""
-    return phrase("settled; {led}", led=led)
+    return phrase("converged; {led}", led=led)
 
 
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
@@ -349,7 +349,7 @@ def _describe(
     n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
     message = settled(led_here(n_same, n_start))
     if moved >= _SETTLED:
-        message = phrase("did not settle: its last round still moved a parameter by {sds:.2g} standard deviations", sds=moved)
+        message = phrase("did not converge: its last iteration still shifted a parameter by {sds:.2g} standard deviations", sds=moved)
     elif singular:
         message = phrase("settled, but a combination of parameters is not determined at all: no standard deviations")
     return Fit(

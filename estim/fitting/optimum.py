@@ -202,7 +202,7 @@ def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
     fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
     if best.settled or best.singular or fit.singular:
         return fit
-    words = phrase("did not settle: its last round still moved a parameter by {sds:.2g} standard deviations", sds=best.step)
+    words = phrase("did not converge: its last iteration still shifted a parameter by {sds:.2g} standard deviations", sds=best.step)
     return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
 
 

@@ -181,7 +181,8 @@ def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], r
 def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
     """The record where there is no minimum to start from."""
     everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
-    sentence = phrase("{symbol}: no interval, the posterior density is zero or not a number at the fit", symbol=parameter.label.symbol)
+    sentence = phrase("{symbol}: there is no interval, because the posterior density is zero or not a number at "
+                      "the fit", symbol=parameter.label.symbol)
     return ProfileInterval(
         name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
         rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, pieces=(), sentence=sentence,
@@ -219,12 +220,12 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
             said.append(phrase(words[1], size=size, place=place))
         else:
             said.append(phrase(words[2], size=size, place=place))
-    said += [phrase("the {p} region has more than one piece; the interval spans them", p=percentage(p)) for p in found.pieces]
+    said += [phrase("the {p} region consists of several separate pieces; the interval spans them", p=percentage(p)) for p in found.pieces]
     if found.found_better:
-        better = phrase("a better point than the fit was met on the way (minus twice the log density lower by {by:.2g})", by=found.found_better)
+        better = phrase("the search found a better point than the fit (minus twice the log density is lower by {by:.2g})", by=found.found_better)
         said.append(better)
     if found.n_failed:
-        said.append(phrase("the search over the other parameters did not settle at {n} points", n=found.n_failed))
+        said.append(phrase("the search over the other parameters did not converge at {n} points", n=found.n_failed))
     return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
 
 

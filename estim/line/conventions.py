@@ -13,7 +13,7 @@ from estim.line.angle import LineData
 
 CONVENTIONS: Mapping[str, str] = Said(
     {
-        "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, stated uncertainties taken as true"),
+        "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, with the stated uncertainties taken as true"),
         "propagated": later(
             "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
             "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2"
@@ -31,7 +31,7 @@ _ROUNDING = 3e-14  # residuals below this share of y are rounding errors
 def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
     """The convention to quote and why."""
     if data.method == "ols":
-        reason = phrase("no uncertainties are stated: the scatter of the residuals is the only scale (Student's t, {dof} dof)", dof=dof)
+        reason = phrase("no uncertainties are stated, so the scatter of the residuals alone sets the scale (Student's t, {dof} dof)", dof=dof)
         if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
             none = phrase(", and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y")
             return "scaled", reason + none
@@ -42,8 +42,8 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
         return "scaled", reason + (few if dof <= _FEW else "")
     if p_value < P_POOR_FIT:
         return "scaled", phrase(
-            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; scaling assumes "
-            "that all are too small by one factor, a Bayesian line with intrinsic scatter that something was left out",
+            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; rescaling assumes that all are too small by "
+            "the same factor, while a Bayesian line with intrinsic scatter assumes that an effect was left out",
             ratio=chi2 / dof, p=format_p(p_value),
         )
     if data.method == "weighted":

@@ -185,7 +185,7 @@ def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: fl
         sentences.append(phrase("The points coincide along the line: it has no standard errors."))
     if contrast < chi2_quantile(0.95, 1):
         sentences.append(
-            phrase("The data do not determine the line's direction: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
+            phrase("The data do not determine the direction of the line: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
         )
     if p_value < P_POOR_FIT:
         sentences.append(phrase("Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({p}).", chi2=chi2, dof=dof, p=format_p(p_value)))

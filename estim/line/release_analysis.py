@@ -34,7 +34,7 @@ UNKNOWNS = MappingProxyType(
     {
         "gamma": ("1", later("position of the centre of mass, in radii"), Notation("γ")),
         "rolling_resistance": ("1", later("coefficient of rolling resistance"), Notation("c_rr")),
-        "release": ("rad", later("what the release by hand costs"), Notation("δ", "°", DEGREE.factor)),
+        "release": ("rad", later("angle lost in the release by hand"), Notation("δ", "°", DEGREE.factor)),
         "scatter": ("rad", later("standard deviation from trial to trial"), Notation("σ", "°", DEGREE.factor)),
         "zero_phi": ("rad", later("zero error of the tilt"), Notation("z_φ", "°", DEGREE.factor)),
         "zero_theta": ("rad", later("zero error of the angle"), Notation("z_θ", "°", DEGREE.factor)),

@@ -37,8 +37,8 @@ class Correlated:
 
 def _shared(one: Common) -> str:
     if one.relative:
-        return phrase("{size:g} % of the scale of {axis}, shared by all points", size=100.0 * one.u, axis=one.axis)
-    return phrase("{size:g} of the zero of {axis}, shared by all points", size=one.u, axis=one.axis)
+        return phrase("standard uncertainty {size:g} % of the scale of {axis}, shared by all points", size=100.0 * one.u, axis=one.axis)
+    return phrase("standard uncertainty {size:g} of the zero of {axis}, shared by all points", size=one.u, axis=one.axis)
 
 
 def common_error(axis: str, text: str) -> Common:

@@ -66,7 +66,7 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
     if least > _HALF:
         name = next(iter(by_quantity(parameters)))
         label = parameters[0].bare_label if len(parameters) > 1 else parameters[0].label
-        return Way(phrase("{symbol} exactly", symbol=label.symbol or name), least)
+        return Way(phrase("{symbol} known exactly", symbol=label.symbol or name), least)
     low, high = _EXACT, 1.0
     for _ in range(40):
         middle = float(np.sqrt(low * high))

@@ -56,7 +56,7 @@ def more_readings(basis: CurveBasis, here: Outlook, targets: Sequence[Parameter]
         for ratio in along.ratio:
             for allowed in (inside, np.ones(inside.size, dtype=bool)):
                 x = float(f"{along.x[allowed][np.argmin(ratio[allowed])]:.3g}")
-                where = "" if along.inside[0] <= x <= along.inside[1] else phrase(", outside the range so far")
+                where = "" if along.inside[0] <= x <= along.inside[1] else phrase(", outside the present range")
                 which = which_place(x, along.run if len(here.problem.runs) > 1 else "") + where
                 words = further_readings(n, which)
                 wishes[along.run, x] = Wish(words, MORE, readings=(Readings(along.run, x, n),), which=which)

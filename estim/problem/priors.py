@@ -291,10 +291,10 @@ class TruncatedNormal(_CutNormal):
     def describe(self, unit: str = "1") -> str:
         said = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
         if math.isinf(self.high):
-            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut below {low:.4g}", **said), unit)
+            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated below {low:.4g}", **said), unit)
         if math.isinf(self.low):
-            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut above {high:.4g}", **said), unit)
-        return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, cut to [{low:.4g}, {high:.4g}]", **said), unit)
+            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated above {high:.4g}", **said), unit)
+        return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated to [{low:.4g}, {high:.4g}]", **said), unit)
 
     def widened(self, factor: float) -> Prior:
         return replace(self, scale=factor * self.scale)

@@ -209,12 +209,12 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
             ),
             (
                 bent,
-                phrase("the slope with respect to '{name}' differs on the two sides of the estimate: u takes their mean", name=one.name),
+                phrase("the slope with respect to '{name}' differs on the two sides of the estimate: u is computed from their mean", name=one.name),
             ),
             (
                 rough & ~bent,
                 phrase(
-                    "the derivative with respect to '{name}' is known to {share:.1g} of itself only",
+                    "the derivative with respect to '{name}' is known only to a relative accuracy of {share:.1g}",
                     name=one.name, share=_worst(error, component, one.u),
                 ),
             ),

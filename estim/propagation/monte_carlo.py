@@ -248,8 +248,8 @@ def _result(
     if endless.any():
         notes.append(
             how_many(endless, scalar=not shape) + phrase(
-                "the tails are so long (index {index:.2g}; a standard deviation "
-                "exists below 0.5, a mean below 1) that there is no standard deviation: more draws do not help, quote an interval",
+                "the tails are so heavy (index {index:.2g}; a standard deviation exists below 0.5, a mean below 1) that there is no "
+                "standard deviation: more draws do not help, quote an interval",
                 index=tails.max(),
             )
         )
@@ -305,13 +305,14 @@ def _unstable_note(
 ) -> str:
     unstable = ~stable & np.isfinite(tolerance)
     if not unstable.any():
-        return how_many(~stable, scalar=scalar) + phrase("not stabilised: too few draws have a value")
+        return how_many(~stable, scalar=scalar) + phrase("not stabilised: too few draws have a finite value")
     rows = _WATCHED[watched]
     ratio = np.where(unstable, errors[rows] / np.maximum(tolerance, np.finfo(float).tiny), -1.0)
     row, output = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     error = 2.0 * errors[rows[int(row)], output]
     return how_many(unstable, scalar=scalar) + phrase(
-        "not stabilised to {digits} digits of u after {n} draws: twice the standard error of {what} is {error:.2g}, the tolerance {tolerance:.2g}",
+        "not stabilised to {digits} digits of u after {n} draws: twice the standard error of {what} is {error:.2g}, while the tolerance "
+        "is {tolerance:.2g}",
         digits=n_digits, n=n_draw, what=phrase(_STATISTICS[rows[int(row)]]), error=error, tolerance=tolerance[output],
     )
 

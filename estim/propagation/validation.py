@@ -112,7 +112,7 @@ def _sentence(
     if status == "invalid":
         return where + phrase("the linear interval is not valid: {by}, {limit}: quote the Monte-Carlo interval", by=by, limit=limit)
     if not np.all(np.isfinite(difference[:, affected])):
-        return where + phrase("the linear interval cannot be judged: a result is unknown there (see the notes of both)")
+        return where + phrase("the linear interval cannot be assessed: a result is unknown there (see the notes of both)")
     if not np.all(settled[affected]) and np.all(difference[:, affected] + error[:, affected] <= tolerance[affected]):
         unsettled = phrase("the linear interval cannot be judged: mean and u of the Monte Carlo have not stabilised there (see its notes)")
         return where + unsettled

@@ -105,7 +105,7 @@ def read_any_text(path: Path, *, shown_as: str, encoding: str | None = None) -> 
             text = data.decode("windows-1252")
         except UnicodeDecodeError:
             raise not_utf8(data, error, shown_as) from None
-        note = phrase("not UTF-8: read as Windows-1252 (state the encoding if letters of a name look wrong)")
+        note = phrase("the file is not UTF-8 and was read as Windows-1252 (state the encoding if letters of a name look wrong)")
     return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest(), note
 
 

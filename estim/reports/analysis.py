@@ -233,7 +233,7 @@ def fit_cell(name: str, p: ParameterSummary, result: Result) -> str:
         return format_rounded(value, 0.1 * size)
     if p.limit is not None:
         edge = format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)
-        return phrase("{value} (its edge)", value=edge)
+        return phrase("{value} (at its edge)", value=edge)
     if sd is None:
         return phrase("{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * shown.factor))
     return format_quantity(value, sd * shown.factor)
@@ -258,7 +258,7 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
 def caption_of(result: Result) -> str:
     """What the marks of the main figure mean."""
     left_out = any(run.excluded for run in result.runs.values())
-    points = phrase("Points: data ± one sd (crosses: left out).") if left_out else phrase("Points: data ± one sd.")
+    points = phrase("Points: data ± one standard deviation (crosses: excluded).") if left_out else phrase("Points: data ± one standard deviation.")
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
         if forces:
@@ -267,7 +267,7 @@ def caption_of(result: Result) -> str:
             bare = phrase("Blue: the most probable curve; no bands: the status is not ok.")
         return f"{points} {bare}"
     if any(force.drawn for force in forces):
-        curve = phrase("Blue: the curve and the force it may lack, 68 and 95 %. Grey: a new reading, 95 %.")
+        curve = phrase("Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new reading, 95 %.")
     elif result.curve_deviation or forces:
         curve = phrase("Blue: the curve without what it may lack, 68 and 95 %. Grey: a new reading, 95 %.")
     else:

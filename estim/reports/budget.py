@@ -162,7 +162,7 @@ def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: Flo
         ax.bar_label(bars, [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths], padding=3, fontsize=7.5)
         ax.axvline(0.0, color=INK, lw=0.8)
         ax.margins(x=0.28 if np.all(widths >= 0.0) else 0.45)
-        ax.set_xlabel(phrase("share of u²({name}) (%)", name=name))
+        ax.set_xlabel(phrase("contribution to u²({name}) (%)", name=name))
         ax.spines[["top", "right"]].set_visible(False)
     name_ticks(panels[0].yaxis, places, sources)
     panels[0].set_ylim(len(sources) - 0.4, -0.6)

@@ -198,7 +198,7 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     """The legend of the corner figure, with what it leaves out.  truth : whether true values are drawn."""
     words = [
         phrase("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
-        if any(run.sought for run in problem.runs) else phrase("Blue: posterior, contours hold 68 and 95 %. Orange: prior.")
+        if any(run.sought for run in problem.runs) else phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior.")
     ]
     words += [phrase("Dashed: the true values.")] if truth else []
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]

@@ -67,12 +67,12 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
 
 def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
     law, edges = counted.law, counted.bins
-    lies = later("where a count lies, {p:.0f} %") if law.word == "counts" else later("where a fraction lies, {p:.0f} %")
+    lies = later("range of a count, {p:.0f} %") if law.word == "counts" else later("range of a fraction, {p:.0f} %")
     ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
     if edges is None:
         for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
             ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=phrase(lies, p=100 * level))
-        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expected by the curve"))
+        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expectation of the curve"))
         ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=phrase(law.word), zorder=5, clip_on=False)
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
@@ -82,7 +82,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
     for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
         ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level))
-    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expected by the curve"))
+    ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 
 

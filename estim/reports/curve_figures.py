@@ -50,7 +50,7 @@ def phase_figure(analysis: Analysis, propagated: Sequence[PropagatedBand] = (), 
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
-            said = phrase("most probable curve, its force left out") if bands.completed else phrase("most probable curve")
+            said = phrase("most probable curve, without the force") if bands.completed else phrase("most probable curve")
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label=said)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
@@ -95,7 +95,7 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         low, high = bands.credible[probability]
-        curve = later("the curve with its force, {p:.0f} %") if bands.completed else later("the curve, {p:.0f} %")
+        curve = later("the curve including the force, {p:.0f} %") if bands.completed else later("the curve, {p:.0f} %")
         ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase(curve, p=100 * probability))
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=phrase("posterior median"))
 

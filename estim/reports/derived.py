@@ -78,7 +78,7 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
         if one.lacking:
             facts.append(
                 phrase(
-                    "{name} = {text} is left out: this fit has no {lacking} (--joint fits runs together)",
+                    "{name} = {text} is omitted: this fit has no {lacking} (--joint fits runs together)",
                     name=one.name, text=one.text, lacking=", ".join(one.lacking),
                 )
             )

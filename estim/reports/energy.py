@@ -103,8 +103,8 @@ def drift_words(drift: DriftSummary) -> str:
     """What the data say on a loss of energy, in words."""
     if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
         return phrase(
-            "This fit held the rolling resistance fixed, so the energies agree with that by construction and say nothing on a loss: "
-            "give rolling_resistance a prior."
+            "This fit held the rolling resistance fixed, so the energies agree with it by construction and contain no information about "
+            "a loss: give rolling_resistance a prior."
         )
     said = {"gain": max(drift.gain, 0.0), "p": format_p(drift.p_value), "share": percentage(drift.narrowing, 2)}
     if drift.seen:
@@ -119,9 +119,9 @@ def drift_words(drift: DriftSummary) -> str:
             limit=significant(drift.limit, 2), **said,
         )
     return phrase(
-        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). The data leave the rolling resistance about as uncertain as its prior "
-        "({share} of the prior's width): a loss would be what was assumed, not a measurement, and none is given. More runs together, or a wider "
-        "prior, let the data speak.", **said,
+        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit the rolling resistance is about as uncertain "
+        "as its prior ({share} of the prior's width): a loss would reflect the assumption, not a measurement, and none is given. A joint "
+        "fit of more runs, or a wider prior, lets the data determine it.", **said,
     )
 
 
@@ -133,7 +133,7 @@ def energy_words(drift: DriftSummary) -> str:
         return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
     if drift.determined and drift.limit is not None:
         return phrase("no loss is seen, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
-    return phrase("the data do not say how much is lost")
+    return phrase("the data do not determine how much energy is lost")
 
 
 def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:

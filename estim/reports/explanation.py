@@ -99,10 +99,10 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     said = [tell(verdict(explanation))]
     for one in explanation.found[:_MOST_SHOWN]:
         gain = signed(f"{one.gain:.0f}")
-        line = phrase("{gain:>7}  {words}: {value}; residuals then {left}", gain=gain, words=one.words, value=_values(one), left=_left(one))
+        line = phrase("{gain:>7}  {words}: {value}; the residuals are then {left}", gain=gain, words=one.words, value=_values(one), left=_left(one))
         said.append(line if one.outcome is None else phrase("{line}; added to the campaign: {added}", line=line, added=_added(one)))
     if explanation.offered is not None:
-        said.append(phrase("to add (priors as wide as such a thing may be; what you measured of it is better):"))
+        said.append(phrase("to add (priors as wide as the effect may plausibly be; your own measurement of it is better):"))
         said += [f"    {line}" for line in explanation.offered.lines]
     return said
 
@@ -149,7 +149,7 @@ def _left(one: Candidate) -> str:
 def _added(one: Candidate) -> str:
     """What a fit of the campaign with a candidate gives."""
     if one.outcome is None:
-        return phrase("not tried")
+        return phrase("not tested in the campaign")
     if not one.outcome.status.ok:
         return str(one.outcome.status)
     found = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])

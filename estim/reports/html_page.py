@@ -92,7 +92,7 @@ def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = Fal
     style = package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
     folds = not paper and any(entry.folded for entry in state.entries)
     entries = "".join(f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries)
-    switch = _SWITCH.format(words=escape(phrase("open every part, for printing too"))) if folds else ""
+    switch = _SWITCH.format(words=escape(phrase("open all sections, also for printing"))) if folds else ""
     contents = _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch) if entries and not paper else ""
     page = _PAGE.format(
         lang=escape(lang), policy=_POLICY, title=escape(state.title), style=style, contents=contents, body=body,

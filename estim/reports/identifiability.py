@@ -81,7 +81,8 @@ def identify_section(
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
-        doubts.append(phrase("the weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column says nothing", k_hat=k_hat))
+        doubts.append(phrase("the importance weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column is "
+                             "not informative", k_hat=k_hat))
     flat = any(not np.isfinite(p.prior.sd) for p in problem.parameters)
     return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
 
@@ -95,7 +96,7 @@ def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -
         return phrase("open on both sides")
     if interval.open_low[p]:
         return phrase("< {high} (open below)", high=high)
-    return Markdown(phrase("> {low} (open above)", low=low)) if interval.open_high[p] else f"[{low}, {high}]"
+    return Markdown(phrase("> {low} (unbounded above)", low=low)) if interval.open_high[p] else f"[{low}, {high}]"
 
 
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
@@ -108,7 +109,7 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
     strongest = problem.parameters[problem.names.index(leaning.strongest)]
-    return phrase("{words}; most that of {symbol}", words=words, symbol=strongest.label.symbol)
+    return phrase("{words}; mainly that of {symbol}", words=words, symbol=strongest.label.symbol)
 
 
 def direction_figure(problem: Problem, found: Identifiability) -> Figure:
@@ -174,7 +175,7 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
         _draw_profile(ax, interval, draws[:, index] * shown.factor, shown.factor)
         ax.set_xlabel(shown.axis)
         if k % 3 == 0:
-            ax.set_ylabel(phrase("rise of −2 ln p"))
+            ax.set_ylabel(phrase("increase of −2 ln p"))
     handles = [
         Line2D([], [], color=BLUE, lw=1.4, label=phrase("profile")),
         Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),

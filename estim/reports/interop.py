@@ -160,7 +160,7 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
 def _empty(analysis: Analysis) -> Group:
     said = _said(analysis) | {"title": one_line(analysis.title), "reasons": "\n".join(analysis.diagnosis.reasons)}
     versions = {f"version_{package.replace('-', '_')}": number for package, number in software_versions().items()}
-    draws = phrase("chain: ensemble of walkers; draw: earlier half then later half of the steps, each walker by walker")
+    draws = phrase("chain: ensemble of walkers; draw: first half, then second half of the steps, each walker by walker")
     return Group(attributes={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
 
 

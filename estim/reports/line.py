@@ -267,7 +267,7 @@ def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
     for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
         u_gamma = u_slope / row.slope**2
         used = convention == row.recommended
-        mark = Markdown(phrase("**recommended**") if used and name == "york" else "" if not used else phrase("the one to use for this fit"))
+        mark = Markdown(phrase("**recommended**") if used and name == "york" else "" if not used else phrase("appropriate for this fit"))
         numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
         cells.append((phrase(_METHODS[name]), convention, *numbers, mark))
     return cells

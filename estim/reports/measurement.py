@@ -221,7 +221,7 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
         best = phrase(
             "{name} = {value} with standard uncertainty u = {u} and",
             name=output.name, value=rounded(mean, scale, 2) + unit, u=rounded(scale, scale, 2, beside=mean) + unit,
-        ) if math.isfinite(drawn.u[i]) else phrase("{name} has no standard uncertainty (its tails are too long);", name=output.name)
+        ) if math.isfinite(drawn.u[i]) else phrase("{name} has no standard uncertainty (its tails are too heavy);", name=output.name)
         said = {"what": what, "best": best, "percent": percent, "ends": interval(low, high, scale, 2) + unit, "n": drawn.n_draw}
         if propagation.model.interval == "symmetric":
             return phrase(
@@ -258,7 +258,7 @@ def measurement_lines(propagation: Propagation) -> list[str]:
     found = []
     for i, (output, status) in enumerate(zip(propagation.model.outputs, propagation.statuses, strict=True)):
         quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
-        none = phrase("{name}: {status}: no number can be quoted", name=output.name, status=status)
+        none = phrase("{name}: {status}: there is no valid result", name=output.name, status=status)
         found.append(statement(propagation, i, quoted) if status.ok else none)
     return found
 
@@ -287,7 +287,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
         second = gum.u_second_order
         if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
             ends = _expanded(gum.value, gum.k * second, second)
-            rows.append((phrase("GUM with terms of the next order"), "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
+            rows.append((phrase("GUM with higher-order terms"), "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
         spread = _cell(drawn.u, drawn.u, drawn.mean)
         rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), spread, "", "", "", phrase("{ends} symmetric", ends=_ends(drawn.symmetric, drawn.u))))
         rows.append(("", "", "", "", "", "", phrase("{ends} shortest", ends=_ends(drawn.shortest, drawn.u))))
@@ -407,7 +407,7 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     level = float(ordered[min(int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))), ordered.size - 1)])
     middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
     ax.contour(*middles, _smooth(density.T), levels=[max(level, 0.5)], colors=INK, linewidths=0.9, linestyles=":")
-    said = phrase("smallest region with {percent} of the draws, roughly", percent=percent)
+    said = phrase("smallest region containing {percent} of the draws, approximate", percent=percent)
     ax.plot([], [], color=INK, lw=0.9, ls=":", label=said)
     said = phrase("{percent} ellipse of the GUM", percent=percent)
     ax.plot(*ellipse(region.value, region.covariance, region.k_ellipse), color=ORANGE, lw=1.8, ls="--", label=said)

@@ -39,11 +39,11 @@ _GROUNDS = {
 _LACKS = {
     Lack.MANY: later("too many unknowns for a second computation"),
     Lack.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
-    Lack.OTHER_NOISE: later("its noise could not be given the room that the others have"),
-    Lack.IMPROPER: later("a prior is no distribution"),
+    Lack.OTHER_NOISE: later("its noise could not be given the same freedom as in the other models"),
+    Lack.IMPROPER: later("a prior is not a normalised distribution"),
 }
 _ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
-_SHORT = {"energy": later("change of energy"), "its_place": later("place of largest speed")}
+_SHORT = {"energy": later("change of energy"), "its_place": later("position of largest speed")}
 _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
@@ -151,13 +151,14 @@ def odds_words(behind: float) -> str:
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
         told = chosen is not None and chosen.lack is None and row.lack is None and log_odds(row, chosen) < 0.0
-        odds = phrase("; odds against it of {odds}", odds=odds_words(log_odds(row, chosen))) if told and chosen is not None else ""
+        odds = phrase("; the odds against it are {odds}", odds=odds_words(log_odds(row, chosen))) if told and chosen is not None else ""
         return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
     if chosen is None:
         return phrase("no model is recommended")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
-        words = phrase("predicts better by {by:.1f} (elpd)", by=ahead) if ahead > 0.0 else phrase("predicts worse by {by:.1f} (elpd)", by=abs(ahead))
+        words = phrase("its predictions are better by {by:.1f} (elpd)", by=ahead) if ahead > 0.0 else phrase("its predictions are worse by "
+                                                                                                  "{by:.1f} (elpd)", by=abs(ahead))
     elif log_odds(row, chosen) >= 0.0:
         words = phrase("odds for it of {odds}", odds=odds_words(log_odds(row, chosen)))
     else:

@@ -156,9 +156,9 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
         return phrase("To halve u({symbol}) from {sd}: {ways}{idle}.", symbol=symbol, sd=sd, ways=phrase(", or ").join(enough), idle=idle)
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
     if best is None or best.ratio[i] > 1.0 - _NOTHING:
-        return phrase("Nothing that was tried halves u({symbol}) = {sd} by itself, and nothing lessens it by 2 %.", symbol=symbol, sd=sd)
+        return phrase("No single option that was tried halves u({symbol}) = {sd}, and none reduces it by 2 %.", symbol=symbol, sd=sd)
     return phrase(
-        "Nothing that was tried halves u({symbol}) = {sd} by itself; most is gained by {what}, which leaves {left:.0f} % of it{idle}.",
+        "No single option that was tried halves u({symbol}) = {sd}; the most effective one is {what}, which leaves {left:.0f} % of it{idle}.",
         symbol=symbol, sd=sd, what=best.wish.words, left=100.0 * best.ratio[i], idle=idle,
     )
 
@@ -170,8 +170,8 @@ def _idle(plan: Plan, i: int) -> str:
         return ""
     gain = 100.0 * (1.0 - twice.ratio[i])
     if gain < 0.5:
-        return phrase("; {what} gain nothing", what=twice.wish.words)
-    return phrase("; {what} gain {gain:.0f} %", what=twice.wish.words, gain=gain)
+        return phrase("; {what} would not reduce it", what=twice.wish.words)
+    return phrase("; {what} would reduce it by {gain:.0f} %", what=twice.wish.words, gain=gain)
 
 
 def _size(p: Parameter, u: float) -> str:
@@ -234,7 +234,7 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     ax.set_ylim(float(places[-1]) - 0.8, 0.8)
     name_ticks(ax.yaxis, places, names)
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel(phrase("expected u / u as things are (dashed: halved)"))
+    ax.set_xlabel(phrase("expected u / present u (dashed: halved)"))
     if len(plan.targets) > 1:
         legend_below(figure, ncols=min(len(plan.targets), 3))
     else:
@@ -257,7 +257,7 @@ def along_figure(plan: Plan) -> Figure:
             ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
         ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)
         ax.set_xlabel(run.x_label)
-        ax.set_ylabel(phrase("u / u as things are"))
+        ax.set_ylabel(phrase("u / present u"))
         if len(plan.along) > 1:
             ax.set_title(along.run)
     axes[0].legend()

@@ -235,7 +235,7 @@ def _residuals_shown(result: ReanalysisResult, name: str) -> str:
     p = result.bodies[name].joint.fit.p_value
     if p is None:
         return phrase("Whitened residuals of {name}", name=name)
-    return phrase("Whitened residuals of {name}: {p} of their size", name=name, p=format_p(p))
+    return phrase("Whitened residuals of {name}: {p} for their size", name=name, p=format_p(p))
 
 
 def _energies(result: ReanalysisResult) -> dict[str, str]:
@@ -319,7 +319,7 @@ def _limit_words(body: BodySummary) -> list[str]:
         u, ways = format_limit(found[0].u), phrase("; to ").join(clauses)
         sentences.append(
             phrase("u({symbol}) = {u} (least squares) would fall to {ways}.", symbol=symbol, u=u, ways=ways) if clauses
-            else phrase("u({symbol}) = {u} (least squares): no other single quantity limits it.", symbol=symbol, u=u)
+            else phrase("u({symbol}) = {u} (least squares) is not limited by any other single quantity.", symbol=symbol, u=u)
         )
     return sentences
 
@@ -335,7 +335,7 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
     figure, axes = grid(len(pairs), height=2.9, columns=2)
     for ax, (found, i) in zip(axes, pairs, strict=True):
         count = np.arange(1, len(found.runs) + 1)
-        ax.plot(count, found.u[:, i], "o-", color=BLUE, label=phrase("runs up to this one together"))
+        ax.plot(count, found.u[:, i], "o-", color=BLUE, label=phrase("joint fit of runs up to this one"))
         ax.plot(count, found.u_single[:, i], "s", color=INK, label=phrase("this run alone"), zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(found.u_prior[i]):
             ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated before"))

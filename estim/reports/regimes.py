@@ -33,7 +33,7 @@ _DEGREES = float(np.degrees(1.0))
 _ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {
-    "asked": later("as asked for"), "stated": later("ramp_length_m less ramp_start_m"),
+    "asked": later("as asked for"), "stated": later("ramp_length_m minus ramp_start_m"),
 }
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _VERMILION = "#B34700"
@@ -44,12 +44,13 @@ _THETA_MIN = Notation("θ_min").label("rad").tex
 _SLIVER = 1e-6  # rad
 _NONE_ENOUGH = 9.0  # stands for no friction that would do
 _ENDS = {
-    "turns": {"ramp": later("turns at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns at the end of the recorded way ({m:.3g} m)")},
-    "climbs on": {"ramp": later("climbs and turns on the ramp"), "recorded way": later("climbs and turns on the recorded way")},
-    "turns on": {"ramp": later("turns on the ramp"), "recorded way": later("turns on the recorded way")},
-    "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded way")},
+    "turns": {"ramp": later("turns back at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns back at the end of the recorded "
+                                                                                               "path ({m:.3g} m)")},
+    "climbs on": {"ramp": later("climbs and turns back on the ramp"), "recorded way": later("climbs and turns back on the recorded path")},
+    "turns on": {"ramp": later("turns back on the ramp"), "recorded way": later("turns back on the recorded path")},
+    "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded path")},
     "turns beyond": {
-        "ramp": later("turns only beyond the end of the ramp"), "recorded way": later("turns only beyond the end of the recorded way"),
+        "ramp": later("turns back only beyond the end of the ramp"), "recorded way": later("turns back only beyond the end of the recorded path"),
     },
 }
 
@@ -148,7 +149,7 @@ def map_report(
 def _way_words(found: BodyMap) -> dict[str, str]:
     """What the table calls the end of the ramp, or of the recorded way in its place."""
     if found.end.origin == "recorded":
-        return {"passes": phrase("passes the end of the recorded way up to (°)")}
+        return {"passes": phrase("passes the end of the recorded path up to (°)")}
     return {"passes": phrase("passes the end of the ramp up to (°)")}
 
 
@@ -226,8 +227,8 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
         if high is not None:
             _band(ax, found.phi, high, colour)
     limits = (
-        phrase("least and largest angle to set off, with 68 and 95 %") if found.downhill
-        else phrase("least and largest angle to climb, with 68 and 95 %")
+        phrase("smallest and largest angle to start, with 68 and 95 %") if found.downhill
+        else phrase("smallest and largest angle to climb, with 68 and 95 %")
     )
     handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
     if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
@@ -236,12 +237,12 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     if found.downhill and np.any((found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])):
         handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
     if np.any(np.isfinite(found.contours)):
-        handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns after this many m")))
+        handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns back after this distance (m)")))
     if line is not None:
         handles.append(_line_points(ax, line))
     _frame(ax, found)
     _runs(ax, found)
-    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, one standard uncertainty")))
+    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, with one standard uncertainty")))
     legend_below(figure, ncols=2, handles=handles)
     return figure
 
@@ -265,8 +266,8 @@ def _zones(ax: Axes, found: BodyMap) -> None:
 def _zone_patches(found: BodyMap) -> Iterator[Patch]:
     from matplotlib.patches import Patch
 
-    down = phrase("rolls down, or stays") if not found.downhill else phrase("sets off the other way")
-    yield Patch(fc=_STILL, label=phrase("sets off uphill instead, or stays") if not found.uphill else down)
+    down = phrase("rolls down, or does not move") if not found.downhill else phrase("starts in the other direction")
+    yield Patch(fc=_STILL, label=phrase("starts uphill instead, or does not move") if not found.uphill else down)
     if np.any(found.highest[2] > found.passes[2]):
         yield Patch(fc=_TURNS, label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]))
     if np.any(found.passes[2] > found.rolls_on[2]):
@@ -351,8 +352,8 @@ def _start_words(place: RunPlace) -> str:
     uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
     if place.sets_off < 0.5:
         return (
-            phrase("does not climb (it does with {chance})", chance=chance) if uphill
-            else phrase("does not set off downhill (it does with {chance})", chance=chance)
+            phrase("does not climb (it climbs with {chance})", chance=chance) if uphill
+            else phrase("does not start downhill (it does with {chance})", chance=chance)
         )
     return phrase("climbs ({chance})", chance=chance) if uphill else phrase("rolls down ({chance})", chance=chance)
 
@@ -368,7 +369,7 @@ def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
     at, chance = place.farthest, sure(place.agrees)
     if place.turned:
         return phrase("its recording turns at {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
-            "its recording turns at {at:.3g} m", at=at
+            "its recording turns back at {at:.3g} m", at=at
         )
     return phrase("its recording goes to {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
         "its recording goes to {at:.3g} m", at=at

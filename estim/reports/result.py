@@ -377,7 +377,8 @@ def _limits(shown: Sequence[str], result: Result) -> str:
             told = result.correlation.names  # of hundreds of runs not all
             r = result.correlation.matrix[told.index(name)][told.index(first.source)] if {name, first.source} <= set(told) else 0.0
             tied = phrase(
-                "{symbol} and {other} are tied ({r}): measure {other} better, not more readings", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
+                "{symbol} and {other} are strongly correlated ({r}): a better {other} helps, "
+                "more readings do not", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
             )
             leans = phrase("{symbol} leans on what was stated of {other}: measure {other} better, not more readings", symbol=symbol, other=other)
             return tied if abs(r) >= _TIED else leans
@@ -429,11 +430,11 @@ def _warnings(result: Result) -> str:
     if n == 1 and not bad and not far:
         return next(words for run in runs for words in run.warnings)
     said = (
-        "" if not n else phrase("{n} warning of a file", n=n) if n == 1 else phrase("{n} warnings of files", n=n),
+        "" if not n else phrase("{n} warning about a file", n=n) if n == 1 else phrase("{n} warnings about files", n=n),
         "" if not bad else phrase("{n} bad frame", n=bad) if bad == 1 else phrase("{n} bad frames", n=bad),
         "" if not far else phrase("{n} likely outlier", n=far) if far == 1 else phrase("{n} likely outliers", n=far),
     )
-    return phrase("{counts}, see the data and noise", counts=", ".join(filter(None, said))) if any(said) else ""
+    return phrase("{counts}: see the section on data and noise", counts=", ".join(filter(None, said))) if any(said) else ""
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:

@@ -164,7 +164,7 @@ def _uncertainties(result: StraightLineResult) -> str:
     if result.columns["r_xy"] is not None and len(said) == 2:
         said.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
     said += result.correlated
-    return ", ".join(said) or phrase("no uncertainties: the scatter of the points is the only scale")
+    return ", ".join(said) or phrase("no uncertainties: the scatter of the points alone sets the scale")
 
 
 def straight_line_figure(line: StraightLine) -> Figure:

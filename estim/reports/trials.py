@@ -199,7 +199,7 @@ def _unknown_cells(result: TrialsResult, name: str, label: Label) -> tuple[str, 
 
 def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
     if not row.reliable:
-        return phrase("n/a (its importance weights cannot be trusted)"), "", "", ""
+        return phrase("n/a (its importance weights are unreliable)"), "", "", ""
     stated, trials = ("" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials))
     return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), stated, trials
 
@@ -238,14 +238,14 @@ def starts_figure(analysis: TrialsAnalysis) -> Figure:
 def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) -> None:
     if analysis.status.ok:
         starts = np.quantile(np.degrees(analysis.starts(end, phi)), LEVELS, axis=0)
-        draw_bands(ax, np.degrees(phi), starts, said=later("limit of the ascents, all trials at once, {p:.0f} %"))
+        draw_bands(ax, np.degrees(phi), starts, said=later("threshold of climbing, all trials jointly, {p:.0f} %"))
     gamma = analysis.gamma_masses
     if gamma is not None:
         sine = np.sin(phi) / gamma.value
         smallest = np.degrees(np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan))
         label = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
         ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
-    label = phrase("limit of the ascents, each tilt by itself, 95 %")
+    label = phrase("threshold of climbing, each tilt separately, 95 %")
     for found in (one for one in analysis.thresholds if one.end == end):
         low, high = np.degrees(found.quantiles[[0, -1]])
         ax.plot([np.degrees(found.phi)] * 2, [low, high], color=GREY, lw=2.5, solid_capstyle="butt", zorder=3, label=label)
@@ -285,7 +285,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
         room = 4.0 * float(np.median(analysis.column("scatter")))
         angles = np.linspace(max(0.0, inside.min() - room), min(0.5 * np.pi, inside.max() + room), 161)
         chance = _chances(analysis, tilt.phi, angles, trials.ends[0])
-        draw_bands(ax, np.degrees(angles), np.quantile(chance, LEVELS, axis=0), said=later("chance of an ascent, {p:.0f} %"))
+        draw_bands(ax, np.degrees(angles), np.quantile(chance, LEVELS, axis=0), said=later("probability of climbing, {p:.0f} %"))
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
             middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
             ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label=phrase("median above 90°"))
@@ -307,7 +307,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     for ax in axes[-2:] if len(axes) > 2 else axes[-1:]:
         ax.set_xlabel(mirrored)
     for ax in axes[::2] if len(axes) > 2 else axes:
-        ax.set_ylabel(phrase("chance of an ascent"))
+        ax.set_ylabel(phrase("probability of climbing"))
     legend_below(figure)
     return figure
 

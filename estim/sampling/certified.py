@@ -63,7 +63,7 @@ def certified_chain(
     pairs: list[Certified] = []
     for i in range(_TRIES):
         if progress is not None:
-            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both once more"))
+            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both are repeated"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
         adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
         certificate, proposal = second_opinion(

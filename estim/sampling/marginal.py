@@ -202,7 +202,7 @@ def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progr
     settled = 0
     for number in range(1, _MOST_ROUNDS + 1):
         if progress is not None:
-            progress(0, phrase("adapting to the marginal over runs, round {k}", k=number))
+            progress(0, phrase("adaptation to the marginal over the runs, round {k}", k=number))
         proposal = Proposal.single(mean, cov)
         shared = proposal.draw(rng, _N_ADAPT)
         raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)

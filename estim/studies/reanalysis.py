@@ -211,13 +211,13 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
                 how = phrase("{n} runs of {body} together", n=len(b.energies), body=b.body)
                 if b.joint.problem.parameters[i].prior.informative:
-                    how = phrase("{n} runs of {body} together, stated value as prior", n=len(b.energies), body=b.body)
+                    how = phrase("joint fit of {n} runs of {body}, stated value as prior", n=len(b.energies), body=b.body)
                 found.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
             mean, u = float(np.mean([abs(m.value) for m in means])), float(np.mean([m.u for m in means]))
-            over, most = phrase("mean size over the runs of {body}", body=b.body), phrase("largest over the runs of {body}", body=b.body)
+            over, most = phrase("mean magnitude over the runs of {body}", body=b.body), phrase("largest over the runs of {body}", body=b.body)
             found.append(("energy_change_mean", b.body, Quantity(mean, u), over))
             found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most))
     if line is not None and line.status == "ok":

@@ -17,7 +17,7 @@ _DISAGREE = later("the data do not agree with what was stated before ({p})")
 
 def _stated(verdict: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
-    one_of = phrase("; any of these, or the scale of the data, may be wrong") if len(parts) > 1 else ""
+    one_of = phrase("; any of these values, or the scale of the data, may be wrong") if len(parts) > 1 else ""
     return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
@@ -25,8 +25,8 @@ def _pull(f: Finding) -> str:
     (stated,) = f.parameters
     said = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
     if f.size > 0.0:
-        return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations below what all else says", **said)
-    return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations above what all else says", **said)
+        return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations below the value implied by all the other information", **said)
+    return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations above the value implied by all the other information", **said)
 
 
 def _tied(f: Finding) -> str:
@@ -48,7 +48,7 @@ def _let_it_vary(f: Finding) -> str:
     where = f"[bodies.{level[1:-1]}]" if level else "[shared]"
     line = f"between_runs = {{{key} = {apart.value * factor:.2g}}}"
     return phrase(
-        "; where runs differ by nature rather than by mistake, let {symbol} vary from run to run: {line}, under {where}",
+        "; if the runs differ genuinely rather than by mistake, let {symbol} vary from run to run: {line}, under {where}",
         symbol=symbol(apart), line=line, where=where,
     )
 
@@ -56,11 +56,12 @@ def _let_it_vary(f: Finding) -> str:
 _SHARE, _MM, _DEGREES = 100.0, 1e3, 180.0 / math.pi
 _COMMON = MappingProxyType(
     {
-        "clock": (_SHARE, later("{size} % of the clock")), "length": (_SHARE, later("{size} % of the scale of length")),
+        "clock": (_SHARE, later("{size} % error in the clock rate")), "length": (_SHARE, later("{size} % of the scale of length")),
         "sag": (_MM, later("{size} mm of sag in the middle of the ramp")), "scale_x": (_SHARE, later("{size} % of the scale of x")),
-        "scale_y": (_SHARE, later("{size} % of the scale of y")), "radius": (_SHARE, later("{size} % of the radius")),
-        "g": (_SHARE, later("{size} % of g")), "gamma": (_SHARE, later("{size} % of gamma")), "kappa": (_SHARE, later("{size} % of kappa")),
-        "phi": (_DEGREES, later("{size}° of the tilt")), "theta0": (_DEGREES, later("{size}° of the angle at release")),
+        "scale_y": (_SHARE, later("{size} % of the scale of y")), "radius": (_SHARE, later("{size} % error in the radius")),
+        "g": (_SHARE, later("{size} % error in g")), "gamma": (_SHARE, later("{size} % error in "
+                                                                       "gamma")), "kappa": (_SHARE, later("{size} % error in kappa")),
+        "phi": (_DEGREES, later("{size}° error in the tilt")), "theta0": (_DEGREES, later("{size}° error in the angle at release")),
     }
 )
 
@@ -77,7 +78,7 @@ def _common(f: Finding) -> str:
     if not f.parameters:
         return phrase("{error}: no fit that accounts for it settles", error=error)
     (moved,) = f.parameters
-    return phrase("{error}: {symbol} by {value:.1f}", error=error, symbol=symbol(moved), value=moved.value)
+    return phrase("{error}: {symbol} shifts by {value:.1f}", error=error, symbol=symbol(moved), value=moved.value)
 
 
 WORDS: Table = MappingProxyType(

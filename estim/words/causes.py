@@ -18,7 +18,7 @@ def _alike(f: Finding) -> str:
 
 def _in_part(f: Finding) -> str:
     return phrase(
-        "{which} gains most (AIC falls by {fall:.0f}), but does not explain what is left either: it is not all, or not it",
+        "{which} improves the fit most (AIC falls by {fall:.0f}) but does not remove the lack of fit: at best it is part of the cause",
         which=phrase(" or ").join(f.names), fall=f.size,
     )
 

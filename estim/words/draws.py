@@ -34,7 +34,7 @@ def _difference(f: Finding) -> str:
 def _unreliable(f: Finding) -> str:
     shown = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
     return phrase(
-        "the importance weights cannot be trusted: k-hat is {shown}, above {limit}, after {draws:.0f} draws",
+        "the importance weights are unreliable: k-hat is {shown}, above {limit}, after {draws:.0f} draws",
         shown=shown, limit=f.numbers["limit"], draws=f.numbers["draws"],
     )
 
@@ -52,7 +52,7 @@ def _agrees(f: Finding) -> str:
 
 
 def _move(f: Finding) -> str:
-    cure = phrase("take n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
+    cure = phrase("set n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
     return phrase(
         "exact weights move a shared parameter by {size:.2f} standard deviations (Monte-Carlo error {u:.2f}): {cure}",
         size=f.size, u=f.numbers["u"], cure=cure,
@@ -61,7 +61,7 @@ def _move(f: Finding) -> str:
 
 def _uneven(f: Finding) -> str:
     return phrase(
-        "exact weights in all dimensions are too uneven to certify the result (k-hat {k_hat:.2f}, {ess:.0f} effective draws)",
+        "the exact weights in all dimensions are too uneven to validate the result (k-hat {k_hat:.2f}, effective sample size {ess:.0f})",
         k_hat=f.size, ess=f.numbers["ess"],
     )
 
@@ -87,7 +87,8 @@ def _below(words: str, f: Finding) -> str:
 
 def _brief(f: Finding) -> str:
     return phrase(
-        "{size:.0f} steps are fewer than {limit:.0f} autocorrelation times of {tau:.1f}", size=f.size, limit=f.numbers["limit"], tau=f.numbers["tau"]
+        "{size:.0f} steps are fewer than the required {limit:.0f} autocorrelation "
+        "times of {tau:.1f} steps", size=f.size, limit=f.numbers["limit"], tau=f.numbers["tau"]
     )
 
 
@@ -99,8 +100,8 @@ WORDS: Table = MappingProxyType(
         Kind.BULK_LOW: lambda f: _below(later("bulk ESS {size:.0f} is below {limit:.0f}"), f),
         Kind.TAIL_LOW: lambda f: _below(later("tail ESS {size:.0f} is below {limit:.0f}"), f),
         Kind.CHAIN_BRIEF: _brief,
-        Kind.TAU_UNSETTLED: later("the autocorrelation time has not settled"),
-        Kind.CRITERIA_MET: later("all criteria are met"),
+        Kind.TAU_UNSETTLED: later("the autocorrelation time has not converged"),
+        Kind.CRITERIA_MET: later("all convergence criteria are met"),
         Kind.INDEPENDENT_DRAWS: later("independent draws by importance sampling"),
         Kind.DRAWS_SHORT: lambda f: _below(later("only {size:.0f} effective draws of {limit:.0f}"), f),
         Kind.METHODS_DIFFER: _parts,
@@ -113,7 +114,8 @@ WORDS: Table = MappingProxyType(
         ),
         Kind.WEIGHTS_UNRELIABLE: _unreliable,
         Kind.ERRORS_TOO_LARGE: lambda f: phrase(
-            "the Monte-Carlo errors are too large to tell: differences up to {size:.2f} posterior standard deviations would not show", size=f.size
+            "the Monte-Carlo errors are too large for a decision: differences of up to {size:.2f} posterior standard deviations would "
+            "go unnoticed", size=f.size
         ),
         Kind.MARGINAL_SAMPLED: lambda f: phrase(
             "the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {n:.0f} effective draws)", k_hat=f.numbers["k_hat"], n=f.size

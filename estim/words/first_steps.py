@@ -11,19 +11,20 @@ from estim.words.telling import Voice, advice
 def _short() -> dict[Kind, str]:
     """What to do first where all that could be done takes longer to say."""
     look = phrase("look at the residuals: a bad reading, a wrong window, or physics that the curve lacks")
-    another = phrase("try another curve: no interval is to be believed beside a wrong one")
+    another = phrase("try another curve: if the curve is wrong, none of the intervals is reliable")
     return {
-        Kind.SEVERAL_SOLUTIONS: phrase("decide between the solutions by a prior or by a further measurement, and fit again"),
-        Kind.RESIDUALS_TOO_LARGE: phrase("look in the file for what could make the errors larger than stated"),
+        Kind.SEVERAL_SOLUTIONS: phrase("choose between the solutions by a prior or by a further measurement, and fit again"),
+        Kind.RESIDUALS_TOO_LARGE: phrase("check the file for a reason why the errors are larger than stated"),
         Kind.RESIDUALS_NOT_RANDOM: look,
         Kind.CURVE_LACKS: look,
         Kind.STATED_AND_CURVE: look,
         Kind.DEVIATION_TOO_LARGE: another,
         Kind.DEVIATION_TOO_SLOW: another,
-        Kind.FORCE_NOT_LINEAR: phrase("fit a shorter piece of the motion, or speeds in place of positions"),
-        Kind.COUNTS_SCATTER: phrase("look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts"),
+        Kind.FORCE_NOT_LINEAR: phrase("fit a shorter section of the motion, or speeds in place of positions"),
+        Kind.COUNTS_SCATTER: phrase("look at the pulls: possible causes are a wrong curve, a bin that is too wide for it, dead time, or "
+                                    "events that come in bursts"),
         Kind.FORCE_TOO_LARGE: phrase("look at the figure of the force: what was stated of body, tilt and start may be wrong"),
-        Kind.NOISE_TOO_LARGE: phrase("look for readings that jump, and leave them out by a window"),
+        Kind.NOISE_TOO_LARGE: phrase("look for readings that jump, and exclude them by a window"),
         Kind.STATED_DISAGREE: phrase("check what was stated: its unit, its uncertainty, and the scale and zero of the data"),
         Kind.PRESSED_EDGE: phrase("if values beyond the edge are possible, widen the prior; if not, look for what is wrong"),
     }

@@ -27,19 +27,20 @@ def _frame(f: Finding) -> str:
         run=f.run, where=_where(f), shift=_shift(f),
     )
     t = f.numbers["t"]
-    return off if math.isnan(t) else off + phrase("; leave_out_s = [{t:.6g}] in the table of the run leaves it out", t=t)
+    return off if math.isnan(t) else off + phrase("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run", t=t)
 
 
 def _windows(f: Finding) -> str:
     return phrase(
-        "window = {{t_max_s = {before:.6g}}} fits what comes before, {{t_min_s = {t:.6g}}} what comes after",
+        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = {t:.6g}}} those after it",
         before=f.numbers["before"], t=f.numbers["t"],
     )
 
 
 def _step(f: Finding) -> str:
     return phrase(
-        "run {run}: from the frame at {where} on all readings are shifted by {shift}; nothing is repaired: the shift is one more unknown; {windows}",
+        "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; the data are not altered: the displacement "
+        "is an additional unknown; {windows}",
         run=f.run, where=_where(f), shift=_shift(f), windows=_windows(f),
     )
 
@@ -48,8 +49,8 @@ def _lost(f: Finding) -> str:
     frames, sd = f.numbers["frames"], f.numbers["sd_frames"]
     n = format_quantity(abs(frames), sd)
     return phrase(
-        "run {run}: before the frame at {where} {what} and the times go on as if nothing were "
-        "(P = {p:.3f}); nothing is repaired: the shift of the times is one more unknown; {windows}",
+        "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P = {p:.3f}); the data are not altered: the "
+        "time offset is an additional unknown; {windows}",
         run=f.run, where=_where(f), p=f.p, windows=_windows(f),
         what=phrase("{n} frames were lost", n=n) if frames > 0.0 else phrase("{n} frames were counted twice", n=n),
     )
@@ -57,7 +58,8 @@ def _lost(f: Finding) -> str:
 
 def _crowd(f: Finding) -> str:
     return phrase(
-        "run {run}: more than {n:.0f} frames are off: these are no single slips, the readings scatter more than stated", run=f.run, n=f.size
+        "run {run}: more than {n:.0f} frames are displaced: these are not isolated errors; the readings scatter more than "
+        "stated", run=f.run, n=f.size
     )
 
 

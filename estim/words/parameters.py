@@ -100,8 +100,8 @@ def _listed(f: Finding) -> str:
 def _images(f: Finding) -> str:
     images = phrase("; or ").join(map(_image, f.parts))
     return phrase(
-        "the same curve with {images}: the way of writing it that is closest to the stated starts is given, and else positive amplitudes "
-        "and small angles", images=images,
+        "the curve is the same with {images}: of these equivalent solutions, the one closest to the stated starting values is "
+        "given, or otherwise the one with positive amplitudes and small angles", images=images,
     )
 
 
@@ -114,7 +114,7 @@ def _faster(f: Finding) -> str:
 
 
 def _elsewhere(f: Finding) -> str:
-    return phrase("{n:.0f} of {starts:.0f} starts of the fit ended elsewhere than at the best optimum", n=f.size, starts=f.numbers["starts"])
+    return phrase("{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum", n=f.size, starts=f.numbers["starts"])
 
 
 def _flat(f: Finding) -> str:
@@ -133,7 +133,7 @@ def _open(f: Finding) -> str:
 
 
 def _exact(f: Finding) -> str:
-    return phrase("run {run}: {names} taken as exact: every result is only as good as that", run=f.run, names=phrase(" and ").join(f.names))
+    return phrase("run {run}: {names} taken as exact: every result relies on this", run=f.run, names=phrase(" and ").join(f.names))
 
 
 def _edge(f: Finding) -> str:
@@ -165,25 +165,27 @@ def _held(f: Finding) -> str:
     named = ", ".join(f.names[:_MOST_NAMED])
     which = phrase("{names} and {n} more", names=named, n=len(f.names) - _MOST_NAMED) if len(f.names) > _MOST_NAMED else named
     return phrase(
-        "the covariance of {which} was held, because it swings with the curve: its own values may be off by {size:.2g} of their standard deviations, "
-        "all others by {felt:.1g}", which=which, size=f.size, felt=f.numbers["felt"],
+        "the covariance of {which} was kept constant, because it oscillates with the curve: its "
+        "own values may be wrong by {size:.2g} of their standard deviations, all others by "
+        "{felt:.1g}", which=which, size=f.size, felt=f.numbers["felt"],
     )
 
 
 def _not_settled(f: Finding) -> str:
     if f.names:
-        return phrase("the least-squares fit did not settle: {held}", held=_held(f))
+        return phrase("the least-squares fit did not converge: {held}", held=_held(f))
     if f.parameters:
         moved = f.parameters[0].name
         return phrase("the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=moved, size=f.size)
-    return phrase("the least-squares fit did not settle: its last round still moved a parameter by {size:.2g} standard deviations", size=f.size)
+    return phrase("the least-squares fit did not converge: its last iteration still shifted a parameter by {size:.2g} standard "
+                  "deviations", size=f.size)
 
 
 def _undetermined(f: Finding) -> str:
     names = phrase(" and ").join(f.names)
     if len(f.names) == 1:
-        return phrase("the data do not determine {names}: no standard deviations", names=names)
-    return phrase("the data do not determine {names}, only a combination of them: no standard deviations", names=names)
+        return phrase("the data do not determine {names}, so there are no standard deviations", names=names)
+    return phrase("the data do not determine {names} individually, only a combination of them, so there are no standard deviations", names=names)
 
 
 WORDS: Table = MappingProxyType(
@@ -208,7 +210,7 @@ WORDS: Table = MappingProxyType(
         Kind.SEVERAL_SOLUTIONS: _several,
         Kind.SOLUTION: _solution,
         Kind.DIRECTION_FLAT: _flat,
-        Kind.DIRECTION_LEARNT: lambda f: phrase("learnt from the data: {moves}", moves=_moves(f)),
+        Kind.DIRECTION_LEARNT: lambda f: phrase("constrained by the data: {moves}", moves=_moves(f)),
         Kind.DIRECTION_SILENT: _silent,
         Kind.SINGULAR: later("a combination of the parameters is determined neither by the data nor by the priors"),
         Kind.UNDETERMINED: _undetermined,

@@ -15,14 +15,15 @@ def _silent(f: Finding) -> str:
     n = int(f.numbers["n_trial"])
     outcome = phrase("none of {n}", n=n) if f.size == 0 else phrase("all of {n}", n=n) if f.size == n else phrase("{k:.0f} of {n}", k=f.size, n=n)
     return phrase(
-        "the trials do not determine gamma: {outcome} climbed, and it is known {share:.0f} % as badly as before",
+        "the trials do not determine gamma: {outcome} climbed, and the standard deviation of gamma is still {share:.0f} % of its prior value",
         outcome=outcome, share=100 * f.numbers["share"],
     )
 
 
 def _scatter(f: Finding) -> str:
     return phrase(
-        "the trials scatter by {size:.2g}°, more than {factor:g} times the stated {stated:.2g}°: no line separates ascents from refusals",
+        "the trials scatter by {size:.2g}°, more than {factor:g} times the stated {stated:.2g}°: no line separates the trials that "
+        "climbed from those that did not",
         size=f.size, factor=f.numbers["factor"], stated=f.numbers["stated"],
     )
 
@@ -37,8 +38,8 @@ def _trials(f: Finding) -> str:
 
 def _ends(f: Finding) -> str:
     return phrase(
-        "γ from θ_min less γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = {e_n:+.1f}): "
-        "a zero error of the angle (the plumb line), or a release that costs another angle at θ_max, would do that",
+        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = {e_n:+.1f}): a zero error of the angle (the "
+        "plumb line), or an effect of the release on the angle that differs at θ_max, would explain it",
         apart=format_quantity(f.numbers["apart"], f.numbers["u_apart"]), sds=f.numbers["sds"], e_n=f.size,
     )
 
@@ -46,14 +47,14 @@ def _ends(f: Finding) -> str:
 _SHARES = MappingProxyType(
     {
         "rolling_resistance": (
-            later("c_rr: learnt from the trials (posterior sd {share:.0f} % of the prior's)"),
+            later("c_rr is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
             later("c_rr: partly what was assumed (posterior sd {share:.0f} % of the prior's)"),
-            later("c_rr: hardly more than was assumed (posterior sd {share:.0f} % of the prior's)"),
+            later("c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
         ),
         "release": (
-            later("the release: learnt from the trials (posterior sd {share:.0f} % of the prior's)"),
+            later("the effect of the release is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
             later("the release: partly what was assumed (posterior sd {share:.0f} % of the prior's)"),
-            later("the release: hardly more than was assumed (posterior sd {share:.0f} % of the prior's)"),
+            later("the effect of the release is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
         ),
     }
 )
@@ -70,13 +71,14 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
         if name in _SHARES:
             said.append(phrase(_SHARES[name][(share >= _LEARNT) + (share >= _SILENT)], share=100 * share))
     if math.isnan(correlation):
-        said.append(phrase("only one of c_rr and the release is free here, so it takes up all that raises the angles, whatever the cause"))
+        said.append(phrase("only one of c_rr and the release is free here, so it absorbs everything that raises the angles, whatever the cause"))
     elif correlation < -_LEARNT:
-        said.append(phrase("one of the two can stand in for the other (correlation {r}): only their sum is known well", r=shown))
+        said.append(phrase("the two are strongly correlated ({r}), so only their sum is well determined", r=shown))
     elif max(shares.get(name, 0.0) for name in _SHARES) > _LEARNT:
-        said.append(phrase("the two are hardly correlated ({r}) because their priors hold them, not because the trials tell them apart", r=shown))
+        said.append(phrase("the two are only weakly correlated ({r}), but because their priors constrain them, not because the trials "
+                           "distinguish them", r=shown))
     else:
-        said.append(phrase("the trials tell the two apart (correlation {r})", r=shown))
+        said.append(phrase("the trials distinguish the two (correlation {r})", r=shown))
     return said
 
 

@@ -61,8 +61,8 @@ def _small(f: Finding) -> str:
     dof = f.numbers["dof"]
     if not f.size > 0.0:
         return phrase(
-            "the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, and with it "
-            "every interval? Or do the points share their errors, or were they smoothed?",
+            "the residuals are smaller than u_y implies (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, and so "
+            "every interval too? Or do the points share their errors, or were they smoothed?",
             chi2=f.size, dof=dof,
         )
     return phrase(
@@ -166,7 +166,7 @@ def _with_speed(f: Finding) -> str:
             p=_p(f),
         )
     return _of_run(f) + phrase(
-        "the readings scatter more where the body is fast ({p}): were the pictures blurred? State how long each was exposed, "
+        "the readings scatter more where the body is fast ({p}): were the images blurred? State the exposure time of each frame, "
         "exposure_s in the noise table",
         p=_p(f),
     )
@@ -178,7 +178,8 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
         Kind.CURVE_LACKS: _failed,
-        Kind.RESIDUALS_HARDLY: lambda f: _failed(f) + phrase(": not enough to refuse the fit, but its intervals may hold less than they say"),
+        Kind.RESIDUALS_HARDLY: lambda f: _failed(f) + phrase(": this is not enough to reject the fit, but the coverage of its intervals "
+                                                             "may be lower than stated"),
         Kind.RESIDUALS_SMALL: lambda f: _of_run(f) + phrase(
             "the residuals are smaller than the stated noise ({p}): is the stated sigma too large?", p=_p(f)
         ),
@@ -195,8 +196,8 @@ WORDS: Table = MappingProxyType(
         Kind.OUTLIERS_CROWD: _crowd,
         Kind.ROUNDING: lambda f: phrase("rounding errors of the computer's numbers may move the values by {n:.1g} standard deviations", n=f.size),
         Kind.CANCELLATION: later(
-            "the terms of the curve all but cancel at these x, so that rounding leaves the values few digits: write the formula in x - x0, "
-            "with x0 in the middle of the data"
+            "the terms of the curve almost cancel at these x, so that rounding leaves few correct digits in the values: write the "
+            "formula in x - x0, with x0 in the middle of the data"
         ),
         Kind.FEW_DEGREES: _few,
         Kind.NO_SCATTER: later(

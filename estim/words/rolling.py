@@ -44,7 +44,7 @@ WORDS: Table = MappingProxyType(
             run=f.run, p=_sure(f.p), needs=_needs(f),
         ),
         Kind.ROLLING_HOPS: lambda f: phrase(
-            "run {run}: on the fitted curve the body would leave the ramp with probability {p:.2f}, and the curve assumes that it does not",
+            "run {run}: on the fitted curve the body would leave the ramp with probability {p:.2f}, while the curve assumes that it does not",
             run=f.run, p=f.numbers["hops"],
         ),
     }

@@ -9,8 +9,8 @@ from estim.words.table import Table
 
 _WHY = MappingProxyType(
     {
-        Kind.OUTSIDE_TIMES: later("{n:.0f} outside the window of time"),
-        Kind.OUTSIDE_POSITIONS: later("{n:.0f} outside the window of position"),
+        Kind.OUTSIDE_TIMES: later("{n:.0f} outside the time window"),
+        Kind.OUTSIDE_POSITIONS: later("{n:.0f} outside the position window"),
         Kind.OUTSIDE_WINDOW: later("{n:.0f} outside the stated window"),
         Kind.LEFT_OUT: later("{n:.0f} as stated by leave_out_s"),
         Kind.WAY_BACK: later("{n:.0f} after the farthest point (the way back is another motion)"),
@@ -31,7 +31,7 @@ def _left_out(f: Finding) -> str:
 
 
 def _between(f: Finding) -> str:
-    return phrase("{n:.0f} between: one of every {every:.0f} is fit", n=f.size, every=f.numbers["every"])
+    return phrase("{n:.0f} in between: one in every {every:.0f} is fitted", n=f.size, every=f.numbers["every"])
 
 
 WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, Kind.ROWS_BETWEEN: _between, **dict.fromkeys(_WHY, _left_out)})

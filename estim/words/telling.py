@@ -14,7 +14,7 @@ from estim.words import agreement, causes, deviations, draws, forces, frames, li
 from estim.words.table import Table, filled
 
 _NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors")
-_ONE_RUN = later("fit the run that disagrees by itself, look at its file and its stated values; leave it out only for a reason found there")
+_ONE_RUN = later("fit the disagreeing run alone, and check its file and its stated values; leave it out only for a reason found there")
 _SEED, _STEPS, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{correlated}", "{robust}"
 _ANOTHER = later(
     "try another curve: in simulations of wrong curves the intervals beside a deviation seldom held the true value"
@@ -26,8 +26,8 @@ _OF_TEST: Mapping[str, str] = MappingProxyType(
     {
         "largest": _ONE_FAR_OFF,
         "uneven": later(
-            "state the standard deviation of each reading (a column of u_y), for example as a share of it; where it is a share of y, "
-            "fitting the logarithm of y makes it even"
+            "state the standard deviation of each reading (a column of u_y), for example as a fraction of the reading; if it is "
+            "proportional to y, fitting the logarithm of y makes it uniform"
         ),
         "repeated": later(
             "readings of the same x share an error, or the curve is wrong: where the curve is known to be right, fit the mean of the readings at "
@@ -63,31 +63,32 @@ WORDS: Table = MappingProxyType(
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
-        Kind.FIT_UNSETTLED: later("check the starting values and the priors; what still moves may need a limit"),
+        Kind.FIT_UNSETTLED: later("check the starting values and the priors; a parameter that still changes may need a limit"),
         Kind.STEP_UNSETTLED: later("give it limits, or try other starting values"),
         Kind.ROUNDING: later(
-            "give limits to parameters that became far too large, or write the formula in x - x0, with x0 in the middle of the data"
+            "set limits on parameters that became far too large, or write the formula in x - x0, with x0 in the middle of the data"
         ),
         Kind.VALUE_OUTSIDE: later("try other starting values"),
         Kind.CHAIN_SHORT: later(
             "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
         ),
-        Kind.WALKERS_STUCK: later("start again with another {seed}, and look at the traces"),
+        Kind.WALKERS_STUCK: later("repeat with another {seed}, and look at the trace plots"),
         Kind.METHODS_DIFFER: later(
-            "try another {seed} and a higher {steps}; if they still differ, report it: one of two computations of the same thing is wrong"
+            "try another {seed} and a higher {steps}; if they still differ, report it as a bug: one of two computations of the same "
+            "quantity is wrong"
         ),
-        Kind.SLOPES_DIFFER: later("the priors of the Bayesian line carry weight: take more points"),
+        Kind.SLOPES_DIFFER: later("the priors of the Bayesian line influence the result: take more points"),
         Kind.SEVERAL_SOLUTIONS: later(
             "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
         ),
         Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
-        Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which go together"),
+        Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which are correlated"),
         Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
         Kind.HARDLY_HELD: later("give it limits, or a prior"),
-        Kind.OPEN_SIDE: later("state its value with an uncertainty, or a limit; or fit a simpler curve, which lacks what the data do not show"),
-        Kind.LINE_NOT_RISING: later("gamma = 1/slope needs a slope that is surely positive: measure at more and steeper tilts"),
+        Kind.OPEN_SIDE: later("state its value with an uncertainty, or a limit; or fit a simpler curve without the term that the data do not show"),
+        Kind.LINE_NOT_RISING: later("gamma = 1/slope requires a slope that is definitely positive: measure at more tilts and at steeper ones"),
         Kind.RESIDUALS_ZERO: later(
-            "give the readings themselves, not numbers computed or smoothed by the curve; simulated data need their errors added"
+            "use the readings themselves, not numbers computed or smoothed from the curve; simulated data need simulated errors added"
         ),
         Kind.RESIDUALS_TOO_LARGE: later(
             "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
@@ -103,8 +104,8 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.DEVIATION_TOO_LARGE: _ANOTHER,
         Kind.DEVIATION_TOO_SLOW: _ANOTHER,
         Kind.FORCE_NOT_LINEAR: later(
-            "fit a shorter piece of the motion (a window that ends at the turning point), or speeds in place of positions, and look for what is "
-            "wrong with the ramp: the figure of the force shows where"
+            "fit a shorter section of the motion (a window that ends at the turning point), or speeds in place of positions, and look "
+            "for a defect of the ramp: the figure of the force shows where"
         ),
         Kind.FRAMES_CROWD: later(
             "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small"
@@ -114,7 +115,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts; "
             "where none of it can be helped, fit the counts as readings with u_y left out, and their scatter says how large the errors are"
         ),
-        Kind.SCATTER_TOO_LARGE: later("the curve does not describe this motion, or the stated resolution of the instrument is far too good"),
+        Kind.SCATTER_TOO_LARGE: later("the curve does not describe this motion, or the stated resolution of the instrument is much too optimistic"),
         Kind.FORCE_TOO_LARGE: later(
             "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "
             "force is believable, state it by unmodelled_force"
@@ -134,21 +135,24 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
         Kind.RUN_OFF_MAP: later(
-            "check its tilt (the sign too), its angle of release (which way it is counted) and gamma; a fit of the run says which of them is off"
+            "check its tilt (including the sign), its angle of release (the direction in which it is measured) and gamma; a fit of the "
+            "run shows which of them is wrong"
         ),
         Kind.GAMMA_TOO_LARGE: later("are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?"),
-        Kind.TRIALS_SILENT: later("set angles on both sides of where ascents begin: some must climb, some not, at two tilts or more"),
+        Kind.TRIALS_SILENT: later("choose angles on both sides of the threshold of climbing: some trials must climb and some must not, "
+                                  "at two or more tilts"),
         Kind.TRIALS_SCATTER: later(
-            "look for a trial whose outcome or angle is written down wrongly, and for a tilt read wrongly; else state a larger u_theta_deg"
+            "look for a trial whose outcome or angle was recorded wrongly, and for a tilt that was read wrongly; otherwise state a "
+            "larger u_theta_deg"
         ),
         Kind.POINTS_SCATTER: later("check the uncertainties and look for a bad point"),
         Kind.PRESSED_EDGE: later(
-            "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale, the curve"
+            "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale or the curve"
         ),
         Kind.PRESSED_LIMIT: later("is the limit right?"),
         Kind.RANKS_UNEVEN: later("do not quote this interval: the priors, the noise or the curve are not those of the simulated data"),
-        Kind.COVERAGE_OFF: later("do not quote this interval as one of its probability"),
-        Kind.TRIALS_FAILED: later("state narrower priors: where they allow values that no curve can be computed for, no posterior comes out"),
+        Kind.COVERAGE_OFF: later("do not quote this interval with its nominal probability"),
+        Kind.TRIALS_FAILED: later("state narrower priors: where they allow values for which the curve cannot be computed, there is no posterior"),
     }
 )
 

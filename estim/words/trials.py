@@ -11,8 +11,8 @@ _DIRECTIONS = MappingProxyType(
     {
         "": "",
         "none": later("no posterior at all"),
-        "low": later("biased, estimates lie too low"),
-        "high": later("biased, estimates lie too high"),
+        "low": later("biased: the estimates are too low"),
+        "high": later("biased: the estimates are too high"),
         "narrow": later("intervals are too narrow"),
         "wide": later("intervals are too wide"),
     }

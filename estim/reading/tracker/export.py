@@ -248,7 +248,7 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
     if named:
         (unit,) = named
         return METRES[unit], phrase("lengths in {unit} as the column's name says", unit=unit)
-    return 1.0, phrase("lengths taken as m: an export does not say its unit (--unit cm if it is another one)")
+    return 1.0, phrase("lengths are taken to be in m, because an export does not state its unit (use --unit cm if it is another one)")
 
 
 # the cells

@@ -60,12 +60,12 @@ def _times(t: FloatArray) -> list[str]:
     found = []
     missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
     if missing:
-        found.append(phrase("{k} of {n} frames are missing: there is no speed beside them", k=missing, n=t.size + missing))
+        found.append(phrase("{k} of {n} frames are missing: no speed can be computed next to them", k=missing, n=t.size + missing))
     if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
         worst = int(np.argmax(np.abs(steps - whole)))
         found.append(
             phrase(
-                "times do not advance by whole multiples of {usual:.5g} s (after t = {t:.6g} s): differences give no speeds",
+                "the times are not spaced by whole multiples of {usual:.5g} s (after t = {t:.6g} s), so no speeds can be computed from differences",
                 usual=usual, t=t[worst],
             )
         )
@@ -140,8 +140,8 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
         if off > _SPEED * float(np.max(made)):
             found.append(
                 phrase(
-                    "the column v is not the central difference of x and y (they differ by {off:.3g} m/s, rms): "
-                    "v, the times or the lengths were changed",
+                    "the column v is not the central difference of x and y (they differ by {off:.3g} m/s, rms): v, the times or the "
+                    "lengths have been altered",
                     off=off,
                 )
             )

@@ -148,7 +148,7 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     if step != 1:
         facts = [phrase("frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame", start=start, step=step, duration=duration)]
     if frame_ms is not None and frame_ms != stated:
-        facts.append(phrase("frame duration as stated by the user; the file says {stated:.8g} ms", stated=stated))
+        facts.append(phrase("frame duration as stated by the user; according to the file it is {stated:.8g} ms", stated=stated))
     times, warnings = _unequal(of_video, start, step, count, duration)
     return _Clip(start, step, max(count, 0), clip.number("starttime", 0.0), duration, times, tuple(facts), warnings)
 
@@ -219,7 +219,7 @@ class _Axes:
 
     def warnings(self) -> tuple[str, ...]:
         if np.all(self.values[:, 3:] == 1.0):
-            return (phrase("the scale is 1 pixel for 1 unit of length: the video was not calibrated"),)
+            return (phrase("the scale is 1 pixel per unit of length: the video was not calibrated"),)
         return ()
 
 
@@ -249,7 +249,7 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     if found is not None and written not in METRES:
         raise found.error(f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)", value=written)
     if not written:
-        return METRES["m"], phrase("no unit of length in the file: taken as m")
+        return METRES["m"], phrase("the file states no unit of length: m is assumed")
     return METRES[written], phrase("lengths in {unit} as the file says", unit=written)
 
 
