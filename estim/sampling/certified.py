@@ -2,6 +2,7 @@
 
 Two computations of the same thing may differ by chance: one pair in 2000 is called (`compare_with_chain`).  Where one is, both are done once
 more with other random numbers.  A difference that comes back is told; one that does not was chance, and the second pair is the result.
+Where Monte-Carlo errors are too large for a verdict, both are done once more with more draws.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Stream, phrase, stream
+from estim.common import Kind, Stream, phrase, stream
 from estim.deviation import NormalParts
 from estim.sampling.certificate import Agreement, Certificate, compare_with_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
@@ -22,6 +23,7 @@ from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, Support
 
 _TRIES = 2
+_FINER = 2.0  # times as many effective draws, where Monte-Carlo errors hide a difference
 _MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accepted
 
 
@@ -63,7 +65,7 @@ def certified_chain(
     pairs: list[Certified] = []
     for i in range(_TRIES):
         if progress is not None:
-            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion differ: both are repeated"))
+            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion: both are repeated"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
         adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
         certificate, proposal = second_opinion(
@@ -74,12 +76,21 @@ def certified_chain(
             proposal=proposal,
         )
         pairs.append(Certified(chain, certificate, compare_with_chain(certificate, chain, most=most)))
-        if pairs[-1].comparison.verdict != "disagree":
+        if _too_coarse(pairs[-1].comparison):
+            target = replace(target, ess=_FINER * target.ess)
+        elif pairs[-1].comparison.verdict != "disagree":
             break
     first, last = pairs[0], pairs[-1]
+    if _too_coarse(first.comparison):
+        return last
     if len(pairs) == 1 or last.comparison.verdict == "missing":
         return first
     return replace(last, comparison=_after(first.comparison, last.comparison))
+
+
+def _too_coarse(comparison: Agreement) -> bool:
+    """Whether there is no verdict because the Monte-Carlo errors are too large."""
+    return any(finding.kind == Kind.ERRORS_TOO_LARGE for finding in comparison.told)
 
 
 def proposed_chain(
