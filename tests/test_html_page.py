@@ -113,7 +113,7 @@ def test_a_page_is_in_the_language_that_is_spoken() -> None:
     with spoken("es"):
         page = with_formats({"report.md": f"# a\n\n{part}\n".encode()}, ["html"])["report.html"].decode()
     assert '<html lang="es">' in page
-    for words in ("Contenido", "abrir todas las partes, también para imprimir", "no se imprimen"):
+    for words in ("Contenido", "abrir todas las secciones, también para imprimir", "no se imprimen"):
         assert words in page
     assert "Contents" not in page
 

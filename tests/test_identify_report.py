@@ -52,7 +52,7 @@ def test_rows_show_degrees_and_open_sides(replica: Path, rng: np.random.Generato
     low, high = (float(end) for end in tilt.profile_68.strip("[]").split(","))
     assert 0.5 * (low + high) == pytest.approx(np.degrees(fit.values[3]), abs=0.05)
     assert rows["c_rr"].profile_95.endswith("(open below)")
-    assert rows["κ[heavy]"].verdict.endswith("most that of γ[heavy]")
+    assert rows["κ[heavy]"].verdict.endswith("mainly that of γ[heavy]")
     for row, sd in zip(rows.values(), draws.std(axis=0), strict=True):
         assert float(row.ratio) == pytest.approx(sd / fit.problem.parameters[list(rows).index(row.symbol)].prior.sd, abs=0.006)
 
@@ -72,7 +72,7 @@ def test_template_says_every_sentence_and_row(replica: Path, rng: np.random.Gene
 def test_the_caption_says_what_a_flat_prior_counts_as(flat: bool) -> None:
     found = IdentifySection(("all is learnt",), (), (), 0.8, 0.05, flat)
     text = render("identifiability.md.j2", identify=found, pictures=["figures/directions.png"])
-    assert ("counts as 1000 posterior standard\ndeviations wide" in text) is flat
+    assert ("it is treated as 1000 posterior standard deviations wide" in text) is flat
 
 
 def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator) -> None:

@@ -140,7 +140,7 @@ def test_a_recording_with_a_step_ends_where_the_same_one_without_it_does(tmp_pat
     words = tell(finding)
     assert "line 22 of its file" in words
     assert "window = {t_max_s = 0.65}" in words
-    assert "nothing is repaired" in words
+    assert "the data are not altered" in words
     assert too_many_bad_frames(spoiled.forces[0]) == ()
 
 

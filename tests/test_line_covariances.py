@@ -146,7 +146,7 @@ def test_files_and_options_say_the_same(table: Path) -> None:
     for one in found:
         assert one["method"] == "correlated"
         assert one["standard_errors"]["propagated"] == pytest.approx(found[0]["standard_errors"]["propagated"], rel=1e-6)
-    assert found[0]["correlated"] == ["0.1 of the zero of y, shared by all points"]
+    assert found[0]["correlated"] == ["standard uncertainty 0.1 of the zero of y, shared by all points"]
     assert "(covariances of x, then y, from all.csv), 12 points" in (folder / "out" / "report.md").read_text()
     plain = said_of(table)[1]
     assert plain["method"] == "weighted"

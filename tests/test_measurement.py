@@ -332,7 +332,7 @@ def test_draws_without_a_value_leave_nothing_to_quote(tmp_path):
     assert exit_code(lambda: cli.main(["propagate", str(path), "--out", str(tmp_path / "out"), "--no-figures"], standalone_mode=False)) == 3
     assert "y: not-identified" in result.output
     assert "give no finite value" in result.output
-    assert "no number can be quoted" in (tmp_path / "out" / "report.md").read_text()
+    assert "an output has no valid interval" in (tmp_path / "out" / "report.md").read_text()
 
 
 HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u = 0.1}\n'

@@ -198,6 +198,6 @@ def test_what_hardly_passes_is_told() -> None:
         fit = fit_curve("a + b*x", x, 1.0 + 2.0 * x + np.repeat(rng.standard_normal(8), 4) + rng.standard_normal(32))
         p = fit.goodness[0].checks["repeated"].p_value
         if fit.status == "ok":
-            assert any("may hold less" in note for note in fit.notes) == (P_POOR_FIT <= p < 0.01)
+            assert any("coverage of its intervals may be lower" in note for note in fit.notes) == (P_POOR_FIT <= p < 0.01)
             told.append(p < 0.01)
     assert any(told)

@@ -224,12 +224,12 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     assert found.found_better == pytest.approx(objective[a < 0.0].min() - objective[a > 0.0].min(), rel=1e-5)
     assert found.better_values is not None
     assert found.better_values[0] > 0.5
-    assert "a better point than the fit was met" in found.sentence
+    assert "the search found a better point than the fit" in found.sentence
     right = profile_intervals(fitted(problem))[0]
     assert right.found_better == 0.0
     # the barrier between the two modes is lower than the 95 % level
     assert right.low[0.95] < -0.5
-    assert "more than one piece" in found.sentence
+    assert "several separate pieces" in found.sentence
 
 
 def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: Path) -> None:

@@ -179,7 +179,7 @@ def test_trials_alone_make_a_report(tmp_path: Path) -> None:
     done, report, result = line(campaign(tmp_path, ROWS, trials=EXACT), tmp_path / "out")
     assert done.exit_code == 0, done.output
     assert not (tmp_path / "out" / "result.json").exists()
-    assert "θ_max" not in report.split("Each tilt by itself")[1].split("The angle at which")[0]
+    assert "θ_max" not in report.split("Each tilt separately")[1].split("The angle at which")[0]
     assert result["ends_apart"] is None
 
 

@@ -159,7 +159,7 @@ def test_certificate_of_another_density_disagrees(widened: float, expected: str,
         again = r"chain and (quadrature|importance sampling) differ \(and before, with other random numbers\)"
         differ = re.compile(again + r" in .*the (standard deviation|2.5 % quantile|97.5 % quantile) of")
         assert any(differ.search(reason) for reason in written.result["reasons"])
-        assert any("one of two computations of the same thing is wrong" in advice for advice in written.result["advice"])
+        assert any("one of two computations of the same quantity is wrong" in advice for advice in written.result["advice"])
         assert_no_headline(written, expected)
 
 

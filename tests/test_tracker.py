@@ -182,7 +182,7 @@ def test_frame_duration_against_the_video_is_refused_until_it_is_stated(write) -
     np.testing.assert_allclose(read_tracker(path, frame_ms=10.0).t, 0.01 * np.arange(8), atol=1e-15)
     slow = read_tracker(path, frame_ms=2.5)
     np.testing.assert_allclose(slow.t, 0.0025 * np.arange(8), atol=1e-15)
-    assert any("as stated by the user; the file says 40 ms" in fact for fact in slow.calibration)
+    assert any("as stated by the user; according to the file it is 40 ms" in fact for fact in slow.calibration)
 
 
 def test_uncalibrated_video_and_edited_stick_are_suspicious(write) -> None:
