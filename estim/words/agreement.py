@@ -17,7 +17,7 @@ _DISAGREE = later("the data do not agree with what was stated before ({p})")
 
 def _stated(verdict: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
-    one_of = phrase("; any of these values, or the scale of the data, may be wrong") if len(parts) > 1 else ""
+    one_of = phrase("; any of these, or the scale of the data, may be wrong") if len(parts) > 1 else ""
     return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
@@ -25,8 +25,8 @@ def _pull(f: Finding) -> str:
     (stated,) = f.parameters
     said = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
     if f.size > 0.0:
-        return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations below the value implied by all the other information", **said)
-    return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations above the value implied by all the other information", **said)
+        return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations below what the rest implies", **said)
+    return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations above what the rest implies", **said)
 
 
 def _tied(f: Finding) -> str:
