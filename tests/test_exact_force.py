@@ -83,16 +83,18 @@ def test_the_posterior_beside_a_turning_point_is_the_exact_one(tmp_path: Path) -
 @pytest.mark.statistics
 @pytest.mark.usefixtures("noise_of_known_size")
 @pytest.mark.parametrize(
-    ("turns", "hill", "seed", "within"),
+    ("turns", "hill", "seed"),
     [
-        (False, 0.0, 12, 0.06), (True, 0.001, 14, 0.06), (False, 0.001, 15, 0.06),
-        (True, 0.0, 13, 0.15),  # the last speed is two errors from 0: the body may rest there, which no energy residual knows
+        (False, 0.0, 12), (True, 0.001, 14), (False, 0.001, 15),
+        pytest.param(True, 0.0, 13, marks=pytest.mark.xfail(
+            strict=True, reason="the last speed is two errors from 0: the body may rest there, which no energy residual knows; 0.12 to 0.14 off",
+        )),
     ],
-)
-def test_posteriors_with_turning_points_and_hills_are_the_exact_ones(turns: bool, hill: float, seed: int, within: float, tmp_path: Path) -> None:
+)  # fmt: skip
+def test_posteriors_with_turning_points_and_hills_are_the_exact_ones(turns: bool, hill: float, seed: int, tmp_path: Path) -> None:
     x, v, theta0, phi = rolled(seed, turns=turns, hill=hill)
     exact = exact_posterior(x, v, theta0=np.radians(theta0), phi=np.radians(phi), n_draw=480_000, rng=np.random.default_rng(1))
-    assert_same(analyse(campaign(tmp_path, x, v, theta0, phi), ["r"], seed=1, target=Target(ess=10_000)), exact, mean=within, sd=0.05)
+    assert_same(analyse(campaign(tmp_path, x, v, theta0, phi), ["r"], seed=1, target=Target(ess=10_000)), exact, mean=0.06, sd=0.05)
 
 
 @pytest.mark.statistics

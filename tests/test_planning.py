@@ -86,9 +86,11 @@ def test_foreseen_at_the_data_at_hand_is_what_the_fit_knows(pair: RollingBasis) 
     foreseen = pair.campaign.study.foreseen(posed, pair.campaign.tables, fit.values, sizes)
     scale = np.sqrt(np.diag(fit.cov))
     there = np.linalg.inv(foreseen)
-    assert np.abs((there - fit.cov) / np.outer(scale, scale)).max() < 0.04  # it has the speeds of the curve, the fit those of the data
+    # it has the speeds of the curve, the fit those of the data
+    assert np.abs((there - fit.cov) / np.outer(scale, scale)).max() < 0.04
+    assert np.abs(np.sqrt(np.diag(there)) / scale - 1.0).max() < 0.02
     without = pair.campaign.study.foreseen(posed, pair.campaign.tables, fit.values, {})
-    assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.03  # without start and force it is another
+    assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.2  # without start and force it is another
 
 
 def test_without_errors_it_is_nearly_the_same(pair: RollingBasis) -> None:
