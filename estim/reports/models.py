@@ -157,8 +157,8 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
         return phrase("no model is recommended")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
-        words = phrase("its predictions are better by {by:.1f} (elpd)", by=ahead) if ahead > 0.0 else phrase("its predictions are worse by "
-                                                                                                  "{by:.1f} (elpd)", by=abs(ahead))
+        better, worse = later("its predictions are better by {by:.1f} (elpd)"), later("its predictions are worse by {by:.1f} (elpd)")
+        words = phrase(better if ahead > 0.0 else worse, by=abs(ahead))
     elif log_odds(row, chosen) >= 0.0:
         words = phrase("odds for it of {odds}", odds=odds_words(log_odds(row, chosen)))
     else:

@@ -37,15 +37,14 @@ _ORIGINS = {
 }
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _VERMILION = "#B34700"
-_FRICTIONS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 _NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
 _NAMED = 4  # names in one label
 _THETA_MIN = Notation("θ_min").label("rad").tex
-_SLIVER = 1e-6  # rad
-_NONE_ENOUGH = 9.0  # stands for no friction that would do
 _ENDS = {
-    "turns": {"ramp": later("turns back at the end of the ramp ({m:.3g} m)"), "recorded way": later("turns back at the end of the recorded "
-                                                                                               "path ({m:.3g} m)")},
+    "turns": {
+        "ramp": later("turns back at the end of the ramp ({m:.3g} m)"),
+        "recorded way": later("turns back at the end of the recorded path ({m:.3g} m)"),
+    },
     "climbs on": {"ramp": later("climbs and turns back on the ramp"), "recorded way": later("climbs and turns back on the recorded path")},
     "turns on": {"ramp": later("turns back on the ramp"), "recorded way": later("turns back on the recorded path")},
     "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded path")},

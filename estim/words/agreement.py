@@ -56,11 +56,11 @@ def _let_it_vary(f: Finding) -> str:
 _SHARE, _MM, _DEGREES = 100.0, 1e3, 180.0 / math.pi
 _COMMON = MappingProxyType(
     {
-        "clock": (_SHARE, later("{size} % error in the clock rate")), "length": (_SHARE, later("{size} % of the scale of length")),
-        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")), "scale_x": (_SHARE, later("{size} % of the scale of x")),
-        "scale_y": (_SHARE, later("{size} % of the scale of y")), "radius": (_SHARE, later("{size} % error in the radius")),
-        "g": (_SHARE, later("{size} % error in g")), "gamma": (_SHARE, later("{size} % error in "
-                                                                       "gamma")), "kappa": (_SHARE, later("{size} % error in kappa")),
+        "clock": (_SHARE, later("{size} % error in the clock rate")), "length": (_SHARE, later("{size} % error in the length scale")),
+        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")), "scale_x": (_SHARE, later("{size} % error in the scale of x")),
+        "scale_y": (_SHARE, later("{size} % error in the scale of y")), "radius": (_SHARE, later("{size} % error in the radius")),
+        "g": (_SHARE, later("{size} % error in g")), "gamma": (_SHARE, later("{size} % error in gamma")),
+        "kappa": (_SHARE, later("{size} % error in kappa")),
         "phi": (_DEGREES, later("{size}° error in the tilt")), "theta0": (_DEGREES, later("{size}° error in the angle at release")),
     }
 )

@@ -178,8 +178,9 @@ WORDS: Table = MappingProxyType(
         Kind.RESIDUALS_TOO_LARGE: _failed,
         Kind.RESIDUALS_NOT_RANDOM: _failed,
         Kind.CURVE_LACKS: _failed,
-        Kind.RESIDUALS_HARDLY: lambda f: _failed(f) + phrase(": this is not enough to reject the fit, but the coverage of its intervals "
-                                                             "may be lower than stated"),
+        Kind.RESIDUALS_HARDLY: lambda f: _failed(f) + phrase(
+            ": this is not enough to reject the fit, but the coverage of its intervals may be lower than stated"
+        ),
         Kind.RESIDUALS_SMALL: lambda f: _of_run(f) + phrase(
             "the residuals are smaller than the stated noise ({p}): is the stated sigma too large?", p=_p(f)
         ),
