@@ -269,7 +269,7 @@ def caption_of(result: Result) -> str:
     if any(force.drawn for force in forces):
         curve = phrase("Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new reading, 95 %.")
     elif result.curve_deviation or forces:
-        curve = phrase("Blue: the curve without what it may lack, 68 and 95 %. Grey: a new reading, 95 %.")
+        curve = phrase("Blue: the curve without the unmodelled deviation, 68 and 95 %. Grey: a new reading without it, 95 %.")
     else:
         curve = phrase("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
     return f"{points} {curve}"

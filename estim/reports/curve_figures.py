@@ -285,7 +285,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
         right.set_ylabel(phrase("whitened residual"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
         right.set_title(phrase("what is left"))
-        legend_below(part, ncols=5)
+        legend_below(part)
     return figure
 
 

@@ -189,7 +189,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         line=None if result.line is None else line_values(result.line), shown=shown,
         prior=prior_cell, value=value_cell, interval=interval_cell,
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
-        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words, average_words=average_words,
+        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
         complete=complete_runs(result.runs.values()),
         notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),

@@ -36,7 +36,7 @@ _ORIGINS = {
     "asked": later("as asked for"), "stated": later("ramp_length_m minus ramp_start_m"),
 }
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
-_VERMILION = "#B34700"
+_DARK_VERMILION = "#B34700"
 _NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
 _NAMED = 4  # names in one label
 _THETA_MIN = Notation("θ_min").label("rad").tex
@@ -232,7 +232,7 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
     if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
         said = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
-        handles.append(Line2D([], [], color=_VERMILION, lw=1.8, label=said))
+        handles.append(Line2D([], [], color=_DARK_VERMILION, lw=1.8, label=said))
     if found.downhill and np.any((found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])):
         handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
     if np.any(np.isfinite(found.contours)):
@@ -277,7 +277,7 @@ def _zone_patches(found: BodyMap) -> Iterator[Patch]:
 
 def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, str]]:
     if np.any(found.passes[2] > found.rolls_on[2]):
-        yield np.where(found.passes > found.rolls_on, found.passes, np.nan), None, _VERMILION
+        yield np.where(found.passes > found.rolls_on, found.passes, np.nan), None, _DARK_VERMILION
     if found.downhill:
         on = np.where((found.rolls_on > found.lowest) & (found.rolls_on < found.highest), found.rolls_on, np.nan)
         yield on, None, GREEN
@@ -311,7 +311,7 @@ def _distances(ax: Axes, found: BodyMap) -> None:
 
 def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:
     return ax.errorbar(
-        line.phi * _DEGREES, line.theta_min * _DEGREES, xerr=line.u_phi * _DEGREES, yerr=line.u_theta_min * _DEGREES, fmt="s", color=_VERMILION,
+        line.phi * _DEGREES, line.theta_min * _DEGREES, xerr=line.u_phi * _DEGREES, yerr=line.u_theta_min * _DEGREES, fmt="s", color=_DARK_VERMILION,
         mfc="white", ms=4.5, lw=0.9, zorder=4, label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
     )
 
