@@ -42,7 +42,7 @@ numbers of its tables are read from the `result.json` of the reports.
 ± is one standard uncertainty. E_n = (reanalysed − published)/√(U₁² + U₂²) with U = 2 u (ISO 13528): between −1 and +1 the two agree. Where no
 uncertainty is published, E_n counts that of the reanalysis alone. A published value that comes from *the same data* is no second measurement: its E_n
 only compares two analyses. A dash stands where the status of a result is not `ok`: there is no number to quote, and the report says why."""
-_COLOURS, _SHRUNK, _SHRUNK_TRACES = 255, 0.64, 0.45
+_COLOURS, _SHRUNK, _SHRUNK_TRACES = 96, 0.64, 0.45
 
 
 def experiments() -> list[dict[str, Any]]:

@@ -81,7 +81,7 @@ def test_a_fitted_curve_speaks_spanish() -> None:
     assert [text.get_text() for text in upper.get_legend().get_texts()] == ["la curva, 95 %", "la curva, 68 %", "mejor curva", "datos ± u"]
     assert off_the_canvas(figure) == []
     assert "68 % en [" in str(fit)
-    assert "desviación típica de los residuos" in str(fit)
+    assert "desviación estándar de los residuos" in str(fit)
     assert "| parámetro | valor e intervalos |" in fit._repr_markdown_()
     with spoken("en"):
         assert "68 % in [" in str(fit)
