@@ -264,7 +264,7 @@ def _inner_fit(
     values = fit.values.copy()
     values[: best.values.size] = best.values
     led = led_here(best.n_same, best.n_start)
-    words = settled(led) if best.settled else phrase("did not settle; {led}", led=led)
+    words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
     posterior = problem.linearised(values)
     fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
     return with_others(fit, best, rng)

@@ -93,7 +93,7 @@ def _check_shared(given: Mapping[str, Mapping[str, Any] | None], shared: Collect
         for written in said if isinstance(said, Mapping) else ():
             parameter, _, level = str(written).partition("[")
             if level and parameter in shared:
-                raise InputError(f"speaks of one data set, but '{parameter}' is shared by all", field=field, value=written)
+                raise InputError(f"refers to one data set, but '{parameter}' is shared by all", field=field, value=written)
 
 
 def _checked(data: Mapping[str, DataSet]) -> list[str]:

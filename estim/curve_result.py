@@ -154,9 +154,9 @@ class CurveFit:
         something (`deviation`, `correlated`): then no region would hold what it says.
         """
         if not self.status.ok:
-            raise InputError(f"is asked of a fit whose status is {self.status}: no region of it would hold what it says", field="contour")
+            raise InputError(f"needs a fit with status ok, not {self.status}: its region would not have its nominal coverage", field="contour")
         if self.deviation is not None:
-            raise InputError("is not known beside 'deviation' or 'correlated': use fit.cov, or sample_curve", field="contour")
+            raise InputError("is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve", field="contour")
         found = contour(self.held, a, b, probabilities, dof=self._dof)
         at = [self.names.index(name) for name in (a, b)]
         known = {p.name: p.label for p in self.problem.parameters}

@@ -46,7 +46,7 @@ def explained(folder: Path, run: str, **slips: str) -> Explanation:
 )
 def test_radians_under_degrees_are_named_first(tmp_path: Path, slips: dict[str, str], symbols: str, cure: str) -> None:
     found = explained(tmp_path, "heavy-08", **slips)
-    assert slip_words(found) == f"this reads like a slip of the unit: {symbols} given in radians, not degrees (write {cure})"
+    assert slip_words(found) == f"a unit is probably wrong: {symbols} given in radians, not degrees (write {cure})"
     assert not found.candidates[0].lines  # nothing is to be added
 
 

@@ -258,7 +258,7 @@ def replace_row(row: Row, *, unit: str, mean: float) -> Row:
 def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> None:
     rows = [msgspec.structs.replace(row, interval=dt) for row, dt in zip(rows_of(np.full(4, 1.0), 0.1), (0.04, 0.04, 0.02, None), strict=True)]
     text = batch_report(rows, figures=False)["report.md"].decode().replace("\u00a0", " ")
-    assert "| c.toml | r2 | the frames are 0.02 s apart, those of most runs 0.04 s: is the frame rate right? |" in text
+    assert "| c.toml | r2 | the frames are 0.02 s apart, while those of most runs are 0.04 s apart: is the frame rate right? |" in text
     elsewhere = [msgspec.structs.replace(row, campaign=f"{i}.toml") for i, row in enumerate(rows)]
     assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
 

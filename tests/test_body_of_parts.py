@@ -173,12 +173,12 @@ def test_a_fit_takes_them_as_stated_values_and_says_what_it_leaves_out(tmp_path,
         assert priors[name].sd == pytest.approx(weighing.linear.u[at[output]], rel=1e-6)
     assert problem.runs[0].motion.mass == pytest.approx(0.37)
     assert len(campaign.tables["run0"].facts) == 1
-    assert "are correlated, r = " in campaign.tables["run0"].facts[0]
+    assert "correlation, r = " in campaign.tables["run0"].facts[0]
     gyration, u = problem.runs[0].arguments["particle_gyration"], 0.0
     body = Body(0.15, **{name: prior_of(name, priors).mean for name in ("gamma", "kappa", "rho")}, particle_gyration=gyration)
     for name in ("gamma", "kappa", "rho"):
         u = math.hypot(u, body.inertia_ratio_gradient()[name] * prior_of(name, priors).sd)
-    assert f"{format_quantity(body.inertia_ratio, u)} by these values taken as independent" in campaign.tables["run0"].facts[0]
+    assert f"{format_quantity(body.inertia_ratio, u)} from these values taken as independent" in campaign.tables["run0"].facts[0]
 
 
 def test_a_radius_of_gyration_that_matters_is_an_unknown(tmp_path):
@@ -193,7 +193,7 @@ def test_it_says_so_where_independent_values_make_the_inertia_too_certain(tmp_pa
     share, rho, u = 0.03 / 0.33, 0.14 / 0.15, 0.007 / 0.15
     inertia, apart = 0.5 * 0.3 / 0.33 + share * rho**2, math.hypot((rho - 0.5 / rho) * share * u, (share * 0.5 / rho + share * rho) * u)
     assert apart < 0.9 * 2 * share * rho * u
-    assert f"j is {format_quantity(inertia, 2 * share * rho * u)} by the parts, {format_quantity(inertia, apart)} by these values" in fact
+    assert f"j is {format_quantity(inertia, 2 * share * rho * u)} from the parts, {format_quantity(inertia, apart)} from these values" in fact
     assert "r = +1.00" in fact or "r = 1.00" in fact
 
 

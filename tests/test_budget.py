@@ -118,7 +118,7 @@ def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[st
     for part in result["budget"].values():
         total = sum(one["u"] ** 2 for one in part["sources"]) + part["others"] ** 2
         assert total == pytest.approx(part["sd_linear"] ** 2, rel=1e-9)
-    assert "## Where the uncertainty comes from" in text
+    assert "## Uncertainty budget" in text
     assert "| clock, stated |" in text
     assert "| root of the sum of squares |" in text
 
@@ -129,7 +129,7 @@ def test_no_budget_without_a_result() -> None:
     files = curve_report(fit, analysis, title="Bad", kind="synthetic", figures=False)
     assert fit.status == "poor-fit"
     assert json.loads(files["result.json"])["budget"] is None
-    assert "Where the uncertainty comes from" not in files["report.md"].decode()
+    assert "Uncertainty budget" not in files["report.md"].decode()
 
 
 @pytest.fixture

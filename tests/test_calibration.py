@@ -328,7 +328,7 @@ def test_turning_points_and_derived_numbers_are_looked_at_too(tmp_path):
 
 
 @pytest.mark.parametrize(("said", "beside"), [
-    ("", "an unmodelled force and usual errors of clock and scale"), ("unmodelled_force = 0\n", "usual errors of clock and scale"),
+    ("", "an unmodelled force and default errors of clock and scale"), ("unmodelled_force = 0\n", "default errors of clock and scale"),
     ("scale_x = 0\nscale_t = 0\n", "an unmodelled force"), ("unmodelled_force = 0\nscale_x = 0\nscale_t = 0\n", None),
 ])
 def test_what_a_calibration_leaves_out_of_the_fit_is_told(tmp_path, said, beside):
@@ -338,7 +338,7 @@ def test_what_a_calibration_leaves_out_of_the_fit_is_told(tmp_path, said, beside
     campaign = load_campaign(path)
     problem = campaign.problem(["r"])
     found = unlike_fit(problem, campaign.problem(["r"], usual=True))
-    assert found.endswith("" if beside is None else f" have room for {beside} beside it, and are not checked here")
+    assert found.endswith("" if beside is None else f" allow for {beside}, and are not checked here")
     assert bool(found) == (beside is not None)
 
 
@@ -362,7 +362,7 @@ def test_the_command_writes_report_figures_and_numbers(tmp_path):
     assert code in (0, 3), complaints
     assert complaints == ""
     assert "the 68 % interval of gamma[heavy] covered" in said
-    unlike = "those of estim fit have room for an unmodelled force and usual errors of clock and scale beside it, and are not checked here"
+    unlike = "those of estim fit also allow for an unmodelled force and default errors of clock and scale, and are not checked here"
     assert f"note: the intervals checked are those of the curve alone; {unlike}\n" in said
     report = (tmp_path / "out" / "report.md").read_text().replace("\xa0", " ")
     assert unlike in report.partition("<details>")[0]
@@ -371,7 +371,7 @@ def test_the_command_writes_report_figures_and_numbers(tmp_path):
     assert record["sbc"]["n_trial"] == 24
     assert record["coverage"]["numbers"]["gamma[heavy]"]["coverage"][0]["probability"] == 0.68
     assert ("not-calibrated" in said) == (code == 3)
-    assert "of 24 simulated truths" in (tmp_path / "out" / "report.md").read_text()
+    assert "of 24 simulated true values" in (tmp_path / "out" / "report.md").read_text()
 
 
 def n_worker(parent):

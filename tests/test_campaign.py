@@ -285,9 +285,9 @@ def test_frames_near_the_release_and_the_turn_are_left_out_and_counted(load):
     assert run.x == pytest.approx(inside[kept])
     assert sorted(map(tell, run.excluded)) == sorted(
         [
-            "2 at the ends or beside a missing frame, where the central derivative does not exist",
-            f"{np.sum(inside < 0.005)} within five standard deviations of a reading from the release",
-            f"{np.sum(inside > inside.max() - 0.005)} within five standard deviations of a reading from the turning point",
+            "2 at the ends or next to a missing frame, where the central derivative cannot be computed",
+            f"{np.sum(inside < 0.005)} less than five standard deviations of a reading away from the release",
+            f"{np.sum(inside > inside.max() - 0.005)} less than five standard deviations of a reading away from the turning point",
         ]
     )
     assert run.excluded_points.shape == (inside.size - run.n_obs, 2)
@@ -311,7 +311,7 @@ def test_a_window_that_names_an_end_keeps_its_frames(load, window, gone):
     assert not any(gone in tell(why) for why in run.excluded)
     assert run.n_obs > plain.n_obs
     both = load((RUN_H4, RUN_H4 + "window = {x_min_m = 0.0, x_max_m = 1.0}\n")).problem(["h4"]).runs[0]
-    assert tuple(map(tell, both.excluded)) == ("2 at the ends or beside a missing frame, where the central derivative does not exist",)
+    assert tuple(map(tell, both.excluded)) == ("2 at the ends or next to a missing frame, where the central derivative cannot be computed",)
 
 
 def test_a_window_cuts_position_and_time(load):
@@ -409,13 +409,13 @@ MISTAKES = {
         "'kappa' has a prior whose 'sd' must be > 0 and finite: 0.0",
     ),
     "infinite prior": (KAPPA, 'kappa = {prior = "uniform", low = 0.0, high = inf}', "kappa = {", "'kappa' needs a finite 'high': inf"),
-    "one mass missing": ('gamma = "0.187(10)"', "mass_disk_kg = 0.3", "[bodies.heavy]", "'mass_particle_kg' is missing beside the other masses"),
+    "one mass missing": ('gamma = "0.187(10)"', "mass_disk_kg = 0.3", "[bodies.heavy]", "'mass_particle_kg' is missing: the other masses are given"),
     "masses against gamma": (
         'gamma = "0.187(10)"', 'gamma = "0.187(10)"\nmass_disk_kg = "0.300(1)"\nmass_particle_kg = "0.130(1)"', "gamma = ",
-        "'gamma' contradicts the masses beside it, which give 0.3023 ± 0.0018: say one of the two: 0.187",
+        "'gamma' contradicts the stated masses, which give 0.3023 ± 0.0018: state only one of the two: 0.187",
     ),
     "masses against an exact gamma": (
-        'gamma = "0.187(10)"', "gamma = 0.187\nmass_disk_kg = 0.3\nmass_particle_kg = 0.08", "gamma = ", "'gamma' contradicts the masses beside it",
+        'gamma = "0.187(10)"', "gamma = 0.187\nmass_disk_kg = 0.3\nmass_particle_kg = 0.08", "gamma = ", "'gamma' contradicts the stated masses",
     ),
     "negative mass": (
         'gamma = "0.187(10)"', "mass_disk_kg = 0.3\nmass_particle_kg = -0.1", "mass_particle_kg",

@@ -100,7 +100,7 @@ def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
         frame = next(one for one in found.candidates if one.name == "bad_frame[r]")
         assert frame.found == is_bad
         if is_bad:
-            assert frame.words == "one bad reading, number 21 of the rows"
+            assert frame.words == "one bad reading, in row 21"
             assert abs(frame.numbers[0].value - 0.02) < 3.5 * frame.numbers[0].sd
             assert SIGMA < frame.numbers[0].sd < 2.5 * SIGMA
 
@@ -115,7 +115,8 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
     shift = next(one for one in found.candidates if one.name == "bad_frame[r]")
     dropped = 0 if noise == "speeds" else len(np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1)) - campaign.plain.runs[0].n_obs
     assert found.candidates[0] is shift
-    assert f"all readings from number {row + 1 - dropped} of the" in shift.words
+    place = "row" if noise == "speeds" else "fitted point"
+    assert f"all readings from {place} {row + 1 - dropped} onwards" in shift.words
     assert abs(shift.numbers[0].value + 0.02) < 3.5 * shift.numbers[0].sd
     assert shift.random
     assert verdict(found).names == (shift.words,)
@@ -170,7 +171,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     assert verdict(found).kind is Kind.CAUSE_IN_PART
     said = "\n".join(explanation_lines(found))
     assert "added to the campaign: ok, φ′ = (" in said
-    assert "the curve still lacks a force" in said
+    assert "an unmodelled force remains" in said
     assert "to add" not in said
     assert "`phi_slope_deg_m" not in explanation_text(found)
     # where nothing is asked of the campaign it would be offered

@@ -146,9 +146,9 @@ def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_w
         assert f"[{run}]({run}/report.md)" in index
         assert (out / run / "result.json").exists()
         report = (out / run / "report.md").read_text()
-        assert "## No headline number" in report
+        assert "## No main result" in report
         assert "## Result" not in report
-        assert "raise --max-steps" in report
+        assert "increase --max-steps" in report
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
@@ -158,7 +158,7 @@ def test_line_writes_its_report(estim: Command, tmp_path: Path, replica: Path) -
     report = (tmp_path / "report.md").read_text()
     assert "SYNTHETIC" in report
     assert "**recommended**" in report
-    assert "cannot tell these apart" in report
+    assert "cannot distinguish between these causes" in report
     assert json.loads((tmp_path / "result.json").read_text())["schema"] == "estim-line/1"
     assert (tmp_path / "figures" / "line.png").exists()
 
@@ -192,7 +192,7 @@ def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path)
     (tmp_path / "wide.toml").write_text(text)
     done = estim("energy", tmp_path / "wide.toml", *asked)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"heavy-04: ok\n  (no loss is seen, c_rr ≤ 0\.0\d+|a loss is measured) \(", done.stdout)
+    assert re.search(r"heavy-04: ok\n  (no loss is detected, c_rr ≤ 0\.0\d+|a loss is measured) \(", done.stdout)
     assert "| heavy-04 |" in (tmp_path / "out" / "report.md").read_text()
 
 

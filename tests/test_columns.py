@@ -65,7 +65,7 @@ def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict,
         ("t,y,n\n1,2,3\n4,5,6\n", {}, "a.csv:2: 'row' may hold decimal commas: .* --decimal point"),
         ("0.1\t0.2\t3\n0.1\t0.2\t3\n", {}, r"a.csv:1: 'header' has no line of column names: name its 3 columns .*--columns a,b,\.\.\.; columns = "),
         ("0.1\t0.2\t3\n0.1\t0.2\t3\n", {"columns": ("t", "y")}, "a.csv:1: 'columns' must name all 3 columns"),
-        ("t,t,y\n0.5,1,2\n1,3,2\n", {}, "a.csv:1: 't' stands twice in the header: name all columns"),
+        ("t,t,y\n0.5,1,2\n1,3,2\n", {}, "a.csv:1: 't' occurs twice in the header: name all columns"),
         ("t,u\n0.5,1\n1,3\n", {}, r"a.csv:1: 'y' is missing \(the header has t, u\)"),
         ("t,y\n0.1,1\n0.2\n0.3,2\n", {}, "a.csv:3: 'row' must have 2 cells: 1"),
         ("t,y\n0.0,1.0,3\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' is a row with another number of cells .*--skip-rows"),
@@ -91,7 +91,7 @@ def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(tmp_path: Path, 
     [
         ({"delimiter": "%"}, "'delimiter' must be one of tab"), ({"skip_rows": -1}, "'skip_rows' must be"),
         ({"columns": ("a", "a")}, "'columns' must name"), ({"header": False}, "'columns' is missing"),
-        ({"columns": ("a", "b"), "header": True}, "'header' must not be true"),
+        ({"columns": ("a", "b"), "header": True}, "'header' cannot be true"),
     ],
 )
 def test_a_dialect_that_makes_no_sense_is_refused(said: dict, says: str) -> None:
@@ -104,7 +104,7 @@ def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     path.write_text("t;y;k\n0,1;1;a\n0,2;;b\n0,3;nan;\n0,4;4;c\n")
     table = read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv")
     assert table.lines.tolist() == [2, 5]
-    assert table.facts == ("2 rows without a value of 'y' left out (lines 3, 4)",)
+    assert table.facts == ("2 rows without a value of 'y' were excluded (lines 3, 4)",)
 
 
 @pytest.mark.parametrize(
@@ -214,8 +214,11 @@ def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: P
 
 
 COPIES = [
-    ("t,y\n1,5\n2,6\n2,6\n3,7\n", "line 4 repeats line 3 in every cell: if it is a copy it counts twice, remove it"),
-    ("t,y\n1,5\n2,6\n3,7\n1,5\n2,6\n", "2 rows repeat an earlier one in every cell (lines 5, 6): if they are copies they count twice, remove them"),
+    ("t,y\n1,5\n2,6\n2,6\n3,7\n", "line 4 is identical to line 3: if it is a copy, it is counted twice, so remove it"),
+    (
+        "t,y\n1,5\n2,6\n3,7\n1,5\n2,6\n",
+        "2 rows are identical to an earlier one (lines 5, 6): if they are copies, they are counted twice, so remove them",
+    ),
     ("t;y;n\n1;5;1\n2;6;2\n2;6;3\n3;7;4\n", ""),  # another reading, by its number
     ("t,y\n1,5\n1,6\n2,6\n2,6\n3,7\n", ""),  # readings at the same t
     ("t,y\n1,5\n2,6\n3,6\n", ""),

@@ -117,10 +117,10 @@ def test_a_wrong_stated_value_is_no_ok(tmp_path: Path) -> None:
     assert done.exit_code == 3, done.output
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["status"] == "contradiction"
-    (reason,) = (r for r in result["reasons"] if "stated before" in r)
+    (reason,) = (r for r in result["reasons"] if "values stated beforehand" in r)
     assert "φ[r] was stated as 6 °" in reason
     report = (tmp_path / "out" / "report.md").read_text().replace("\u00a0", " ")
-    assert "## Do data and stated values agree?" in report
+    assert "## Do the data agree with the stated values?" in report
     assert reason in report
 
 
@@ -140,7 +140,7 @@ def test_what_is_hardly_in_agreement_is_said_on_the_terminal_though_it_is_ok(tmp
             break
     done = CliRunner().invoke(cli, ["fit", str(campaign), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
-    assert "note: the data hardly agree with what was stated before" in done.output
+    assert "note: the data agree only marginally with the values stated beforehand" in done.output
 
 
 # --- hard edges: minima of chi^2 within them

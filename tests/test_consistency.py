@@ -143,7 +143,7 @@ def test_two_runs_that_disagree_cannot_be_told_apart_without_stated_values(rng: 
     found = check_consistency(fitted(lines(rng, [1.0, 3.5]), flat))
     assert not found.agree
     assert set(found.suspects) == {"r0", "r1"}
-    assert "cannot tell which is wrong among r" in found.verdict
+    assert "cannot show which of these is wrong: r" in found.verdict
     assert [row.source for row in found.rows] == ["r0", "r1"]
     assert found.rows[0].distance2 == pytest.approx(found.rows[1].distance2)
 

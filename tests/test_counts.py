@@ -247,7 +247,7 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' does not go"),
+        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' cannot be combined"),
         ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
         ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
         ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "their x (value number 2)"), ({"noise": Poisson(-1.0)}, "width > 0"),
@@ -313,7 +313,7 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
         ("", "", ROWS.replace("1.0,2.0,2", "0.5,2.0,2"), r"campaign\.toml:8: .*must not overlap"),
         ('bins = ["low", "high"]', "bins = -1.0", ROWS, r"campaign\.toml:8: .*width > 0"),
         ('bins = ["low", "high"]', 'trials = "n"', ROWS, r"campaign\.toml:8: .*belongs to model"),
-        ("noise =", "u_y = 1.0\nnoise =", ROWS, r"campaign\.toml:8: 'u_y' does not go with 'noise'"),
+        ("noise =", "u_y = 1.0\nnoise =", ROWS, r"campaign\.toml:8: 'u_y' cannot be combined with 'noise'"),
         ('y = {column = "n", name = "events"}\n', "", ROWS, r"'y' is missing"),
         ('"poisson", bins = ["low", "high"]', '"event-times"', ROWS, r"'y' must be left out"),
         ('"poisson", bins = ["low", "high"]', '"binomial"', ROWS, r"number of trials of each row"),

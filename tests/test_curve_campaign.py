@@ -134,7 +134,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ("tau = {start", "lambda_ = {start", r":10: 'lambda_' is not in the formula"),
         ("low = 0.0", "low = 3.0", r":10: 'tau' 'start' must lie within"),
         ("low = 0.0", "high = 3.0, low = 4.0", r":10: 'tau' 'low' must be below"),
-        ("start = 1.0, low", "sd = 1.0, low", r":10: 'tau' 'sd' goes with a 'prior'"),
+        ("start = 1.0, low", "sd = 1.0, low", r":10: 'tau' 'sd' requires a 'prior'"),
         ("start = 1.0, low", "stat = 1.0, low", r":10: 'stat' is not a known key here \(did you mean 'start'"),
         ("u_y = 0.02", 'noise = {model = "poisson", scatter = 0.1}', r":7: 'scatter' is not a known key here$"),
         ("u_y = 0.02", 'noise = {model = "poisson", bin = 0.1}', r":7: 'bin' is not a known key here \(did you mean 'bins'\?\)$"),
@@ -162,7 +162,7 @@ def test_shared_errors_are_one_parameter_of_all_runs(folder: Path, rng: np.rando
         ('"u_V"', '"t_s"', r"'y' must name another column"),
         ('unit = "s", meaning', 'unit = "$s$", meaning', r":10: 'tau' must have a short unit"),
         ("first.csv", "none.csv", r"campaign\.toml:\d+: 'file' cannot be found .*none.csv"),
-        ("[[runs]]\nname = \"first\"", "[shared]\ng = 9.81\n[[runs]]\nname = \"first\"", r":12: 'shared' does not go with a \[curve\] table"),
+        ("[[runs]]\nname = \"first\"", "[shared]\ng = 9.81\n[[runs]]\nname = \"first\"", r":12: 'shared' cannot be combined with a \[curve\] table"),
         ('name = "second"', 'name = "first"', r"'name' must be unique"),
     ],
 )
@@ -370,7 +370,7 @@ def test_warnings_that_concern_a_rolling_disk_are_not_repeated_for_another_curve
     assert imported.exit_code == 0, imported.output
     (folder / "first.csv").write_text(drop.read_text().replace("x_m", "u_V"))
     head = (folder / "first.csv").read_text()
-    assert "# warning: the body moves" in head
+    assert "# warning: the body already moves" in head
     warnings = load(folder).tables["first"].warnings
     assert not any("release" in words or "speeds are made" in words for words in warnings)
     assert any("frames are missing" in words for words in warnings)

@@ -52,7 +52,7 @@ def test_a_bent_region_is_not_its_ellipse(decay: CurveFit) -> None:
 
 def test_no_region_of_a_fit_that_is_not_to_be_trusted() -> None:
     bad = fit_curve("m*x + c", X, 5.0 * X**2, u_y=0.01, start={"m": 1.0, "c": 0.0})
-    with pytest.raises(InputError, match="status is poor-fit"):
+    with pytest.raises(InputError, match="status ok, not poor-fit"):
         bad.contour("m", "c")
     good = fit_curve("m*x + c", X, Y, u_y=5.0, start={"m": 1.0, "c": 0.0}, deviation=0.1)
     with pytest.raises(InputError, match="deviation"):

@@ -48,7 +48,7 @@ def test_intervals_are_students_t_where_the_errors_are_estimated_and_normal_wher
         low, high = fit.intervals["b"][0.95]
         assert (high - low) / 2.0 == pytest.approx(quantile * fit.sds["b"], rel=1e-9)
     few = fit_curve(LINE, x, y, start=START)
-    assert any(note.startswith("only 2 degrees of freedom: value ± standard error holds the true value in 58 %") for note in few.notes)
+    assert any(note.startswith("there are only 2 degrees of freedom: value ± standard error contains the true value in 58 %") for note in few.notes)
     assert "±" not in str(few).partition("note:")[0]
     assert "standard error" in str(few)
 
@@ -96,7 +96,7 @@ def test_a_limit_in_a_linear_model_is_that_of_the_truncated_likelihood(rng: np.r
     shown = next(line for line in str(fit).splitlines() if line.startswith("b"))
     assert shown.startswith("b < 0.0")
     assert "(95 %)" in shown
-    assert "a has no standard deviation, because the limit of b cuts it: read its interval" in fit.notes
+    assert "a has no standard deviation, because the limit of b truncates it: use its interval" in fit.notes
 
 
 @pytest.mark.parametrize(("u_y", "bounds"), [(0.1, {"b": (0.0, None)}), (None, {"b": (0.0, None)}), (0.1, {"b": (None, 0.0)})])
@@ -105,8 +105,8 @@ def test_a_limit_is_named_by_its_value_and_not_by_the_best_value_beside_it(u_y: 
     sign = 1.0 if bounds["b"][0] is None else -1.0
     y = 2.0 + sign * 0.3 * T + 0.1 * rng.standard_normal(T.size)
     fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": -sign}, u_y=u_y, bounds=bounds)
-    assert any("b lies on its limit 0, and" in reason for reason in fit.reasons)
-    assert "b lies on its limit 0: no standard deviation, read its interval" in fit.notes
+    assert any("b lies at its limit 0, and" in reason for reason in fit.reasons)
+    assert "b lies at its limit 0: it has no standard deviation; use its interval" in fit.notes
 
 
 BENT = 2.0 + 0.1 * (T - 5.0) ** 2 + 0.05 * np.random.default_rng(3).standard_normal(T.size)
@@ -132,10 +132,10 @@ def test_errors_that_are_stated_far_too_large_are_ok_with_a_remark(rng: np.rando
     y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(300)
     fit = fit_curve(LINE, x, y, start=START, u_y=1.0)
     assert fit.status == "ok"
-    assert any("is u_y too large, about 10 times" in note or "is u_y too large, about 9." in note for note in fit.notes)
+    assert any("is u_y too large, by a factor of about 10" in note or "is u_y too large, by a factor of about 9." in note for note in fit.notes)
     assert "is u_y too large" in str(fit)
     (complete,) = fit_curve(LINE, x, y, start=START, u_y=0.1).notes
-    assert "taken as complete" in complete
+    assert "assumed to be complete" in complete
 
 
 def test_points_without_scatter_have_no_uncertainty_unless_it_is_stated() -> None:
@@ -145,7 +145,7 @@ def test_points_without_scatter_have_no_uncertainty_unless_it_is_stated() -> Non
         assert all(math.isnan(sd) for sd in fit.sds.values())
         assert all(math.isnan(end) for ends in fit.intervals.values() for pair in ends.values() for end in pair)
         assert "(no uncertainty)" in str(fit)
-        assert any("no scatter but rounding errors" in note for note in fit.notes)
+        assert any("no scatter beyond rounding errors" in note for note in fit.notes)
         assert all(sd > 0.0 for sd in fit_curve(curve, T, y, start=start, u_y=0.1).sds.values())
 
 

@@ -160,8 +160,8 @@ def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(joint: t
     assert "| g[short] | acceleration of free fall (derived) |" in report
     assert "| impossible | log(c) (derived) | | n/a | n/a |" in report
     assert "has no value at" in report
-    (told,) = [line for line in result_lines(result_of(campaign, analysis)) if "no value at some of the draws" in line]
-    assert told.startswith("no value at some of the draws (a division by zero, a root or")
+    (told,) = [line for line in result_lines(result_of(campaign, analysis)) if "no value for some of the draws" in line]
+    assert told.startswith("there is no value for some of the draws (a division by zero, a root or")
     assert "impossible" in told
     first = report.partition("<details>")[0]
     assert all(f"| {symbol}, " in first for symbol in ("ratio", "g[short]", "g[long]"))  # what was asked for stands first

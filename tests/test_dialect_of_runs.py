@@ -69,7 +69,7 @@ def test_the_same_numbers_in_any_writing(tmp_path: Path, how: str) -> None:
     [
         ("n;t_s;theta_rad;b\n", "", r"first.txt:2: 'row' must have|first.txt:1: 'n' is not a column name"),
         ("n;t;a;b\n", 'decimal = "comma"', r"first.txt:1: 'header' must hold columns that are called t_s, x_m, .* .or name all columns: columns"),
-        ("n;t_s;Time (s);b\n", 'decimal = "comma"', "first.txt:1: 'header' has two columns that are called alike"),
+        ("n;t_s;Time (s);b\n", 'decimal = "comma"', "first.txt:1: 'header' has two columns with the same name"),
         ("n;t_s;x;b\n", 'decimal = "comma"', "first.txt:1: 'header' must hold exactly one of x_m and theta_rad"),
         ("", 'columns = ["t_s", "theta_rad"]', "first.txt:1: 'columns' must name all 4 columns"),
         ("", 'decimal = "comma"', "first.txt:1: 'header' has no line of column names: name its 4 columns"),
@@ -94,7 +94,7 @@ def test_times_must_still_increase(tmp_path: Path) -> None:
 
 def test_a_file_of_tracker_says_itself_how_it_is_written(tmp_path: Path) -> None:
     path = campaign(tmp_path, *WRITTEN["plain"][:2], "", 'decimal = "comma"\ntrack = "A"')
-    with pytest.raises(InputError, match="'columns' goes with tables, not with a file of Tracker"):
+    with pytest.raises(InputError, match="'columns' applies to tables, not to a file of Tracker"):
         load_campaign(path)
 
 

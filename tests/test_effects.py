@@ -135,7 +135,9 @@ REFUSED = {  # -> (lines, noise, line of the file, message)
     "both starts": (
         'release_energy = "0.00(2)"\nrelease_speed_m_s = "0.2(1)"', "speeds", 6, "'release_speed_m_s' must not stand beside 'release_energy'",
     ),
-    "energy of positions": ('release_energy = "0.00(2)"', "positions", 5, "'release_energy' does not go with positions noise: say release_speed_m_s"),
+    "energy of positions": (
+        'release_energy = "0.00(2)"', "positions", 5, "'release_energy' cannot be combined with positions noise: use release_speed_m_s",
+    ),
     "speed about 0": ('release_speed_m_s = "0.00(5)"', "speeds", 5, 'speeds hardly depend on it: say release_energy = "0 \\+/- 0.001"'),
     "no masses": ('resisting_moment_n_m = "0.00(2)"', "speeds", 5, "'resisting_moment_n_m' needs the masses"),
     "negative drag": ('viscous_drag_per_s = "-0.1(1)"', "speeds", 5, "'viscous_drag_per_s' must be >= 0"),
@@ -163,7 +165,7 @@ def test_angles_have_no_distorted_picture(tmp_path: Path, project: Path) -> None
         (tmp_path / file.name).write_bytes(file.read_bytes())
     said = EFFECTS["bow"].lines
     (tmp_path / "campaign.toml").write_text(text.replace("[shared]\n", f"[shared]\n{said}\n"))
-    with pytest.raises(InputError, match="'distortion_m' does not go with angles, which no picture distorts"):
+    with pytest.raises(InputError, match="'distortion_m' does not apply to angles, which an image does not distort"):
         load_campaign(tmp_path / "campaign.toml")
 
 
@@ -230,7 +232,7 @@ def test_motion_blur_makes_fast_readings_uncertain(tmp_path: Path, noise: str) -
     ("said", "rule"),
     [
         ("sigma_x_m = 0.001, exposure_s = 33", "'exposure_s' must be > 0 and at most the time between two frames, 0.03333 s"),
-        ('sigma_x_m = "0.0010(5)", exposure_s = 0.03', "'exposure_s' needs a fixed standard deviation of one reading"),
+        ('sigma_x_m = "0.0010(5)", exposure_s = 0.03', "'exposure_s' also needs a fixed standard deviation of one reading"),
     ],
 )
 def test_an_exposure_is_a_part_of_the_time_between_frames_beside_a_known_error(tmp_path: Path, said: str, rule: str) -> None:

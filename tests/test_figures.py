@@ -191,7 +191,7 @@ def test_runs_show_what_they_share_first_and_nothing_else_where_there_is_no_room
     shared = ("gamma[heavy]", "kappa[heavy]", "rolling_resistance", "radius")
     assert problem.names[:4] == shared
     assert tuple(problem.names[i] for i in corner_figures.corner_parameters(problem)) == shared
-    assert "Only 4 of the 8 parameters are drawn, those that runs share" in corner_figures.corner_words(problem)
+    assert "Only 4 of the 8 parameters are drawn, those shared by the runs" in corner_figures.corner_words(problem)
     single = campaign.problem(["heavy-04"])
     assert len(corner_figures.corner_parameters(single)) == single.n_par == 6
     assert "Only" not in corner_figures.corner_words(single)
@@ -204,7 +204,7 @@ def test_frames_of_the_way_back_are_counted_and_no_marker_at_the_axis_is_cut(rng
     run = replace(run, x=X[1:], y=X[1:], excluded=excluded, excluded_points=left, words=RollingMotion(angular=False).words())
     figure = Figure()
     curve_figures._draw_points(ax := figure.subplots(), run, Residuals(run, np.zeros(7), np.full(7, 0.1), NEAR[1:]))
-    assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) not shown"]
+    assert [text.get_text() for text in ax.texts] == ["2 frames of the way back (v < 0) are not shown"]
     crosses = next(line for line in ax.lines if line.get_marker() == "x")
     assert crosses.get_xydata().tolist() == [[0.01, 0.0]]
     assert not crosses.get_clip_on()
@@ -222,7 +222,7 @@ def test_neither_an_outlier_far_off_nor_what_was_left_out_presses_the_points_fla
     low, high = ax.get_ylim()
     assert 3.35 < low < 3.354 < 3.380 < high < 3.39
     assert [text.get_text() for text in ax.texts] == ["1.366", "5.4"]
-    assert [name for name in ax.get_legend_handles_labels()[1] if name != "data used"] == ["data left out", "outlier", "outlier, far off"]
+    assert [name for name in ax.get_legend_handles_labels()[1] if name != "data used"] == ["excluded data", "outlier", "distant outlier"]
     rolling = replace(run, words=RollingMotion(angular=False).words())
     assert not np.any(far_off(rolling, [Outliers(run.name, probability)]))
 

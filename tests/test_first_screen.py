@@ -89,8 +89,8 @@ def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
 
     assert symbol in minds(0.51, 0.9)
     assert symbol not in minds(0.49, 0.9)
-    assert "the curve lacks a force" in minds(0.51, 0.96)
-    assert "the curve lacks a force" not in minds(0.51, 0.94)
+    assert "there is an unmodelled force" in minds(0.51, 0.96)
+    assert "there is an unmodelled force" not in minds(0.51, 0.94)
 
 
 def standard(rng: np.random.Generator) -> np.ndarray:
@@ -141,7 +141,7 @@ def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Gen
     draws = np.radians(4.0 + 0.25 * standard(rng))
     one = Estimate(degrees, summary(draws), Normal(np.radians(3.7), np.radians(0.4)).stated_words("rad", degrees), True, None, np.radians(3.5))
     head, ((meaning, value, stated, true),) = result_table([one])
-    assert head == ("", "from these data", "stated before", "true")
+    assert head == ("", "from these data", "stated value", "true")
     assert (meaning, value, stated, true) == ("φ, a quantity", "(4.00 ± 0.25)°", "(3.7 ± 0.4)°", "3.5° (+2.0 sd)")
     bare = replace(one, stated="", true=None)
     assert result_table([bare])[0] == ("", "from these data")
@@ -268,10 +268,10 @@ def test_the_first_screen_has_the_gravest_reasons_and_room_for_one_at_least() ->
 def test_what_to_do_first_is_short_and_one_reading_far_off_comes_before_physics() -> None:
     size, far, order = (Finding(Kind.CURVE_LACKS, run="r", test=test, p=1e-5, numbers={"deviation": 1.0}) for test in ("chi2", "largest", "runs"))
     assert first_step([]) == ""
-    assert first_step([size, far]) == "look at the reading that is far off"
-    assert "physics" in first_step([size, far, order])
-    assert "physics" in first_step([order])
-    assert "check what was stated" in first_step([Finding(Kind.STATED_DISAGREE), size, far])
+    assert first_step([size, far]) == "look at the outlying reading"
+    assert "an effect that the curve does not model" in first_step([size, far, order])
+    assert "an effect that the curve does not model" in first_step([order])
+    assert "check the stated value" in first_step([Finding(Kind.STATED_DISAGREE), size, far])
     for kind in ADVICE:
         assert len(first_step([Finding(kind)]).split()) <= 30, kind
 

@@ -229,17 +229,17 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     wrong = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert wrong.status == "poor-fit"  # a limit from a curve that does not fit is none
     level = y - (fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] + 1e-3) * T
-    assert any("b lies on its limit 0, and the data ask for values beyond it" in reason for reason in wrong.reasons)
+    assert any("b lies at its limit 0, and the data favour values beyond it" in reason for reason in wrong.reasons)
     fit = fit_curve(LINE, T, level, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert fit.status == "ok"  # where a value belongs that is no larger than its error
     assert math.isnan(fit.sds["b"])
     assert fit.values["b"] == pytest.approx(0.0, abs=1e-6)
-    assert "b lies on its limit 0: no standard deviation, read its interval" in fit.notes
+    assert "b lies at its limit 0: it has no standard deviation; use its interval" in fit.notes
     edge = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] - 1e-4
     near = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (edge, None)})
     assert near.status == "ok"
     assert math.isnan(near.sds["b"])
-    assert any(note.startswith("b is less than a standard deviation from its limit") for note in near.notes)
+    assert any(note.startswith("b is less than one standard deviation from its limit") for note in near.notes)
 
 
 def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
@@ -295,7 +295,7 @@ def good(**changes: object) -> dict[str, object]:
         ({"cov_y": np.eye(3)}, "'cov_y' must have the shape"),
         ({"cov_y": -np.eye(41)}, "'cov_y' must be positive definite"),
         ({"cov_y": np.triu(np.ones((41, 41)))}, "'cov_y' must be symmetric"),
-        ({"cov_y": np.eye(41), "u_y": 1.0}, "'cov_y' must not be given beside"),
+        ({"cov_y": np.eye(41), "u_y": 1.0}, "'cov_y' cannot be combined with"),
         ({"u_x": 0.1}, "'u_x' needs a known u_y beside it"),
         ({"start": {"a": 1.0, "b": 1.0, "c": 1.0}}, "names 'c', which is not in the formula"),
         ({"start": {"a": math.nan, "b": 1.0}}, "'start' must be finite for 'a'"),
@@ -307,10 +307,10 @@ def good(**changes: object) -> dict[str, object]:
         ({"bounds": {"a": (2.0, 1.0)}}, "'bounds' of 'a' must be below"),
         ({"bounds": {"a": (2.0, 3.0)}}, "'start' of 'a' must lie within"),
         ({"bounds": {"a": 2.0}}, "'bounds' must be \\(low, high\\)"),
-        ({"bounds": {"z": (0, 1)}}, "names 'z', which is no parameter"),
-        ({"priors": {"z": "1(1)"}}, "names 'z', which is no parameter"),
+        ({"bounds": {"z": (0, 1)}}, "names 'z', which is not a parameter"),
+        ({"priors": {"z": "1(1)"}}, "names 'z', which is not a parameter"),
         ({"priors": {"a": "1.0"}}, "must have an uncertainty"),
-        ({"priors": {"a": "1(1)"}, "bounds": {"a": (0, 2)}}, "beside a prior for 'a'"),
+        ({"priors": {"a": "1(1)"}, "bounds": {"a": (0, 2)}}, "cannot be combined with a prior for 'a'"),
         ({"errors": [Component("zero_y", 0.1, "a")]}, "has a name that is taken"),
         ({"x": T[:2], "y": T[:2]}, "must have more points than parameters"),
         ({"x": T[:1], "y": T[:1], "u_y": 1.0}, "must have at least as many points"),

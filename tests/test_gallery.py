@@ -123,7 +123,7 @@ def test_what_the_texts_say_is_so() -> None:
         (run,) = gallery.result_of("table_length", ruler)["runs"].values()
         assert [point["row"] for point in run["outliers"]] == blunders
     agree = (gallery.REPORTS / "wheel" / "report.md").read_text(encoding="utf-8")
-    assert "The 7 runs agree about what they share" in agree
+    assert "The 7 runs agree about the quantities they share" in agree
 
 
 def test_reports_say_what_is_exact_and_what_may_be_done_about_blunders() -> None:

@@ -129,7 +129,7 @@ def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(rng: np
     stated = 0.05 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
     np.testing.assert_allclose([fit.sds[name] for name in "abc"], stated, rtol=1e-6)
     note, complete = fit.notes
-    assert "taken as complete" in complete
+    assert "assumed to be complete" in complete
     assert "conservative" in note
     assert "'autocorrelation'" in note
     assert fit.goodness[0].covered == ("runs", "autocorrelation")
@@ -148,7 +148,7 @@ def test_small_white_residuals_have_no_pattern_to_cover(rng: np.random.Generator
     fit = parabola(0.001 * rng.standard_normal(40), 0.05)
     assert fit.status == "ok"
     assert fit.goodness[0].covered == ()
-    assert "smaller than u_y says" in fit.notes[0]
+    assert "smaller than u_y implies" in fit.notes[0]
 
 
 @pytest.mark.statistics

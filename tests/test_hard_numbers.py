@@ -91,7 +91,8 @@ def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
         analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="", error=0.0)), ["r"], seed=1, target=QUICK)
     stated = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, error=0.0)), ["r"], seed=1, target=QUICK)
     assert [reason for reason in stated.diagnosis.reasons if reason.startswith("run r")] == [
-        "run r: all residuals are zero but for rounding errors, as those of measurements never are: were the data computed? (test 'zero', p < 5e-5)"
+        "run r: all residuals are zero apart from rounding errors, which never happens with measurements: "
+        "were the data computed? (test 'zero', p < 5e-5)"
     ]
     noisy = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="")), ["r"], seed=1)
     assert noisy.diagnosis.ok

@@ -249,7 +249,7 @@ def test_on_paper_what_is_folded_follows_as_an_appendix() -> None:
     folds = re.findall(rb"<summary><b>(.*?)</b></summary>", files["report.md"])
     page = seen(html_page(files, paper=True))
     assert not page.all("details", "nav", "input", "summary")
-    standing, _, appendix = page.text.partition("Appendix: parts that are folded on the page")
+    standing, _, appendix = page.text.partition("Appendix: sections that are collapsed on the page")
     assert "from these data" in standing
     assert "recomputes this report" in standing
     assert all(title.decode() in appendix and title.decode() not in standing for title in folds)

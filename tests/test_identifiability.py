@@ -57,7 +57,7 @@ def test_difference_is_the_priors_where_only_the_sum_is_seen() -> None:
     assert weak.information == pytest.approx(0.0, abs=1e-8)
     assert (weak.held_by, strong.held_by) == ("prior", "data")
     assert found.n_learnt == pytest.approx(600.0 / 601.0, rel=1e-9)  # 12 readings of 0.1 on a sum of prior sd sqrt(2) 0.5
-    assert "together change nothing that was measured" in weak.words
+    assert "together do not change the predicted data at all" in weak.words
     assert "3.5 %" in weak.words  # 0.5/sqrt(2) of 10
     assert {"up", "down"} <= set(weak.words.split())
 
@@ -65,7 +65,7 @@ def test_difference_is_the_priors_where_only_the_sum_is_seen() -> None:
 def test_uniform_priors_do_not_hold_what_the_data_do_not_see() -> None:
     found = identify(fitted(lambda x, a, b: a + b + 0.0 * x, np.ones(12), 0.1, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}))
     assert found.directions[0].held_by == "nothing"
-    assert found.sentences[0].startswith("Not identified by data nor prior: ")
+    assert found.sentences[0].startswith("Constrained neither by the data nor by the prior: ")
     # with one normal prior the same direction is held by it
     held = identify(fitted(lambda x, a, b: a + b + 0.0 * x, np.ones(12), 0.1, {"a": Normal(0.5, 0.1), "b": Uniform(0.0, 1.0)}))
     assert held.directions[0].held_by == "prior"

@@ -51,7 +51,7 @@ def test_rows_show_degrees_and_open_sides(replica: Path, rng: np.random.Generato
     assert float(tilt.prior_sd) == pytest.approx(0.40)
     low, high = (float(end) for end in tilt.profile_68.strip("[]").split(","))
     assert 0.5 * (low + high) == pytest.approx(np.degrees(fit.values[3]), abs=0.05)
-    assert rows["c_rr"].profile_95.endswith("(open below)")
+    assert rows["c_rr"].profile_95.endswith("(unbounded below)")
     assert rows["κ[heavy]"].verdict.endswith("mainly that of γ[heavy]")
     for row, sd in zip(rows.values(), draws.std(axis=0), strict=True):
         assert float(row.ratio) == pytest.approx(sd / fit.problem.parameters[list(rows).index(row.symbol)].prior.sd, abs=0.006)
@@ -65,7 +65,7 @@ def test_template_says_every_sentence_and_row(replica: Path, rng: np.random.Gene
     table = [line for line in text.splitlines() if line.startswith("| ") and not line.startswith("| parameter")]
     assert len(table) == fit.problem.n_par
     assert {line.count("|") for line in table} == {9}
-    assert "Doubt" not in text
+    assert "Caveat" not in text
 
 
 @pytest.mark.parametrize("flat", [True, False])
@@ -84,8 +84,8 @@ def test_figures_survive_a_direction_that_nothing_holds(rng: np.random.Generator
     for draw in (lambda: direction_figure(problem, found), lambda: profile_figure(problem, profile_intervals(fit), draws)):
         assert png(draw).startswith(b"\x89PNG")
     shown = section(fit, draws)
-    assert shown.rows[0].profile_95 in ("open on both sides", "[0.00, 1.00]")
-    assert shown.sentences[0].startswith("Not identified")
+    assert shown.rows[0].profile_95 in ("unbounded on both sides", "[0.00, 1.00]")
+    assert shown.sentences[0].startswith("Constrained neither")
 
 
 def test_figures_of_one_parameter_are_drawn(rng: np.random.Generator) -> None:

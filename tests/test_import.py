@@ -125,7 +125,7 @@ def test_x_is_zero_at_the_first_point_the_origin_or_the_release_stated(write) ->
     late = import_track(path, Choices(release=0.101))
     np.testing.assert_allclose(late.x, s[5:] - s[5], atol=1e-12)
     np.testing.assert_allclose(late.t, t[5:], atol=1e-12)
-    assert "5 earlier points left out" in late.facts[-1]
+    assert "5 earlier points were excluded" in late.facts[-1]
 
 
 @pytest.mark.parametrize("release", [-1.0, 0.75, 99.0, math.nan])
@@ -174,7 +174,7 @@ def test_path_that_is_no_line_is_suspected(write) -> None:
 
 def test_track_that_begins_in_motion_is_suspected(write) -> None:
     t, _, x, y = rolling(4.0)
-    assert "m/s in the first frames already" in warned(write, t[20:], x[20:], y[20:])
+    assert "m/s in the first frames" in warned(write, t[20:], x[20:], y[20:])
     assert "first frames" not in warned(write, t, x, y)
 
 
@@ -201,7 +201,7 @@ def test_command_writes_a_run_that_is_read_back_unchanged(write, tmp_path) -> No
     done = estim("import", path, "-o", tmp_path / "new" / "run.csv")
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("\n") == 7
-    assert done.stderr.startswith("warning: the body moves")
+    assert done.stderr.startswith("warning: the body already moves")
     imported = import_track(path, Choices())
     run = read_run(tmp_path / "new" / "run.csv", name="a")
     assert np.array_equal(run.columns["t_s"], imported.t)
@@ -351,7 +351,7 @@ def test_a_frame_rate_unlike_that_of_the_other_runs_is_suspected(write) -> None:
     for i in range(4):
         write(export(4 * t if i == 2 else t, x, y), f"{i}.txt")
     campaign = load_campaign(write(CAMPAIGN + "".join(run(f"r{i}", f"{i}.txt") for i in range(4)), "c.toml"))
-    assert campaign.tables["r2"].warnings == ("the frames are 0.08 s apart, those of most runs 0.02 s: is the frame rate right?",)
+    assert campaign.tables["r2"].warnings == ("the frames are 0.08 s apart, while those of most runs are 0.02 s apart: is the frame rate right?",)
     assert campaign.tables["r1"].warnings == ()
 
 

@@ -247,7 +247,8 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path:
     line = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
     done = run_fit(line, tmp_path / "out")
     assert (done.exit_code, done.stderr) == (3, "")
-    assert done.stdout.splitlines()[-1] == "no draws.nc (the draws, for ArviZ and xarray): pip install arviz-base h5netcdf xarray-einstats"
+    unwritten = "draws.nc (the draws, for ArviZ and xarray) was not written"
+    assert done.stdout.splitlines()[-1] == f"{unwritten}: pip install arviz-base h5netcdf xarray-einstats"
     assert (tmp_path / "out" / "report.md").exists()
     assert not list(tmp_path.rglob("draws.nc"))
 

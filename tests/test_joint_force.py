@@ -81,7 +81,7 @@ def test_the_posterior_of_tied_runs_is_that_of_their_stacked_points(rng: np.rand
     assert jacobian == pytest.approx(approx_fprime(values, posterior.residuals, 1e-6), abs=1e-3 * np.abs(jacobian).max())
     assert [rows.shape for rows in posterior.pointwise(values[None])] == [(1, 6)] * 3
     assert posterior.standardised(values)[1] == pytest.approx((y[1] - line(values, 1)) / SD)
-    with pytest.raises(InputError, match="cannot be taken apart"):
+    with pytest.raises(InputError, match="cannot be separated"):
         problem.restricted(problem.runs[:1])
     assert problem.restricted((problem.runs[0], problem.runs[2])).shared == problem.shared
 

@@ -337,8 +337,8 @@ def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(size: flo
     y = 1.0 + 2.0 * x + 0.1 * (np.random.default_rng(seed).standard_normal(24) + size * np.sin(14.0 * x))
     fit = fit_curve("a + b*x", x, y, u_y=0.1)
     assert fit.status == "ok"
-    (said,) = [note for note in fit.notes if "taken as complete" in note]
-    found = float(re.findall(r"the probability ([0-9.]+)", said)[0])
+    (said,) = [note for note in fit.notes if "assumed to be complete" in note]
+    found = float(re.findall(r"has probability ([0-9.]+)", said)[0])
     assert found == pytest.approx(by_brute_force(x, y, 0.1), abs=0.02)
     assert (found > 0.5) == (size > 0.0)
 
@@ -348,7 +348,7 @@ def test_what_a_curve_taken_as_complete_may_lack_stands_first(tmp_path: Path) ->
     """In print(fit), once in the terminal, and on the first screen of the report; not with few points or where a deviation was asked for."""
     x = np.linspace(0.0, 1.0, 30)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(3).standard_normal(30)
-    words = "no interval allows for a smooth deviation"
+    words = "the intervals do not allow for a smooth deviation"
     assert str(fit_curve("a + b*x", x, y, u_y=0.1)).count(words) == 1
     assert words not in str(fit_curve("a + b*x", x[:15], y[:15], u_y=0.1))
     assert words not in str(fit_curve("a + b*x", x, y, u_y=0.1, deviation=0.1))
@@ -358,4 +358,4 @@ def test_what_a_curve_taken_as_complete_may_lack_stands_first(tmp_path: Path) ->
     assert done.exit_code == 0, done.output
     assert done.output.count(words) == 1
     screen = (tmp_path / "out" / "report.md").read_text().split("<details>")[0]
-    assert f"- Mind: the curve is taken as complete: {words}" in screen
+    assert f"- Note: the curve is assumed to be complete: {words}" in screen

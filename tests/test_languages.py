@@ -290,7 +290,7 @@ def test_nothing_of_a_report_stays_in_english(bend: float, status: str) -> None:
 @pytest.mark.usefixtures("wide")
 def test_what_stays_in_english_is_found() -> None:
     with spoken("xx"):
-        said = phrase("the data agree with what was stated before ({p})", p="p = 0.2 or so")
+        said = phrase("the data agree with the values stated beforehand ({p})", p="p = 0.2 or so")
     assert left_in_english(said) == []
     assert left_in_english(f"{said}, and this") == ["and", "this"]
 

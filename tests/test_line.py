@@ -456,9 +456,9 @@ def test_nobody_can_change_a_fit():
 
 def test_with_few_points_and_no_uncertainties_the_standard_error_is_said_to_hold_less_than_it_seems() -> None:
     few = fit_line([0.0, 1.0, 2.0], [0.0, 1.1, 1.9])
-    assert "holds the truth in 50 % of such experiments" in few.reason
+    assert "contains the true value in 50 % of such experiments" in few.reason
     assert coverage_factor(few, probability=0.68) == pytest.approx(1.82, abs=0.01)
-    assert "holds the truth in 50 % of such experiments" in few._repr_markdown_()
+    assert "contains the true value in 50 % of such experiments" in few._repr_markdown_()
     many = np.arange(20.0)
     assert "experiments" not in fit_line(many, np.sin(many)).reason
-    assert "nothing tells how large the errors are" in fit_line(many, 0.1 + 0.3 * many).reason
+    assert "nothing indicates how large the errors are" in fit_line(many, 0.1 + 0.3 * many).reason

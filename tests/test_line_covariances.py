@@ -173,8 +173,8 @@ def test_an_error_of_the_scale_does_not_draw_the_line_down(table: Path) -> None:
     ("options", "said"),
     [
         (("--cov", "cov.csv"), "cov.csv:1: 'matrix' must have 24 rows and 24 columns of covariances: those of all x, then all y"),
-        (("--cov-y", "cov.csv", "--uy", "u_U"), "'--uy' does not go with a covariance matrix, which holds it"),
-        (("--cov", "all.csv", "--cov-y", "cov.csv"), "'--cov-y' does not go with --cov"),
+        (("--cov-y", "cov.csv", "--uy", "u_U"), "'--uy' cannot be combined with a covariance matrix, which already contains it"),
+        (("--cov", "all.csv", "--cov-y", "cov.csv"), "'--cov-y' cannot be combined with --cov"),
         (("--common-y", "two"), "'--common-y' must be a number, or a share like 2%: two"),
         (("--common-x", "-1"), "'--common-x' must be > 0: -1"),
         (("--cov-y", "none.csv"), "none.csv"),
@@ -190,7 +190,7 @@ def test_what_is_wrong_is_said_in_one_line(table: Path, options: tuple[str, ...]
 def test_a_common_error_needs_errors_of_its_own_beside_it(table: Path) -> None:
     table.write_text(table.read_text().replace("u_U", "w"))
     done = CliRunner().invoke(cli.cli, ["line", str(table), "--x", "T", "--y", "U", "--common-y", "0.1"], standalone_mode=False)
-    assert "'--common-y' needs the uncertainty of each reading beside it" in str(done.exception)
+    assert "'--common-y' also needs the uncertainty of each reading" in str(done.exception)
 
 
 @pytest.mark.statistics

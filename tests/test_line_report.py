@@ -79,4 +79,4 @@ def test_a_poor_line_gives_limits_and_nothing_else(good: tuple[Result, str, dict
     assert all(row["gamma"] is None and not row["standard_errors"] for row in result["methods"].values())
     done, report, _ = good
     assert done.exit_code == 0
-    assert all(word in report for word in ("E_n", "Bayes factor", "bands of the Bayesian line", "widened to what Student's t asks for"))
+    assert all(word in report for word in ("E_n", "Bayes factor", "bands of the Bayesian line", "level of Student's t"))

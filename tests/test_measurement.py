@@ -292,7 +292,7 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
     text = (folder / "report.md").read_text()
     assert "figures/distribution.png" in first_screen(text)
     assert len(words(first_screen(text))) < 120
-    for cell in ("1.2340 | 0.0539", "[1.1285, 1.3395]", "0.0750", "GUM's interval does not hold: believe the Monte Carlo", "kg/m³"):
+    for cell in ("1.2340 | 0.0539", "[1.1285, 1.3395]", "0.0750", "GUM interval is not valid: use the Monte Carlo", "kg/m³"):
         assert cell in text, cell
     assert {path.name for path in (folder / "figures").iterdir()} == {"distribution.png", "budget.png"}
     record = json.loads((folder / "result.json").read_text())
@@ -349,15 +349,15 @@ HEAD = 'title = "t"\n[measurand]\nformula = "a*b"\n[inputs]\nb = {value = 1, u =
             ":1: 'simultaneous' must name inputs whose readings scatter",
         ),
         (HEAD + "a = {readings = [1.1, 1.1, 1.1]}\n", ":6: 'readings' are all the same, so that their scatter tells no uncertainty"),
-        (HEAD + "a = {value = 0, u_percent = 5}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
-        (HEAD + "a = {value = 0, components = {p = {u_percent = 5}}}\n", ":6: 'u_percent' means nothing where the value is 0: state u"),
+        (HEAD + "a = {value = 0, u_percent = 5}\n", ":6: 'u_percent' is undefined if the value is 0: state u"),
+        (HEAD + "a = {value = 0, components = {p = {u_percent = 5}}}\n", ":6: 'u_percent' is undefined if the value is 0: state u"),
         (HEAD + "a = {value = 1, u = -1}\n", ":6: 'u' must be > 0 (leave it out for an exact value): -1"),
         (HEAD + "a = {value = 1, u = 0.1, half_width = 2}\n", ":6: 'half_width' does not go with 'u': state the uncertainty once"),
-        (HEAD + "a = {value = 1, U = 0.1}\n", ":6: 'k' must stand beside 'U', an expanded uncertainty"),
+        (HEAD + "a = {value = 1, U = 0.1}\n", ":6: 'k' requires 'U', an expanded uncertainty"),
         (HEAD + 'a = {value = 1, u = 0.1, distribution = "gauss"}\n', ":6: 'distribution' must be one of normal, rectangular"),
         (HEAD + 'a = {value = 1, u = 0.1, distribution = "t"}\n', ":6: 'dof' must be finite for the t distribution"),
         (HEAD + 'a = {value = "1.0(1)", u = 0.1}\n', ":6: 'u' does not go with 'value': an uncertainty stands in 'value' already"),
-        (HEAD + "a = {low = 2, high = 1}\n", ":6: 'low' must stand beside 'high' and be smaller"),
+        (HEAD + "a = {low = 2, high = 1}\n", ":6: 'low' requires 'high' and must be smaller"),
         (HEAD + "a = {readings = [1.0]}\n", ":6: 'readings' must be a list of at least two"),
         (HEAD + "a = {value = 1}\nc = {value = 1}\n", ":7: 'inputs.c' is in no formula"),
         (HEAD.replace("a*b", "a*bb") + "a = {value = 1}\n", ":3: 'formula' names no input and no measurand above it (did you mean 'b'?): bb"),

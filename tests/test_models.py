@@ -201,14 +201,14 @@ def test_what_the_first_lines_say_of_the_odds_is_true() -> None:
 
     cheap = compared(paper=0.4, drag=0.9, free_start=3.4, unmodelled_force=3.2)
     said = dict(verdicts(cheap))
-    assert "no model of something that it does not contain has more evidence" in ground_words(cheap)
-    assert said["drag"].startswith("odds against it of 1.8 to 1")
-    assert "odds for it" not in said["paper"].replace("odds for it of 1 to 1", "")
-    assert "odds against it of 1.2 to 1" in said["free-start"]  # which pays for its start as well
-    assert "what the free start of unmodelled-force costs, 18 to 1" in price_words(cheap)
+    assert "no model with an effect that it does not contain has higher evidence" in ground_words(cheap)
+    assert said["drag"].startswith("the odds against it are 1.8 to 1")
+    assert "odds for it" not in said["paper"].replace("the odds for it are 1 to 1", "")
+    assert "the odds against it are 1.2 to 1" in said["free-start"]  # which pays for its start as well
+    assert "the penalty for the free start of unmodelled-force, 18 to 1" in price_words(cheap)
     beaten = compared(paper=1.5, drag=0.0, free_start=4.0, unmodelled_force=5.2)
-    assert ground_words(beaten).startswith("drag has more evidence, 10 to 1 (positive), but these data do not tell it apart")
-    assert dict(verdicts(beaten))["drag"] == "odds for it of 10 to 1 (positive)"
+    assert ground_words(beaten).startswith("drag has higher evidence, 10 to 1 (positive), but these data do not distinguish it")
+    assert dict(verdicts(beaten))["drag"] == "the odds for it are 10 to 1 (positive)"
 
 
 def test_data_sets_drawn_again_have_the_mean_and_covariance_of_the_same_deviation_with_new_noise(rng: np.random.Generator) -> None:
@@ -262,7 +262,7 @@ def test_the_command_writes_a_report_and_says_what_is_recommended(tmp_path: Path
     ask = ["compare-models", str(tmp_path / "c.toml"), "--out", str(tmp_path / "out")]
     done = runner().invoke(cli, [*ask, "--model", "paper", "--model", "rolling-resistance"])
     assert done.exit_code == 0, done.output
-    assert "r: recommended: rolling-resistance: of the models that are ok it has the most evidence" in done.stdout
+    assert "r: recommended: rolling-resistance: of the models with status ok it has the highest evidence" in done.stdout
     report, record = (tmp_path / "out" / "report.md").read_text(), json.loads((tmp_path / "out" / "models.json").read_text())
     assert "**Recommended: rolling-resistance**" in report
     assert '`rolling_resistance = {prior = "half-normal", scale = 0.01}`' in report

@@ -38,7 +38,7 @@ def test_aliases_within_the_bounds_are_several_solutions() -> None:
     frequencies = sorted([fit.values["f"], *fit.fit.others[:, 1]])
     assert frequencies == pytest.approx([0.13, 0.87, 1.13, 1.87], abs=1e-3)
     assert fit.reasons[0].count("25 % of the posterior") == 4
-    assert "a range that holds one of them" in fit.reasons[0]
+    assert "a range that contains one of them" in fit.reasons[0]
     unstated = swing(bounds={"f": (0.0, 2.0)}, u_y=None)
     assert unstated.status == "multimodal"
 
@@ -54,7 +54,7 @@ def test_without_bounds_the_smoothest_alias_is_meant_unless_the_start_says_anoth
     fit = swing(start={"A": 1.0, "f": 0.3, "p": 0.0})
     assert fit.status == "ok"
     assert fit.values["f"] == pytest.approx(0.13, abs=1e-3)
-    assert "faster curves pass through the same points" in fit.message
+    assert "curves of higher frequency pass through the same points" in fit.message
     fast = swing()
     assert fast.status == "multimodal"
     assert fast.values["f"] == pytest.approx(0.87, abs=1e-3)
@@ -150,8 +150,8 @@ def test_exchange_of_two_exponentials_is_named_and_no_second_solution() -> None:
     fit = fit_curve(TWO, T, DECAYS, start={"a": 1.0, "b": 1.0, "k": 0.1, "q": 3.0}, u_y=0.02)
     assert fit.status == "ok"
     assert fit.values["k"] == pytest.approx(0.2, abs=4 * fit.sds["k"])
-    assert "components exchanged (a with b and k with q): order them by bounds" in fit.message
-    assert "8 of 8 starts" in fit.message
+    assert "components are exchanged (a with b and k with q): set bounds that order them" in fit.message
+    assert "8 of 8 starting points" in fit.message
     ordered = fit_curve(TWO, T, DECAYS, start={"a": 1.0, "b": 1.0, "k": 0.1, "q": 3.0}, u_y=0.02, bounds={"k": (0.0, 0.8), "q": (0.8, 9.0)})
     assert "exchanged" not in ordered.message
     assert ordered.values == pytest.approx(fit.values)
@@ -250,6 +250,6 @@ def test_simple_curves_have_one_solution() -> None:
 
 
 def test_starts_are_counted_by_place_and_not_by_how_well_they_fit() -> None:
-    n = int(re.match(r"(\d+) of 8 starts", swing(bounds={"f": (0.0, 2.0)}).message)[1])
+    n = int(re.match(r"(\d+) of 8 starting points", swing(bounds={"f": (0.0, 2.0)}).message)[1])
     assert 1 <= n <= 5  # four aliases share them
-    assert simple(0).message.startswith("8 of 8 starts")
+    assert simple(0).message.startswith("8 of 8 starting points")

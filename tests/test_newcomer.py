@@ -198,7 +198,7 @@ def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path)
 @pytest.mark.parametrize(
     ("noise", "offset", "said"),
     [
-        ("{sigma_x_m = 0.0008}", "", ['state offset_m, e.g. offset_m = "0.0000(8)", if it is one reading']),
+        ("{sigma_x_m = 0.0008}", "", ['if it is a single reading, state offset_m, e.g. offset_m = "0.0000(8)"']),
         ('{model = "independent", sigma_v_m_s = 0.01, derivative = "central"}', "", ['offset_m = "0.0000(10)"']),
         ("{sigma_x_m = 0.0008}", 'offset_m = "0.0000(8)"\n', []),
         ("{sigma_x_m = 0.0008}", "offset_m = 0.0\n", []),
@@ -225,7 +225,7 @@ def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(tmp_p
     facts = speed_facts(run)
     assert bool(facts) == said
     if said:
-        assert 'model = "positions" would use the' in facts[0]
+        assert 'model = "positions" would also use the' in facts[0]
         assert f"the {way_back(run.excluded)} frames of the way back" in facts[0]
         assert abs(way_back(run.excluded) - frames) <= 3  # the last has no central difference
 

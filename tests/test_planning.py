@@ -195,7 +195,7 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
     assert np.argmax(along.ratio[0]) in (np.argmin(np.abs(along.x - 4.5)), np.argmin(np.abs(along.x - 4.5)) - 1)
     assert found.now == pytest.approx(found.drawn, rel=0.1)
     assert plan_status(found)[0].ok
-    assert plan_answers(found)[0].startswith("To halve u(b)")
+    assert plan_answers(found)[0].startswith("u(b)")
 
 
 # what is asked for
@@ -203,11 +203,11 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
 
 @pytest.mark.parametrize(("more", "said"), [
     ('[plan]\nfor = ["kapa"]\n', r"campaign\.toml:15: 'for' must name an unknown of these runs"),
-    ('[[plan.runs]]\nlike = "line"\n', r"campaign\.toml:\d+: 'plan\.runs' goes with a rolling body"),
+    ('[[plan.runs]]\nlike = "line"\n', r"campaign\.toml:\d+: 'plan\.runs' is for a rolling body"),
     ("[[plan.readings]]\nx = 1.0\nn = 0\n", r"campaign\.toml:16: 'n' must be a whole number"),
     ('[[plan.readings]]\nx = 1.0\nrun = "no"\n', "must name one of the runs"),
-    ("[[plan.change]]\nu = {q = 0.1}\n", "is no unknown of these runs"),
-    ("[[plan.change]]\nreach = 2.0\n", "goes with rolling bodies"),
+    ("[[plan.change]]\nu = {q = 0.1}\n", "is not an unknown of these runs"),
+    ("[[plan.change]]\nreach = 2.0\n", "is for rolling bodies"),
     ("[[plan.change]]\nframes = 1000.0\n", "is a factor"),
     ("[[plan.change]]\nu = {b = -0.1}\n", "must be an uncertainty > 0"),
     ("[[plan.change]]\n", "changes nothing"),
@@ -228,7 +228,7 @@ def test_what_a_curve_lacks_is_refused(tmp_path: Path) -> None:
     ('[[plan.runs]]\nlike = "heavy-04"\nphi_deg = {prior = "uniform", low = 0.0, high = 1.0}\n', "must be a number or"),
     ('[[plan.runs]]\nlike = "heavy-04"\nphi_deg = 95.0\n', "outside what is possible"),
     ("[[plan.change]]\nu = {phi_deg = 0.5}\n", "no better than what is stated"),
-    ("[[plan.readings]]\nx = 1.0\n", "goes with a curve of your own"),
+    ("[[plan.readings]]\nx = 1.0\n", "is for a curve of your own"),
 ])
 def test_mistakes_in_a_plan_for_a_body_are_told_with_their_line(tmp_path: Path, replica: Path, more: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"campaign\.toml:\d+: .*{said}"):
@@ -253,7 +253,7 @@ u = {phi_deg = 0.1}
 
 
 def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
-    """A line through a parabola: stated errors say nothing of what further readings would do."""
+    """A line through a parabola: stated errors say nothing of what additional readings would do."""
     x = np.linspace(0.0, 5.0, 30)
     y = 1.0 + x**2 + 0.05 * np.random.default_rng(3).standard_normal(30)
     (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True)))
@@ -264,10 +264,10 @@ def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
         done = CliRunner().invoke(cli, ["plan", str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "out"), "--no-figures"])
         assert done.exit_code == code, done.output
         assert ("plan: poor-fit" in done.output) is bool(code)
-        assert ("To halve" in done.output) is not bool(code)
+        assert ("would be halved" in done.output) is not bool(code)
         record = json.loads((tmp_path / "out" / "plan.json").read_text())
         assert (record["status"], record["answers"] == []) == (("poor-fit", True) if code else ("ok", False))
-        assert ("first see what `estim fit` says" in (tmp_path / "out" / "report.md").read_text()) is bool(code)
+        assert ("first look at the result of `estim fit` for" in (tmp_path / "out" / "report.md").read_text()) is bool(code)
 
 
 def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails(tmp_path: Path, replica: Path, unrendered: None) -> None:
@@ -285,7 +285,7 @@ def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails
     assert [one["what"] for one in record["cannot_be_measured"]] == ["a run of heavy at φ = 14°"]
     report = (tmp_path / "out" / "report.md").read_text()
     assert "a better protractor (φ[heavy-04] to ±0.1° (from 0.4°))" in report
-    assert "the drawn posterior has" in report
+    assert "the sampled posterior gives" in report
     assert "figures/ratios.png" in first_screen(report)
     assert len(words(first_screen(report))) < 120
     assert (tmp_path / "out" / "figures" / "ratios.png").exists()

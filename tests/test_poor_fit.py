@@ -151,9 +151,9 @@ BALL = np.column_stack([np.arange(25.0) / 30.0, 8.6**2 / 9.81 * np.log(np.cosh(9
 
 @pytest.mark.parametrize(("table", "curve", "u_y", "lacks", "said"), [
     (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.01}, "is a trend"),
-    (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.001}, "times as large as was stated"),
+    (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.001}, "times its stated"),
     (TEA, "warm + rate*x", None, {"deviation": 10.0}, "is a trend"),
-    (TEA, "warm + rate*x", None, {"deviation": 1.0}, "times as large as was stated"),
+    (TEA, "warm + rate*x", None, {"deviation": 1.0}, "times its stated"),
     (TEA, "warm + rate*x", None, {"correlated": True}, "is a trend"),
 ])
 def test_a_wrong_curve_stays_wrong_beside_a_deviation(table: np.ndarray, curve: str, u_y: float | None, lacks: dict, said: str) -> None:

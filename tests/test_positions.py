@@ -119,7 +119,7 @@ def test_gross_outliers_are_named_and_do_not_move_gamma(tmp_path, rng, robust):
 
 
 def test_robust_noise_is_refused_for_differences(tmp_path):
-    with pytest.raises(ValueError, match="one bad frame spoils several differentiated speeds"):
+    with pytest.raises(ValueError, match="one bad frame affects several differentiated speeds"):
         campaign(tmp_path, '{sigma_x_m = 0.001, robust = "mixture"}')
 
 

@@ -143,8 +143,8 @@ def test_flat_direction_is_open_on_both_sides_and_says_so(rng: np.random.Generat
     assert (flat.low[0.68], flat.high[0.95]) == (0.0, 1.0)
     assert all(flat.open_low.values())
     assert all(flat.open_high.values())
-    assert "open above: no limit below the edge 1 of the prior" in flat.sentence
-    assert "open below: no limit above the edge 0 of the prior" in flat.sentence
+    assert "unbounded above: there is no limit below the edge 1 of the prior" in flat.sentence
+    assert "unbounded below: there is no limit above the edge 0 of the prior" in flat.sentence
 
 
 def test_sum_of_two_unknowns_leaves_each_open(rng: np.random.Generator) -> None:

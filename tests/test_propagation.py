@@ -132,7 +132,7 @@ def test_correlated_inputs_of_different_dof_take_the_smallest_and_say_so():
     inputs = [Input("a", 1.0, 0.1, dof=4), Input("b", 1.0, 0.1, dof=30), Input("c", 0.0, 1e-9, dof=2)]
     result = propagate_linear(total, inputs, correlation={("a", "b"): 0.5})
     assert result.dof == pytest.approx(4.0)
-    assert "differ in their degrees of freedom" in result.notes[0]
+    assert "have different degrees of freedom" in result.notes[0]
     assert propagate_linear(total, inputs).dof == pytest.approx((2 * 0.01) ** 2 / (0.01**2 / 4 + 0.01**2 / 30))
 
 
@@ -226,7 +226,7 @@ def test_stated_error_of_a_derivative_covers_the_noise_of_the_function(rng):
     [
         (lambda q: np.abs(q["x"]), "differs on the two sides"),
         (lambda q: np.sqrt(np.maximum(q["x"], 0.0)), "differs on the two sides"),
-        (lambda q: np.sqrt(q["x"]), "undefined beside the estimate"),
+        (lambda q: np.sqrt(q["x"]), "undefined next to the estimate"),
         (lambda q: np.log(q["x"] - 1.0), "no finite value at the estimates"),
         (lambda q: q["x"] ** 2, "all first derivatives vanish"),
         (lambda q: q["x"] + 5e-6 * np.sin(1e7 * q["x"] + 1.0), "is known only to"),
@@ -340,7 +340,7 @@ def test_student_t_input_widens_monte_carlo_and_the_linear_interval_alike(rng):
     assert (sampled.symmetric.high - linear.high) / sampled.symmetric.high_error == pytest.approx(0.0, abs=4.0)
     as_normal = propagate_monte_carlo(lambda q: 3.0 * q["x"], [Input("x", one.value, one.u, dof=5)], rng=rng, n_draw=400_000)
     assert abs(as_normal.symmetric.high - linear.high) > 20 * as_normal.symmetric.high_error
-    assert "degrees of freedom play no part" in as_normal.notes[0]
+    assert "degrees of freedom are not used" in as_normal.notes[0]
 
 
 # Distributions and their correlation
@@ -481,7 +481,7 @@ def test_draws_without_a_value_are_reported_and_nothing_is_stated_without_asking
     linear = propagate_linear(lambda q: np.sqrt(q["x"]), inputs)
     assert compare(linear, run).status == "undecided"
     assert "a result is unknown" in compare(linear, run).message
-    assert compare(linear, some).message.endswith("(Monte Carlo on condition that the function is defined)")
+    assert compare(linear, some).message.endswith("(Monte Carlo conditional on the function being defined)")
 
 
 def test_infinities_count_as_undefined_and_only_at_their_outputs(rng):
@@ -541,7 +541,7 @@ def test_comparison_accepts_a_nearly_linear_function_and_wants_enough_draws(rng)
     assert (good.status, bool(good.passes), bool(good.decided)) == ("valid", True, True)
     hasty = compare(linear, propagate_monte_carlo(function, inputs, rng=rng, n_draw=4_000))
     assert hasty.status == "undecided"
-    assert "make more draws" in hasty.message
+    assert "use more draws" in hasty.message
 
 
 def test_comparison_finds_a_vanishing_derivative(rng):

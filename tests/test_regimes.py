@@ -195,7 +195,7 @@ def test_the_command_maps_what_a_run_should_do(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("choices", "reason"),
-    [({"gamma": "0.100(5)"}, "should turn at"), ({"theta0": "5(2)"}, "should not set off"), ({"phi": "9.0(4)"}, "should turn at")],
+    [({"gamma": "0.100(5)"}, "should turn back at"), ({"theta0": "5(2)"}, "should not start"), ({"phi": "9.0(4)"}, "should turn back at")],
 )
 def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(tmp_path: Path, choices: dict[str, str], reason: str) -> None:
     path = campaign_of(tmp_path, **choices)

@@ -167,7 +167,7 @@ def test_the_example_stands_in_the_report_of_the_line(project: Path, tmp_path: P
     assert done.exit_code == 0, done.output
     assert re.search(r"trials: ok\n  γ\[trials\] = 0\.18\d ± 0\.0\d\d   stated 0\.187 ± 0\.010; true 0\.187", done.output)
     assert report.index("## Result") < report.index("## Trials of release") < report.index("## Provenance")
-    for words in ("θ_min alone", "θ_max alone", "as if the release cost nothing", "York's line", "Release or rolling resistance?"):
+    for words in ("θ_min alone", "θ_max alone", "neglecting the effect of the release", "York's line", "Release or rolling resistance?"):
         assert words in report
     assert result["unknowns"]["gamma"]["q025"] < 0.187 < result["unknowns"]["gamma"]["q975"]
     assert len(result["thresholds"]) == 12
@@ -179,7 +179,7 @@ def test_trials_alone_make_a_report(tmp_path: Path) -> None:
     done, report, result = line(campaign(tmp_path, ROWS, trials=EXACT), tmp_path / "out")
     assert done.exit_code == 0, done.output
     assert not (tmp_path / "out" / "result.json").exists()
-    assert "θ_max" not in report.split("Each tilt separately")[1].split("The angle at which")[0]
+    assert "θ_max" not in report.split("Each tilt separately")[1].split("The smallest")[0]
     assert result["ends_apart"] is None
 
 

@@ -185,7 +185,7 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     assert analysis.diagnosis.ok
     summary = result_of(campaign, analysis).rolling["a"]
     assert 0.05 < summary.probability < 0.95
-    assert any("the probability that it rolled without slipping is" in note for note in analysis.diagnosis.notes)
+    assert any("the probability of rolling without slipping is" in note for note in analysis.diagnosis.notes)
     files = analysis_report(campaign, analysis)
     assert "## Rolling without slipping" in files["report.md"].decode()
     assert "(figures/rolling.png)" in files["report.md"].decode()

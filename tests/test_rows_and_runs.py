@@ -23,9 +23,9 @@ def test_a_row_without_a_value_is_named_in_the_terminal_and_on_the_first_screen(
     said = ["fit", tmp_path / "cap.csv", "--formula", "U*exp(-t/tau)", "--u-y", 0.01, "--no-figures", "--out", tmp_path / "out"]
     done = CliRunner().invoke(cli.cli, list(map(str, said)))
     assert done.exit_code == 0, done.output
-    assert "  2 rows without a value left out (lines 5, 14)\n" in done.output
+    assert "  2 rows were excluded because a value is missing (lines 5, 14)\n" in done.output
     first = (tmp_path / "out" / "report.md").read_text().partition("<details>")[0]
-    assert "- Mind: 2 rows without a value left out (lines 5, 14)." in first
+    assert "- Note: 2 rows were excluded because a value is missing (lines 5, 14)." in first
     assert first.startswith("# cap\n")  # not "cap: cap"
     assert '"blank": [\n    5,\n    14\n' in (tmp_path / "out" / "result.json").read_text()
 
@@ -69,4 +69,4 @@ def test_an_imported_track_is_still_compared_with_the_others_that_can_be_read(tm
     (runs / "light-04.csv").write_text("")
     spoilt = load_campaign(path, asked=["heavy-06"]).tables["heavy-06"]
     assert spoilt.warnings == whole.warnings
-    assert spoilt.facts[-1] == "its frame rate is not compared with that of light-04, whose files cannot be read"
+    assert spoilt.facts[-1] == "its frame rate was not compared with that of light-04, because their files cannot be read"

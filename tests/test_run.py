@@ -176,7 +176,7 @@ REFUSED = {
     "only comments": ("# nothing\n\n# here\n", "a.csv: has no rows of numbers"),
     "no header": (table().split("\n", 1)[1], "a.csv:1: 'header' has no line of column names: name its 2 columns from left to right"),
     "unknown column": (table("t_s,x_cm"), f"a.csv:1: 'x_cm' is not a column name (known: {KNOWN}; start a name with _ to skip it)"),
-    "repeated column": (table("t_s,x_m,x_m", [(*r, 1) for r in ROWS]), "a.csv:1: 'x_m' stands twice in the header"),
+    "repeated column": (table("t_s,x_m,x_m", [(*r, 1) for r in ROWS]), "a.csv:1: 'x_m' occurs twice in the header"),
     "both coordinates": (table("t_s,x_m,theta_rad", [(*r, 1) for r in ROWS]), ONE + "t_s, x_m, theta_rad"),
     "no coordinate": (table("t_s,v_m_s"), ONE + "t_s, v_m_s"),
     "position only": (table("x_m,sigma_x_m", [(1, 1)] * 5), TIME_OR_SPEED + "x_m, sigma_x_m"),

@@ -181,7 +181,7 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(certified, "sample_posterior", sample_cut)
     analysis = analyse_fit(two_exponentials(), seed=1)
     assert analysis.comparison.verdict == "disagree"
-    assert "chain and importance sampling differ (and before, with other random numbers) in" in analysis.comparison.reason
+    assert "chain and importance sampling differ (as they did before, with other random numbers) in" in analysis.comparison.reason
     assert "of k by" in analysis.comparison.reason
     assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
@@ -203,7 +203,7 @@ def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.Monke
     assert not np.array_equal(first.draws[0, :20], second.draws[0, :20])
     assert analysis.chain is second
     assert analysis.comparison.verdict == "agree"
-    chance = r"; both were computed twice, since the first pair differed by \d+\.\d Monte-Carlo errors, by chance$"
+    chance = r"; both were computed twice, because the first pair differed by \d+\.\d Monte-Carlo errors, by chance$"
     assert re.search(chance, analysis.comparison.reason)
     assert not any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 

@@ -49,7 +49,7 @@ def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
     return Written(done.exit_code, done.output, report, json.loads((folder / "out" / "result.json").read_text()))
 
 
-_NOT_OF_THE_RESULT = ("stated before (prior)", "fitted, were it the cause and nothing else", "the campaign with it")
+_NOT_OF_THE_RESULT = ("stated before (prior)", "fitted value if it is the only cause", "the campaign with it")
 
 
 def tables(report: str) -> list[list[list[str]]]:
@@ -61,7 +61,7 @@ def tables(report: str) -> list[list[list[str]]]:
 def assert_no_headline(written: Written, status: str) -> None:
     """No mean, sd or value with an uncertainty anywhere, but in what was stated before; limits where the draws mean anything."""
     result, report = written.result, written.report
-    assert "## No headline number" in report
+    assert "## No main result" in report
     assert "## Result" not in report
     for table in tables(report):
         for row in table[1:]:
@@ -98,7 +98,7 @@ def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_pa
         assert words in written.output or words in written.result["advice"]
     assert_no_headline(written, trouble.status)
     assert len(printed_words(first_screen(written.report).partition("![")[0])) <= 120
-    assert "To do first: " in first_screen(written.report)
+    assert "First step: " in first_screen(written.report)
     if name == "wrong tilt":
         assert_said_before_any_cost(written)
 
@@ -156,7 +156,7 @@ def test_certificate_of_another_density_disagrees(widened: float, expected: str,
     assert written.result["status"] == expected
     assert written.exit_code == (0 if expected == "ok" else 3)
     if expected != "ok":
-        again = r"chain and (quadrature|importance sampling) differ \(and before, with other random numbers\)"
+        again = r"chain and (quadrature|importance sampling) differ \(as they did before, with other random numbers\)"
         differ = re.compile(again + r" in .*the (standard deviation|2.5 % quantile|97.5 % quantile) of")
         assert any(differ.search(reason) for reason in written.result["reasons"])
         assert any("one of two computations of the same quantity is wrong" in advice for advice in written.result["advice"])

@@ -147,7 +147,7 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     assert result.exit_code == 3
     assert "line: poor-fit" in result.output
     text = (folder / "report.md").read_text()
-    assert "No headline number" in text
+    assert "No main result" in text
     assert "Predictions" not in text
 
 

@@ -131,7 +131,7 @@ def test_start_frame_step_size_and_missing_steps(write) -> None:
     track = read_tracker(write(trk(point_mass("A", points), start=4, step=2, count=7, delta_t=10.0)))
     assert track.frames.tolist() == [4, 6, 10, 12, 14, 16]
     np.testing.assert_allclose(track.t, [0.0, 0.02, 0.06, 0.08, 0.10, 0.12], atol=1e-15)
-    assert "4 points outside the clip left out" in track.calibration
+    assert "4 points outside the clip were excluded" in track.calibration
 
 
 def test_start_time_of_the_clip_is_added(write) -> None:
@@ -168,7 +168,7 @@ def test_unequal_frames_of_the_video_are_used_and_said(write) -> None:
     times = [0.0, 40.0, 80.0, 125.0, 160.0, 200.0, 240.0, 280.0]
     track = read_tracker(write(trk(point_mass("A", LINE), video=start_times(times), count=8)))
     np.testing.assert_allclose(track.t, np.array(times) / 1e3, atol=1e-12)
-    assert any("not equally long" in warning for warning in track.warnings)
+    assert any("not equally spaced" in warning for warning in track.warnings)
     rounded = [round(1000.0 / 30.0 * n, 3) for n in range(8)]
     even = read_tracker(write(trk(point_mass("A", LINE), video=start_times(rounded), count=8, delta_t=1000 / 30)))
     np.testing.assert_allclose(even.t, np.arange(8) / 30.0, atol=1e-15)
@@ -192,7 +192,7 @@ def test_uncalibrated_video_and_edited_stick_are_suspicious(write) -> None:
     lengths = prop("worldlengths", prop("[0]", 0.1), "array")
     stick = thing("x.TapeMeasure", prop("name", "stick", "string"), prop("stickmode", "true", "boolean"), array("framedata", {0: ends}), lengths)
     track = read_tracker(write(trk(point_mass("A", LINE), stick)))
-    assert "stick is 1 long by the scale of the axes but stated as 0.1" in track.warnings
+    assert "the length of stick is 1 on the scale of the axes, but 0.1 was stated" in track.warnings
 
 
 @pytest.mark.parametrize("declared", [True, False])

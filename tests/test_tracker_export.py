@@ -106,7 +106,7 @@ def test_a_row_without_a_position_is_left_out_and_counted(write) -> None:
     rows = [*ROWS[:2], (0.06, None, None, None), *ROWS[2:]]
     track = read_export(write(text(";", rows=rows)))
     check(track)
-    assert "1 rows without a position left out" in track.calibration
+    assert "1 rows without a position were excluded" in track.calibration
 
 
 def test_one_coordinate_is_enough(write) -> None:
@@ -158,7 +158,7 @@ REFUSED = {
     "no names": ("1;2;3\n", f"{NO_NAMES}: 1;2;3"),
     "estim's own": ("t_s,x_m\n0,1\n", "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m"),
     "only v": (text(names="t v a b"), "a.txt:1: 'header' must have a line of column names with t and x or y"),
-    "two x": (text(names="t x x v"), "a.txt:2: 'x' stands twice in the header"),
+    "two x": (text(names="t x x v"), "a.txt:2: 'x' occurs twice in the header"),
     "mixed decimals": (MIXED, "a.txt:6: 'row' has a decimal point where the file has decimal commas; a spreadsheet has changed this file"),
     "decimal commas between commas": (text(",", comma=True), "(are decimals written with commas too? then export with semicolons or tabs): "),
     "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' is a date; a spreadsheet has changed this file"),
@@ -194,7 +194,7 @@ def test_copies_of_a_row_are_dropped_only_when_asked_and_only_if_they_are_copies
     track = read_export(path, drop_duplicates=True)
     check(track)
     assert track.lines.tolist() == [3, 4, 5, 7, 8]
-    assert track.warnings == ("1 row that copies the row before dropped",)
+    assert track.warnings == ("1 row that copies the previous one was dropped",)
     with pytest.raises(InputError, match="must increase"):
         read_export(write(text(rows=[*ROWS[:3], other, *ROWS[3:]], form="{:.4f}")), drop_duplicates=True)
 

@@ -135,7 +135,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     assert borne.failed == ()
     (finding,) = borne_pattern(borne)
     assert finding.status.ok
-    assert "neighbouring residuals are alike (test 'autocorrelation'" in tell(finding)
+    assert "neighbouring residuals are correlated (test 'autocorrelation'" in tell(finding)
     drifting = {**borne.checks, "trend": replace(borne.checks["trend"], p_value=1e-4)}
     assert replace(borne, checks=drifting).failed == ("autocorrelation", "trend")
     assert replace(borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}).failed == ("autocorrelation",)

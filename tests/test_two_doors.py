@@ -90,7 +90,7 @@ def test_a_period_and_its_alias_are_one_solution_as_a_frequency_and_its_alias_ar
     found = fit_curve(formula, x, y)
     assert found.status == "ok", found.reasons
     assert abs(found.values["T"] - 2.5) < 4.0 * found.sds["T"]
-    assert "faster curves pass through the same points (T = 0.22" in found.message
+    assert "curves of higher frequency pass through the same points (T = 0.22" in found.message
     assert fit_curve(formula, x, y, bounds={"T": (0.1, 10.0)}).status == "multimodal"  # a range that was stated to hold both
 
 
@@ -168,7 +168,7 @@ def test_both_doors_say_the_same_of_a_table(shape: str, seed: int, stated: bool,
             assert abs(values[name] - value) < 1e-3 * found.sds[name]
     else:
         assert fit.mover == "tau"
-        assert "moved tau" in found.reasons[0]
+        assert "shifted tau" in found.reasons[0]
         assert "give it limits" in found.reasons[0]
 
 
@@ -190,8 +190,8 @@ def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doo
     x, y = narrow_peak(22)
     found = fit_curve("lorentzian + constant", x, y)
     assert found.status == "not-converged"
-    assert any("hardly hold center" in reason for reason in found.reasons)
-    with pytest.raises(InputError, match=r"'center' is hardly held by the data.*give it limits"):
+    assert any("hardly constrain center" in reason for reason in found.reasons)
+    with pytest.raises(InputError, match=r"'center' is hardly constrained by the data.*give it limits"):
         by_command(table(tmp_path, x, y), "lorentzian + constant", u_y=None, low={})
 
 
@@ -236,7 +236,7 @@ def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(tmp_path: 
     told = CliRunner().invoke(cli, ["fit", str(file), "--formula", "a + b*x", "--no-figures", "--out", str(tmp_path / "out")])
     assert told.exit_code == 3, told.output
     assert "poor-fit" in told.output
-    assert "what may be missing cannot be asked" in told.output
+    assert "possible missing effects cannot be tested" in told.output
     assert (tmp_path / "out" / "report.md").is_file()
 
 
@@ -245,7 +245,7 @@ def test_a_peak_of_few_points_needs_a_limit_and_has_an_answer_with_one() -> None
     y = 1.0 + 10.0 * np.exp(-((x - 3.2) ** 2) / 1.28) + 0.3 * np.random.default_rng(2).standard_normal(x.size)
     found = fit_curve(PEAK, x, y)
     assert found.status == "not-identified"
-    assert "hardly hold" in found.reasons[0]
+    assert "hardly constrain" in found.reasons[0]
     assert "give it limits" in found.reasons[0]
     limits = {"sigma": (0.0, 3.0), "center": (1.0, 6.0)}
     assert fit_curve(PEAK, x, y, bounds=limits).status == "ok"

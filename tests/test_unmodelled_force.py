@@ -69,7 +69,7 @@ def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_d
     assert off.forces == switched.forces == ()
     assert np.array_equal(off.values, switched.values)
     assert off.problem.runs[0].complete is not None
-    assert tell(off.problem.runs[0].complete) == "the curve is taken as complete: as stated"
+    assert tell(off.problem.runs[0].complete) == "the curve is assumed to be complete: as stated"
 
 
 AS_READ = '{model = "positions", sigma_x_m = 0.001}'
@@ -164,7 +164,7 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
     force_figure(analysis.fit.forces, analysis.problem.runs).savefig(png)
     assert len(png.getvalue()) > 10_000
     text = files["report.md"].decode()
-    assert "## What the curve lacks" in text
+    assert "## Discrepancy between curve and data" in text
     assert "figures/force.png" in files
     assert "means the average over this track" in text
     assert "an unmodelled force along the track and a free start" in text
@@ -200,7 +200,7 @@ def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason
 
 def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, KEY)
-    place = r"wheel\.toml:9: 'unmodelled_force' does not go with"
+    place = r"wheel\.toml:9: 'unmodelled_force' (cannot be combined with|is not supported by|does not go with)"
     assert [run.force for run in campaign.problem(["class-balanced_1", "class-balanced_2"]).runs] == [0.02, 0.02]
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
@@ -233,7 +233,7 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
     fit = fitted(body(tmp_path))
     assert fit.forces == ()
     assert np.array_equal(fit.values, white.values)
-    assert said(fit.problem) == "the curve is taken as complete: an unmodelled force cannot be linearised: must be > 0 along the track"
+    assert said(fit.problem) == "the curve is assumed to be complete: an unmodelled force cannot be linearised: must be > 0 along the track"
     with pytest.raises(InputError, match=r"c\.toml:5: 'unmodelled_force' cannot be linearised: must be > 0"):
         fitted(body(tmp_path, shared=KEY))
 

@@ -79,7 +79,7 @@ def test_speed_at_the_end_of_a_fall_is_that_of_a_straight_line(tracker: Path, st
     text = (tracker / "viscosity" / "CIMG9886.trk").read_text()
     scale = float(re.findall(r'"xscale" type="double">([0-9.]+)<', text)[0])  # 2847.0156 of the real one
     assert f"scale {scale:.8g} pixels/m" in report
-    assert "the body moves with" not in report  # which matters for a rolling disk only
+    assert "the body already moves at" not in report  # which matters for a rolling disk only
     assert f"scale {scale:.8g} pixels/m" in json.dumps(result["runs"]["a1"], ensure_ascii=False)
     if tracker == stand_ins:
         _, speed, a = FALLS["CIMG9886"]
@@ -116,7 +116,7 @@ def test_neighbouring_frames_of_a_whole_fall_are_not_independent_and_the_report_
     assert np.sum(residuals[1:] * residuals[:-1]) / np.sum(residuals**2) > 0.4  # 0 for independent errors
     done, result, _ = fitted(tmp_path, WHOLE)
     assert (done.exit_code, result["status"]) == (3, "poor-fit")
-    assert any("neighbouring residuals are alike" in reason and "p < 5e-5" in reason for reason in result["reasons"])
+    assert any("neighbouring residuals are correlated" in reason and "p < 5e-5" in reason for reason in result["reasons"])
     (tmp_path / "a1.csv").write_text("t_s,x_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(t[::3].tolist(), x[::3].tolist(), strict=True)))
     thinned = analyse(load_campaign(tmp_path / "campaign.toml"), ["a1"], seed=1, target=Target(ess=1000.0)).diagnosis
     assert thinned.status == "ok", thinned.reasons
@@ -156,7 +156,7 @@ def test_damped_cosine_does_not_explain_a_half_pipe_and_the_report_says_so(track
     done, result, report = fitted(tmp_path, SWING)
     assert (done.exit_code, result["status"]) == (3, "poor-fit"), done.output
     assert result["parameters"]["f"]["mean"] is None
-    assert "neighbouring residuals are alike" in report
+    assert "neighbouring residuals are correlated" in report
     assert "osition (m) against time t (s)" in report
 
 

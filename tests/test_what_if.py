@@ -144,7 +144,7 @@ def test_where_no_fit_accounts_for_an_error_the_report_says_so() -> None:
     found = influences(fit)
     assert (found[0].name, dict(found[0].shifts)) == ("scale_x", {})
     (finding,) = large_influences(fit, found)
-    assert "1 % error in the scale of x: no fit that accounts for it settles" in tell(finding)
+    assert "1 % error in the scale of x: no fit that allows for it converges" in tell(finding)
 
 
 def replica(folder: Path, text: str, runs: list[str]) -> Fit:

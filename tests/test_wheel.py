@@ -40,7 +40,7 @@ def test_resisting_moment_lies_where_the_groups_found_it(run: str) -> None:
     found = result_of(wheel(run), analysis)
     if run in WORST:
         assert found.status == "poor-fit"
-        assert "the readings scatter by 2 times what was stated or more" in found.reasons[0]
+        assert "the scatter of the readings is at least 2 times the stated error" in found.reasons[0]
     else:
         assert 0.5 < low < high < 1.5
         assert found.status == "ok"
@@ -57,7 +57,7 @@ def test_a_run_in_radians_is_spoken_of_as_angles_and_its_priors_by_their_means()
     assert shown.noise.startswith(
         "angular rates by the five-point derivative of angles, with its exact covariance; angle readings with an encoder step of 0.01257 rad; "
     )
-    assert shown.noise.endswith("; beside it an unmodelled force along the track and a free start")
+    assert shown.noise.endswith("; in addition, an unmodelled force along the track and a free start")
     assert found.parameters["rolling_resistance"].prior_mean == pytest.approx(0.05 * math.sqrt(2.0 / math.pi))  # not the median, 0.034
 
 
@@ -69,7 +69,7 @@ def test_wheel_without_eccentricity_is_a_poor_fit(run: str, tmp_path: Path) -> N
     (tmp_path / "wrong.toml").write_text(wrong)
     found = result(load_campaign(tmp_path / "wrong.toml"), run)
     assert found.status == "poor-fit"
-    assert any("that is another motion" in reason for reason in found.reasons)
+    assert any("this is a different motion" in reason for reason in found.reasons)
 
 
 def test_unbalanced_runs_agree_on_the_resisting_moment() -> None:

@@ -74,8 +74,8 @@ def test_options_of_a_command_are_named_to_nobody_else() -> None:
     assert sum("--" in words for words in advice_for(found, Voice.COMMANDS)) == 3
     assert not any("--" in words or "{" in words.replace("{prior", "") for words in advice_for(found))
     short = example(Kind.CHAIN_SHORT)
-    assert advice(short, Voice.COMMANDS).startswith("raise --max-steps; if that does not help")
-    assert advice(short).startswith("raise target=Target(max_step=...); if that does not help")
+    assert advice(short, Voice.COMMANDS).startswith("increase --max-steps; if that does not help")
+    assert advice(short).startswith("increase target=Target(max_step=...); if that does not help")
     assert "another seed=, and" in advice(example(Kind.WALKERS_STUCK))
 
 
@@ -115,11 +115,11 @@ def test_a_status_is_a_word_too() -> None:
 
 def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
     edge = Finding(Kind.PRESSED_EDGE, p=0.004, parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),))
-    assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data ask for values beyond it (p = 0.0040)"
+    assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data favour values beyond it (p = 0.0040)"
     limit = Finding(Kind.PRESSED_LIMIT, p=0.004, parameters=(Amount("b", 0.25),))
-    assert tell(limit) == "b lies on its limit 0.25, and the data ask for values beyond it (p = 0.0040): is the limit right?"
+    assert tell(limit) == "b lies at its limit 0.25, and the data favour values beyond it (p = 0.0040): is the limit right?"
     failed = Finding(Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5})
-    assert tell(failed) == "run r: the residuals change sign too seldom (test 'runs', p < 5e-5)"
+    assert tell(failed) == "run r: the residuals change sign too rarely (test 'runs', p < 5e-5)"
 
 
 def test_tests_of_the_residuals_have_names_in_the_language_and_keys_in_english() -> None:

@@ -111,39 +111,41 @@ SIGMA = '{{prior = "half-normal", scale = {}}}'
 TROUBLES = {
     # sampling is cut off
     "chain too short": Trouble(
-        Disk(), Disk(), "not-converged", r"sampling stopped after 60 steps although", "raise --max-steps", ("--max-steps", "60")
+        Disk(), Disk(), "not-converged", r"sampling stopped after 60 steps although", "increase --max-steps", ("--max-steps", "60")
     ),
     # the "measurements" were computed from the curve: the density rises without limit as the inferred sigma goes to 0
     "computed data": Trouble(
         Formula("a + b*x", LINE, lambda x: 1.0 + 2.0 * x, error=0.0, u_y=SIGMA.format(1e-5)),
         Formula("a + b*x", LINE, lambda x: 1.0 + 2.0 * x, u_y=SIGMA.format(0.1)),
-        "not-converged", r"all residuals are zero .* were the data computed\?", "look at the traces", ("--max-steps", "60"),
+        "not-converged", r"all residuals are zero .* were the data computed\?", "look at the trace plots", ("--max-steps", "60"),
     ),
     # the true gamma, 0.187, lies beyond what was thought possible; a little beyond (0.185) it is a limit and no trouble
     "gamma at its bound": Trouble(
         Disk(gamma=uniform(0.0, 0.175)), Disk(gamma=uniform(0.0, 0.185)),
-        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data ask for values beyond it \(p = 0\.0051\)$", "widen the prior",
+        "at-bound", r"γ\[b\] lies at the edge of its prior, 0\.175, and the data favour values beyond it \(p = 0\.0051\)$", "widen the prior",
     ),
     # (gamma, s, 1 + j) scaled together leave the speed unchanged, and nothing says how large one of them is
     "flat direction": Trouble(
         Disk(**FREE, more=f"rolling_resistance = {uniform(0.0, 0.1)}"), Disk(**FREE, more="rolling_resistance = 0.0"),
-        "not-identified", r"c_rr up by .* together change nothing that was measured", "a uniform range does not count",
+        "not-identified", r"c_rr up by .* together do not change the predicted data at all", "a uniform range does not count",
     ),
     # the first centimetres give the acceleration alone, which two angles of release share
     "two angles of release": Trouble(
         Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0), "window = {x_min_m = 0.0, x_max_m = 0.05}"),
         Disk("0.187", "0.45", "4.0", uniform(10.0, 170.0)),
         "multimodal", r"2 separate solutions: θ₀\[r\] = 12\d\.\d ° \(.* of the posterior\); or θ₀\[r\] = (59|60)\.\d+ °",
-        "a range that holds one of them",
+        "a range that contains one of them",
     ),
     "two signs": Trouble(
         Formula("a**2*x", f"a = {uniform(-3.0, 3.0)}", lambda x: 4.0 * x), Formula("a**2*x", f"a = {uniform(0.0, 3.0)}", lambda x: 4.0 * x),
-        "multimodal", r"a = -?2 \((4[5-9]|5[0-5]) % of the posterior\); or a = -?2 \((4[5-9]|5[0-5]) %", "a range that holds one of them",
+        "multimodal", r"a = -?2 \((4[5-9]|5[0-5]) % of the posterior\); or a = -?2 \((4[5-9]|5[0-5]) %", "a range that contains one of them",
     ),
     # the ramp stands at 4 degrees
     "wrong tilt": Trouble(
-        Disk(phi='"40.0(4)"'), Disk(), "contradiction", r"φ\[r\] was stated as 40 °, [78]\d\.\d standard deviations above", "check what was stated",
+        Disk(phi='"40.0(4)"'), Disk(), "contradiction", r"φ\[r\] was stated as 40 °, [78]\d\.\d standard deviations above", "check the stated value",
     ),
     # a balanced wheel is assumed, an unbalanced one rolled down
-    "wrong model": Trouble(Disk(gamma="0.0", **DOWN), Disk(**DOWN), "poor-fit", "neighbouring residuals are alike", "physics that the curve lacks"),
+    "wrong model": Trouble(
+        Disk(gamma="0.0", **DOWN), Disk(**DOWN), "poor-fit", "neighbouring residuals are correlated", "an effect that the curve does not model",
+    ),
 }

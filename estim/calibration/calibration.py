@@ -228,6 +228,6 @@ def coverage_sentence(calibration: Calibration, name: str) -> str:
     n = calibration.n_trial
     sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
     return phrase(
-        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated truths",
+        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated true values",
         p=p * 100, name=name, held=100 * held, sd=max(100 * sd, 0.1), n=n,
     )

@@ -73,7 +73,7 @@ def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spre
         for quantity, spread in own.items():
             shift = f"{quantity}_shift[{run.name}]"
             notation = Notation(f"z({spread.kind.notation.symbol})")
-            meaning = phrase("{meaning}: how far this run is from the mean, in standard deviations between runs", meaning=spread.kind.meaning)
+            meaning = phrase("{meaning}: deviation of this run from the mean, in standard deviations between runs", meaning=spread.kind.meaning)
             unknowns[shift] = Parameter(shift, "1", Normal(0.0, 1.0), meaning, notation)
         found.append(_varying(run, own) if own else run)
     return tuple(unknowns.values()), tuple(found)

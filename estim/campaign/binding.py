@@ -155,9 +155,9 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
     inertia = found["inertia_ratio"]
     return phrase(
-        "{first} and {second} come from the parts of the body; that they are correlated, r = {r}, is left out here, "
-        "and so is what they share with other bodies (estim body shows it): j is {by_parts} by the parts, "
-        "{apart} by these values taken as independent",
+        "{first} and {second} are computed from the parts of the body; their correlation, r = {r}, is neglected here, and so is what "
+        "they share with other bodies (estim body shows it): j is {by_parts} from the parts, {apart} from these values taken as "
+        "independent",
         first=first, second=second, r=signed(f"{pair[2]:.2f}"), by_parts=format_quantity(inertia.value, inertia.u),
         apart=format_quantity(inertia.value, spread_apart(found)),
     )
@@ -195,7 +195,7 @@ def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
         if key == "mass_trailing_kg":
             return Quantity(0.0)
         home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error("is missing beside the other masses", (*home.path, key))
+        raise source.places.error("is missing: the other masses are given", (*home.path, key))
     mass = read_key(source, level, key)
     if not isinstance(mass, Quantity):
         raise source.places.error("must be a number or a measured value, not a prior", (*level.path, key))
@@ -225,7 +225,7 @@ def _check_masses(source: CampaignFile, levels: tuple[Level, ...], gamma: Quanti
     weighed = _from_masses(source, levels, "gamma", rho)
     centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
     if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
-        rule = f"contradicts the masses beside it, which give {format_quantity(weighed.value, weighed.u)}: say one of the two"
+        rule = f"contradicts the stated masses, which give {format_quantity(weighed.value, weighed.u)}: state only one of the two"
         raise source.places.error(rule, path, value=centre)
 
 

@@ -35,7 +35,7 @@ def relative_blur(table: NoiseTable, run: Run, size: FloatArray, levels: Levels,
         rule = f"must be > 0 and at most the time between two frames, {interval:.4g} s (is it in ms?)"
         raise levels.error(rule, (*path, "exposure_s"), value=exposure)
     if not np.all(size > 0.0):
-        raise levels.error("needs a fixed standard deviation of one reading beside it: that of a body at rest", (*path, "exposure_s"))
+        raise levels.error("also needs a fixed standard deviation of one reading: that of a body at rest", (*path, "exposure_s"))
     frames = np.arange(t.size)
     before, after = np.maximum(frames - _REACH, 0), np.minimum(frames + _REACH, t.size - 1)
     speed = (position[after] - position[before]) / (t[after] - t[before])

@@ -81,7 +81,7 @@ class RollingStudy:
                 continue  # no such angle in radians
             own = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
             found.append(Cause("-".join(("radians", *slip.quantities)), slip.words, problem, own, (), slip.remark, slip=True))
-        return Suspects(plain, phrase("an unmodelled force beside the curve has room for it"), tuple(found))
+        return Suspects(plain, phrase("the unmodelled force included in the fit allows for it"), tuple(found))
 
     def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:
         """What is known of the runs; without : quantities that are taken as not said."""

@@ -28,7 +28,7 @@ from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
 
-_HEADS = (later("run"), later("body"), later("file"), later("points that are fit"), later("unknowns"))
+_HEADS = (later("run"), later("body"), later("file"), later("fitted points"), later("unknowns"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,8 @@ def _read_runs(source: CampaignFile, only: Collection[str], compared: bool) -> M
             except InputError:
                 unread.append(run.name)
     found = compare_intervals({run.name: {**read, **others}[run.name] for run in source.runs if run.name in read or run.name in others})
-    said = phrase("its frame rate is not compared with that of {runs}, whose files cannot be read", runs=listed(unread)) if unread else None
+    said = phrase("its frame rate was not compared with that of {runs}, because their files cannot be "
+                  "read", runs=listed(unread)) if unread else None
     return {name: _with_fact(found[name], said if is_timed_track(found[name]) else None) for name in read}
 
 

@@ -274,7 +274,7 @@ def _checked_file(path: Path, digest: str, tree: dict[str, Any], places: Places,
 def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> CampaignFile:
     for key in ("shared", "parts", "bodies", "line", "trials", "published"):
         if getattr(top, key):
-            raise places.error("does not go with a [curve] table", (key,))
+            raise places.error("cannot be combined with a [curve] table", (key,))
     if not top.runs:
         raise places.error("must hold at least one [[runs]] table", (), field="campaign")
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]

@@ -97,7 +97,7 @@ def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
         (shared, f'rolling_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
     )
     yield Sketch(
-        "load_resistance", phrase("rolling resistance that follows the load on the ramp"), {"load_resistance": HalfNormal(_RESISTANCE)},
+        "load_resistance", phrase("rolling resistance proportional to the load on the ramp"), {"load_resistance": HalfNormal(_RESISTANCE)},
         (shared, f'load_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
     )
     if all(run.mass is not None for run in runs):
@@ -108,11 +108,11 @@ def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
             (shared, f'resisting_moment_n_m = {{prior = "half-normal", scale = {scale:g}}}'),
         )
     yield Sketch(
-        "viscous_drag", phrase("drag that grows with the speed"), {"viscous_drag": HalfNormal(0.2)},
+        "viscous_drag", phrase("drag that increases with the speed"), {"viscous_drag": HalfNormal(0.2)},
         (shared, 'viscous_drag_per_s = {prior = "half-normal", scale = 0.2}'),
     )
     yield Sketch(
-        "quadratic_drag", phrase("drag that grows with the square of the speed (air)"), {"quadratic_drag": HalfNormal(0.2)},
+        "quadratic_drag", phrase("drag that increases with the square of the speed (air)"), {"quadratic_drag": HalfNormal(0.2)},
         (shared, 'quadratic_drag_per_m = {prior = "half-normal", scale = 0.2}'),
     )
     of_turns = {

@@ -30,10 +30,10 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 
 WORDS: Mapping[str, str] = Said({
     "rolling-resistance": later("rolling resistance"),
-    "load-resistance": later("rolling resistance that follows the load on the ramp"),
+    "load-resistance": later("rolling resistance proportional to the load on the ramp"),
     "resisting-moment": later("a resisting moment (bearing, cord)"),
-    "viscous-drag": later("drag that grows with the speed"),
-    "quadratic-drag": later("drag that grows with the square of the speed (air)"),
+    "viscous-drag": later("drag that increases with the speed"),
+    "quadratic-drag": later("drag that increases with the square of the speed (air)"),
     "moment-once": later("a moment once per turn"),
     "moment-twice": later("a moment twice per turn"),
     "free-start": later("a start that is not from rest"),
@@ -79,7 +79,7 @@ def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch]
     forced : whether an unmodelled force can stand beside the curve.
     """
     said = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    found = [Outline(PAPER, phrase("the paper's model: weight and inertia alone, from rest"), ADDED, None, of_campaign=not said)]
+    found = [Outline(PAPER, phrase("the paper's model: only weight and inertia, starting from rest"), ADDED, None, of_campaign=not said)]
     for name, quantities in GROUPS.items():
         kept, words = said.intersection(quantities), phrase("the paper's model with {what}", what=WORDS[name])
         if kept:
@@ -91,8 +91,8 @@ def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch]
     if forced:
         what = next(outline.name for outline in found if outline.of_campaign)
         words = phrase(
-            "what the campaign states ({what}) with an unmodelled force and a free start (energy ± {sd:g} of the weight times R): "
-            "what estim fit does by default",
+            "the model stated in the campaign ({what}), with an unmodelled force and a free start (energy ± {sd:g} of the weight times "
+            "R): this is the default of estim fit",
             what=what, sd=START_SD,
         )
         found.append(Outline(FORCE, words, ADDED - said, None, forced=True, of_campaign=True))

@@ -241,7 +241,7 @@ def is_unstarted(entry: float | str | ParameterTable | None) -> bool:
 def source_of(value: float | str | ParameterTable, field: str, limits: tuple[float | None, float | None] = (None, None)) -> float | Prior:
     """An exact number, or the prior of an unknown; limits : of the model that has it, which hold where the entry states none."""
     if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
-        refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "goes with a 'prior'")
+        refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "requires a 'prior'")
         low, high = (known if stated is None else stated for stated, known in zip((value.low, value.high), limits, strict=True))
         start = within((low, high)) if value.start is None else value.start
         return Flat(-math.inf if low is None else low, math.inf if high is None else high, start)

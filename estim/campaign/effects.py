@@ -33,9 +33,9 @@ def setting_of(levels: Levels, sources: Mapping[str, float | Prior], mass: float
     if "moment" in said and mass is None:
         raise _error(levels, "moment", "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less than a light one")
     if "distortion" in said and angular:
-        raise _error(levels, "distortion", "does not go with angles, which no picture distorts")
+        raise _error(levels, "distortion", "does not apply to angles, which an image does not distort")
     if "release_energy" in said and positions:
-        raise _error(levels, "release_energy", "does not go with positions noise: say release_speed_m_s, in which positions are smooth at 0")
+        raise _error(levels, "release_energy", "cannot be combined with positions noise: use release_speed_m_s, in which positions are smooth at 0")
     if "release_speed" in said and not positions:
         _check_speed(levels, sources)
     ramp, picture = _length(levels, "sag", "ramp", sources), _length(levels, "distortion", "picture", sources)

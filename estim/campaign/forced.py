@@ -63,20 +63,20 @@ class Obstacle:
 
 
 OBSTACLES = (
-    Obstacle(lambda c: c.observed.noise.robust, later("'robust' noise"), "leave that out: beside a force single bad frames are found and named"),
+    Obstacle(lambda c: c.observed.noise.robust, later("'robust' noise"), "omit it: in a fit with a force single bad frames are detected and named"),
     Obstacle(
         lambda c: bool(np.any(c.observed.noise.x_gain() > 0.0)), later("errors of the positions of independent speeds"),
         "take their standard deviation out",
     ),
     Obstacle(
-        lambda c: bool(c.inferred), later("a '{inferred}' that is inferred, which would swallow the force"),
-        "state what the instrument does, or leave it out",
+        lambda c: bool(c.inferred), later("a '{inferred}' that is inferred, which would absorb the force"),
+        "state the error of the instrument, or omit it",
     ),
     Obstacle(lambda c: c.replaced, later("a comparison of noise models"), "set it to 0 for that"),
     Obstacle(lambda c: c.joint and c.observed.positions, later("noise model 'positions' in a joint fit yet"), "fit the runs one by one"),
     Obstacle(
         lambda c: c.tied > MOST_POINTS, later("runs that share it and have {tied} points, more than {most}"),
-        "fit fewer runs, or say it at each run, which gives each a force of its own",
+        "fit fewer runs, or state it for each run, which gives each a force of its own",
     ),
 )
 
@@ -129,12 +129,12 @@ def refuse_force(levels: Levels, command: str) -> None:
     """Raises InputError where a run has an unmodelled force, which `command` does not know."""
     level = _stated(levels)
     if level is not None and level.table.unmodelled_force:
-        raise _error(levels, level, f"does not go with {command}, which takes the curve as complete: set it to 0 for that")
+        raise _error(levels, level, f"is not supported by {command}, which assumes that the curve is complete: set it to 0 for that")
 
 
 def as_complete(problem: Problem, command: str) -> Problem:
     """`problem` without the forces that nobody asked for, as `command` takes its curves."""
-    reason = phrase("{command} knows no unmodelled force", command=command)
+    reason = phrase("{command} does not support an unmodelled force", command=command)
     runs = (replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run for run in problem.runs)
     return replace(problem, runs=tuple(runs))
 

@@ -58,7 +58,7 @@ def _guessed(file: Path, choices: TableChoices) -> TableChoices:
     x, y = first_and_second(rest) or (*rest[:2], "", "")[:2]
     x, y = choices.x or x, choices.y or (y if choices.x is None else x)
     if not x or not y:
-        raise InputError("has fewer than two columns of numbers beside uncertainties", field="columns", quoted=listed(values), file=file)
+        raise InputError("has fewer than two columns of numbers that are not uncertainties", field="columns", quoted=listed(values), file=file)
     return replace(choices, x=x, y=y, formula=GUESS)
 
 

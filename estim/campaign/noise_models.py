@@ -47,7 +47,7 @@ def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], No
             model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad,
             exposure_s=table.exposure_s, scatter=of_speeds, **{position: getattr(table, position)},
         )
-        found.append(Candidate("differentiated", phrase("speeds by differences, with the covariance that follows"), differentiated))
+        found.append(Candidate("differentiated", phrase("speeds from differences of positions, with the resulting covariance"), differentiated))
         size = _independent_size(posed(differentiated))
         if size > 0.0 and data.rate not in data.columns:
             plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=of_speeds)

@@ -151,7 +151,8 @@ class CurveStudy:
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
-        room = phrase("another curve may; if this one is known to be right, readings that follow each other: correlated = true under [curve]")
+        room = phrase("another curve may explain them; if this one is known to be right, the errors of successive readings may be "
+                      "correlated: correlated = true under [curve]")
         return Suspects(self.problem(names, tables), room)
 
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
@@ -224,7 +225,7 @@ class CurveStudy:
         """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from."""
         if fit.unheld is not None:
             rule = (
-                "is hardly held by the data: far from here minus twice the log of the posterior density is only "
+                "is hardly constrained by the data: far from here minus twice the log of the posterior density is only "
                 f"{fit.unheld.size:.1f} above its least, so that no posterior exists to draw from; give it limits (low and high), or a prior"
             )
             raise self.source.places.error(rule, self._place(fit.unheld.parameters[0].name))
@@ -262,7 +263,7 @@ class CurveStudy:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
         self._refuse_lacks("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
-            rule = "does not go with estim calibrate, which draws counts, not times: count them in bins (model = \"poisson\") for that"
+            rule = "is not supported by estim calibrate, which simulates counts, not times: count them in bins (model = \"poisson\") for that"
             raise self.source.places.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):

@@ -36,7 +36,7 @@ OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
         "rho": (Notation("ρ"), "1", later("distance of the particle from the axle / R")),
         "particle_gyration": (Notation("k_P"), "1", later("radius of gyration of the particle / R")),
         "trailing_fraction": (Notation("τ"), "1", later("fraction of the mass that does not rotate")),
-        "inertia_ratio": (Notation("j"), "1", later("inertia of all that rotates / (M R²)")),
+        "inertia_ratio": (Notation("j"), "1", later("moment of inertia of all rotating parts / (M R²)")),
         "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", later("direction of the centre of mass from the mark")),
     }
 )

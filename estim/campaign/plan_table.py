@@ -56,9 +56,9 @@ NO_PLAN = PlanTable()
 def check_plan(plan: PlanTable, names: tuple[str, ...], places: Places, *, own_curve: bool = False) -> PlanTable:
     """The plan itself.  Raises InputError where a plan names what is not there, or asks for what cannot be counted."""
     if own_curve and plan.runs:
-        raise places.error("goes with a rolling body (write [[plan.readings]])", ("plan", "runs", 0, "like"), field="plan.runs")
+        raise places.error("is for a rolling body (use [[plan.readings]])", ("plan", "runs", 0, "like"), field="plan.runs")
     if plan.readings and not own_curve:
-        raise places.error("goes with a curve of your own (write [[plan.runs]])", ("plan", "readings", 0, "x"), field="plan.readings")
+        raise places.error("is for a curve of your own (use [[plan.runs]])", ("plan", "readings", 0, "x"), field="plan.readings")
     for i, run in enumerate(plan.runs):
         if run.like not in names:
             raise places.error(f"must name one of the runs ({', '.join(names)})", ("plan", "runs", i, "like"), value=run.like)
@@ -81,7 +81,7 @@ def _check_change(change: ChangeTable, i: int, places: Places, *, own_curve: boo
         if not low <= factor <= high:
             raise places.error(f"is a factor: it must lie between {low:g} and {high:g}", ("plan", "change", i, key), value=factor)
     if own_curve and change.reach != 1.0:
-        raise places.error("goes with rolling bodies; for a curve of your own say [[plan.readings]]", ("plan", "change", i, "reach"))
+        raise places.error("is for rolling bodies; for a curve of your own use [[plan.readings]]", ("plan", "change", i, "reach"))
     if change.reach < 1.0:
         raise places.error("is how many times farther a run goes: it must be at least 1", ("plan", "change", i, "reach"), value=change.reach)
     for key, u in change.u.items():

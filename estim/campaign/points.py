@@ -100,7 +100,7 @@ def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: P
         if key not in keys and getattr(table, key) is not None:
             rule = f"does not go with {model} noise of a run in {units.position} (known: {', '.join(sorted(keys))})"
             if key == "robust":
-                rule = "goes with model = 'positions' or 'independent': one bad frame spoils several differentiated speeds"
+                rule = "requires model = 'positions' or 'independent': one bad frame affects several differentiated speeds"
             raise levels.error(rule, (*path, key))
 
 
@@ -113,7 +113,7 @@ def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suf
     if typical == 0.0:
         wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("further independent error of each speed"))
+    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("additional independent error of each speed"))
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     if "sigma_x_m" in run.columns:
         rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
@@ -148,7 +148,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         rule = f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to compute them)"
         raise levels.error(rule, (*path, "model"), value="independent")
     sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, phrase("standard deviation of one speed"))
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("further independent error of each speed"))
+    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("additional independent error of each speed"))
     sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position"))
     tails, tail_parameters = shape_of(table.robust, suffix)
     typical_x = _typical(sigma_x, x_parameter, 0.0)
@@ -186,7 +186,8 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     _need_times(run, "positions", levels, path)
     step = _encoder_step(table, levels, path)
     sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position reading"))
-    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, phrase("further independent error of each position"))
+    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, phrase("additional independent error of "
+                                                                                                       "each position"))
     tails, tail_parameters = shape_of(table.robust, suffix)
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     said = _typical(sigma, parameter, 0.0) > 0.0
@@ -207,7 +208,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         relative = blur if relative is None else blur * relative
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
-    release = Parameter("release_time", "s", Uniform(early, float(started)), phrase("moment of release on the clock of the data"), Notation("t₀"))
+    release = Parameter("release_time", "s", Uniform(early, float(started)), phrase("time of release on the clock of the data"), Notation("t₀"))
     for key, unknown in (("release_time_s", release), (units.offset, _offset(units, zero))):
         sources[unknown.name], of_level = _nuisance(levels, key, unknown)
         unknowns.append(of_level)
@@ -259,7 +260,7 @@ def _by_row(
     if column not in run.columns:
         return sigma, None
     if unit != "m":
-        rule = f"does not go with a run in {unit}; start the column's name with _ to skip it"
+        rule = f"does not apply to a run in {unit}; start the column's name with _ to skip it"
         raise InputError(rule, field=column, file=run.file)
     if said:
         raise levels.error(f"is stated twice: here and in the {column} column of {run.file}", path)

@@ -92,7 +92,7 @@ EFFECTS: Mapping[str, Kind] = MappingProxyType(
         "release_speed": _effect("v₀", "release_speed_m_s", "m/s", later("speed of the axle at release")),
         "scale_x": _scale("δ_x", "scale_x", later("common relative error of the readings of the position"), usual=3e-3),
         "scale_t": _scale("δ_t", "scale_t", later("common relative error of the clock"), usual=5e-4),
-        "moment": _effect("Q", "resisting_moment_n_m", "N m", later("resisting moment, the same whatever the mass"), low=0.0),
+        "moment": _effect("Q", "resisting_moment_n_m", "N m", later("resisting moment, independent of the mass"), low=0.0),
         "load_resistance": _effect("c_N", "load_resistance", "1", later("rolling resistance / load on the ramp"), low=0.0),
         "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", later("drag force / (M v)"), low=0.0),
         "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", later("drag force / (M v²)"), low=0.0),

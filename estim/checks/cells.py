@@ -178,7 +178,7 @@ def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[t
     columns = [
         ("", [f"{one.label.symbol}, {one.summary.meaning}" if one.summary.meaning else one.label.symbol for one in shown]),
         (phrase("from these data"), [one.value for one in shown]),
-        (phrase("stated before"), [one.stated for one in shown]),
+        (phrase("stated value"), [one.stated for one in shown]),
         (phrase("true"), [one.truth for one in shown]),
     ]
     kept = [(head, cells) for head, cells in columns if any(cells)]

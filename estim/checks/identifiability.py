@@ -145,7 +145,7 @@ def _sentences(
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
     prior = [d for d in directions if d.held_by == "prior"]
-    said = [phrase("Not identified by data nor prior: {words}.", words=d.words) for d in free]
+    said = [phrase("Constrained neither by the data nor by the prior: {words}.", words=d.words) for d in free]
     count = {"learnt": n_learnt, "n": n}
     if free or prior:
         said.append(phrase("The data constrain {learnt:.1f} of {n} combinations of the parameters; the rest comes from the values "

@@ -55,9 +55,9 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.command()
 @click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
 @JOBS
-@click.option("--shard", metavar="I/N", help="Every N-th run only, from the I-th, for job arrays.  At the end once more without, with --resume.")
-@click.option("--scheduler", metavar="ADDRESS", help="A Dask cluster does the work: the address of its scheduler (extra `dask`).")
-@click.option("--reports", is_flag=True, help="A whole report for each run, with figures, in place of result.json alone.")
+@click.option("--shard", metavar="I/N", help="Only every N-th run, from the I-th, for job arrays.  At the end, repeat without it, with --resume.")
+@click.option("--scheduler", metavar="ADDRESS", help="Use a Dask cluster: the address of its scheduler (extra `dask`).")
+@click.option("--reports", is_flag=True, help="Write a full report for each run, with figures, instead of result.json alone.")
 @STEPS
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
 @SEED
@@ -72,8 +72,8 @@ def batch(
     """Fit the runs of many campaigns one by one, each as `estim fit` does.
 
     A FOLDER stands for every campaign.toml in it and below.  Each result is written as it comes; a file that cannot be
-    read, or a run that fails, is told in its line and stops no other.  At the end there are summary.csv, a report with
-    what scatters and what stands apart, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
+    read, or a run that fails, is reported in its line and does not stop the others.  At the end there are summary.csv, a
+    report with scatters and outlying runs, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
     from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files

@@ -21,7 +21,7 @@ from estim.common import Stream, decide, stream
 @RUNS
 @JOINT
 @click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
-@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="Truths from the priors, or the fit.")
+@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="True values: priors, or the fit.")
 @JOBS
 @OUT
 @SEED
@@ -33,12 +33,12 @@ def calibrate(
     campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
     no_figures: bool,
 ) -> None:
-    """Check on simulated data whether the intervals for CAMPAIGN hold the truth as often as they say.
+    """Check on simulated data whether the intervals for CAMPAIGN have their nominal coverage.
 
-    The curve is taken as complete, without the unmodelled force and the usual errors of clock and scale for which
-    `estim fit` leaves room: its intervals are wider than those checked here, and the report says so.
+    The curve is assumed to be complete, without the unmodelled force and the default errors of clock and scale for which
+    `estim fit` allows: its intervals are wider than those checked here, and the report says so.
 
-    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  Also
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  It also means
     that processes were killed, twice (too little memory?): one line says so, and there is no report.
     """
     if not run_calibrations(

@@ -19,10 +19,10 @@ def with_causes(campaign: Campaign, analysis: Analysis, group: Sequence[str], *,
 
     if not (asked or asks_for_a_cause(analysis)):
         return analysis
-    with pieces(phrase("{runs}: what may be missing", runs=", ".join(group)), phrase("cause")) as progress:
+    with pieces(phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")) as progress:
         found = explained(campaign, analysis, progress=progress)
     if found.explanation is None:
-        say(phrase("{runs}: what may be missing cannot be asked, for the curve by itself cannot be fitted", runs=", ".join(group)))
+        say(phrase("{runs}: possible missing effects cannot be tested, because the curve alone cannot be fitted", runs=", ".join(group)))
     return found
 
 

@@ -86,10 +86,10 @@ def cli() -> None:
 @curve_options
 @click.option(
     "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
-    "[default: the marginal for more than 14 unknowns, where runs share no force]",
+    "[default: the marginal for more than 14 unknowns, if the runs share no force]",
 )
 @click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
-@click.option("--explain", is_flag=True, help="Tabulate what may be missing, each cause refit.  [default: where something is]")
+@click.option("--explain", is_flag=True, help="Tabulate possible missing effects, each refitted.  [default: where one is missing]")
 @RESUME
 def fit(
     campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
@@ -98,10 +98,10 @@ def fit(
     """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
 
     A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The report ends with the
-    campaign that says the same (docs/your-own-curve.md).
+    equivalent campaign file (docs/your-own-curve.md).
 
-    Each run is fit by itself unless --joint is given.  Exit code 3 means that a result is not to be trusted; the
-    report says why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
+    Each run is fitted separately unless --joint is given.  Exit code 3 means that a result is not reliable; the
+    report explains why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
 
     The draws of each run that is done are kept in OUT/.checkpoint until all reports are written.  After Ctrl-C (exit code
     130), a kill or a crash, the same command with --resume takes them from there and samples the others; a run that was
@@ -111,9 +111,9 @@ def fit(
     loaded, folder = load_or_make(campaign, said, out, runs)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
-        raise InputError("needs --joint: one run has nothing to share", field="--marginal")
+        raise InputError("needs --joint: a single run has no shared parameters", field="--marginal")
     if compare and (explain or marginal is not None):
-        raise InputError("does not go with --explain, --marginal or --full", field="--compare")
+        raise InputError("cannot be combined with --explain, --marginal or --full", field="--compare")
     claim(folder, "comparison.json" if compare else "result.json", groups=groups)
     with kept_pieces(folder, resume=resume) as store:
         if compare:
@@ -158,7 +158,7 @@ def _fit_groups(
         write_report(folder, index_report(campaign, results, explanations))
     report_at(folder / "report.md", campaign.source.outside())
     if not can_write_netcdf():
-        say(phrase("no draws.nc (the draws, for ArviZ and xarray): {how}", how=HOW_TO_GET))
+        say(phrase("draws.nc (the draws, for ArviZ and xarray) was not written: {how}", how=HOW_TO_GET))
     return all(result.status == "ok" for result in results.values())
 
 
@@ -175,7 +175,7 @@ def _fit_groups(
 def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?
 
-    Exit code 3 also where the data leave the loss as uncertain as it was assumed to be.
+    Exit code 3 is also returned if the data do not reduce the assumed uncertainty of the loss.
     """
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
@@ -216,10 +216,10 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @LANG
 @RESUME
 def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool, resume: bool) -> None:
-    """Everything that CAMPAIGN says, in one report.
+    """Analyse everything in CAMPAIGN and write one report.
 
-    The theta_min line, each run by itself, the runs of each body together, energies, the propagated band beside the
-    posterior band, and published numbers beside reanalysed ones.  The numbers are the same for any number of --jobs.
+    It contains the theta_min line, each run separately, the joint fit of each body, energies, the propagated band and the
+    posterior band, and published and reanalysed values.  The numbers are the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
     from estim.reports import called, reanalysis_lines, reanalysis_report
@@ -285,17 +285,17 @@ def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
 @click.option("--along", default="fit", show_default=True, metavar="fit|x|y|-x|-y|DEG", help="Direction of motion: fitted, an axis, an angle from x.")
-@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: what the file says, else m]")
+@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: as stated in the file, else m]")
 @click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="x = 0 at the first point, the origin, or time T (s).")
-@click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, against what the file says (high-speed film).")
-@click.option("--drop-duplicates", is_flag=True, help="Leave out rows of an export that copy the row before.")
+@click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, instead of that stated in the file (high-speed film).")
+@click.option("--drop-duplicates", is_flag=True, help="Exclude rows of an export that copy the previous row.")
 @click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The CSV file to write.")
 def import_file(
     file: Path, track: str | None, along: str, unit: Unit | None, release: str, frame_ms: float | None, drop_duplicates: bool, out: Path
 ) -> None:
     """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and x_m.
 
-    What is suspicious goes to stderr and into the head of the CSV (docs/tracker.md).
+    Warnings about suspicious data go to stderr and into the head of the CSV (docs/tracker.md).
     """
     from estim.reading import Choices, read_release
 

@@ -29,7 +29,7 @@ from estim.common import InputError
 @click.option("--cov", type=click.Path(path_type=Path), metavar="FILE", help="Covariance matrix of all x, then all y, in place of --ux and --uy.")
 @click.option("--cov-x", type=click.Path(path_type=Path), metavar="FILE", help="Covariance matrix of the x.")
 @click.option("--cov-y", type=click.Path(path_type=Path), metavar="FILE", help="Covariance matrix of the y.")
-@click.option("--common-x", multiple=True, metavar="U|U%", help="Error that all x share, beside their own: 0.1 of the zero, or 2% of the scale.")
+@click.option("--common-x", multiple=True, metavar="U|U%", help="Error common to all x, besides their own: 0.1 of the zero, or 2% of the scale.")
 @click.option("--common-y", multiple=True, metavar="U|U%", help="The same of y.")
 @click.option("--predict", multiple=True, metavar="X0", help='y of the line at X0, which may be uncertain: "5.0(1)"; may be given several times.')
 @click.option("--inverse", multiple=True, metavar="Y0", help='x at which the line reaches a reading Y0: "10.5(5)"; may be given several times.')
@@ -44,7 +44,7 @@ def line(
     cov_x: Path | None, cov_y: Path | None, common_x: tuple[str, ...], common_y: tuple[str, ...], predict: tuple[str, ...], inverse: tuple[str, ...],
     out: Path | None, seed: int, no_figures: bool, dialect: Mapping[str, Any],
 ) -> None:
-    """What sets CAMPAIGN's body climbing: its theta_min line and trials of release; or a line through the points of FILE.csv.
+    """Fit the theta_min line and the trials of release of CAMPAIGN's body, or a line through the points of FILE.csv.
 
     The theta_min line is sin(theta_min) against sin(phi), of slope 1/gamma.  A table may have errors in y, in both
     variables, correlated ones, or none (docs/straight-line.md).

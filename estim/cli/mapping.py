@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.argument("campaign", type=click.Path(path_type=Path))
 @click.option("--body", "bodies", multiple=True, metavar="NAME", help="This body only; may be given several times.  [default: every body with runs]")
 @click.option("--ramp-length", type=float, metavar="M", help="From the release to the end of the ramp, m.  [default: stated, else the longest run]")
-@click.option("--fit", "fitted", type=click.Path(path_type=Path), help="Folder of a fit of CAMPAIGN: its values in place of the stated ones.")
+@click.option("--fit", "fitted", type=click.Path(path_type=Path), help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign, map/]"
 )
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 def map_motions(
     campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, fitted: Path | None, out: Path | None, seed: int, no_figures: bool,
 ) -> None:
-    """Map what the bodies of CAMPAIGN do from rest, over tilt and angle of release.
+    """Map the motion of the bodies of CAMPAIGN released at rest, over tilt and angle of release.
 
     Does it climb, how far, does it turn on the ramp, roll on for ever; each border with its uncertainty, the runs
     marked.  Exit code 3: a recording shows what the stated values do not allow.

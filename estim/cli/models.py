@@ -40,7 +40,7 @@ def compare_models(
 ) -> None:
     """Compare models of the body in CAMPAIGN: the paper's, with resistance, drag, a free start, an unmodelled force.
 
-    All explain the same readings; evidences, leave-one-out predictions and data sets drawn from each say what the data favour, and one model is
+    All describe the same readings; they are compared by evidence, leave-one-out prediction and posterior predictive checks, and one model is
     recommended (docs/models.md).  Exit code 3 means that no model is ok.
     """
     from estim.campaign import load_campaign

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None:
     """Write NAME.toml, a commented campaign for the table FILE, for `estim fit`.
 
-    Its curve is a guess unless --formula says one.  Without --from, questions are asked in the terminal.  No file is overwritten.
+    Its curve is a guess unless --formula is given.  Without --from, the program asks in the terminal.  No file is overwritten.
     """
     from estim.campaign import drafted_campaign
 

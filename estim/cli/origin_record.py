@@ -39,7 +39,7 @@ def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN)
     path = folder / name
     data = read_file(path, at_most=_LARGEST, within=within or folder)
     if data is None:
-        raise InputError(f"holds no {ORIGIN}: it is no report of this version of estim", field="report", value=str(folder))
+        raise InputError(f"holds no {ORIGIN}: it is not a report of this version of estim", field="report", value=str(folder))
     import msgspec
 
     try:

@@ -17,7 +17,7 @@ from estim.common import phrase
 @click.command("plan")
 @click.argument("campaign", type=click.Path(path_type=Path))
 @RUNS
-@click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; several times.  [default: those that are unknown]")
+@click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; may be repeated.  [default: those that are unknown]")
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False),
     help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign, plan/]",
@@ -27,11 +27,11 @@ from estim.common import phrase
 @FORMAT
 @LANG
 def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
-    """What to measure next, to know the quantities of CAMPAIGN better.
+    """Plan which further measurements would best reduce the uncertainties of CAMPAIGN.
 
-    A ranked table of what might be added or measured better, with the uncertainty that each would leave, and what it
-    takes to halve it (docs/planning.md).  Exit code 3 means that linear theory, which these numbers come from, does not
-    hold here, or that the data refuse the curve as stated.
+    The report ranks possible additions and improvements by the uncertainty that would remain, and states what would be
+    needed to halve it (docs/planning.md).  Exit code 3 means that linear theory, on which these numbers are based, is not
+    valid here, or that the curve as stated does not fit the data.
     """
     from estim.campaign import load_campaign
     from estim.planning import plan

@@ -22,10 +22,10 @@ _TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".od
 
 _DIALECT = (
     click.option("--columns", metavar="A,B,...", help="Names of all columns of FILE from left to right.  [default: its line of names]"),
-    click.option("--delimiter", metavar="MARK", help="What separates the cells: ; , | tab or blank.  [default: what the rows show]"),
-    click.option("--decimal", type=click.Choice(["point", "comma"]), help="The decimal mark.  [default: what the numbers show]"),
+    click.option("--delimiter", metavar="MARK", help="Separator of the cells: ; , | tab or blank.  [default: detected from the rows]"),
+    click.option("--decimal", type=click.Choice(["point", "comma"]), help="Decimal mark.  [default: detected from the numbers]"),
     click.option("--skip-rows", type=click.IntRange(min=0), metavar="N", help="Lines at the top of FILE that are not read."),
-    click.option("--encoding", type=click.Choice(_ENCODINGS), help="How FILE writes letters.  [default: UTF-8, or what its first bytes say]"),
+    click.option("--encoding", type=click.Choice(_ENCODINGS), help="Encoding of FILE.  [default: UTF-8, or as marked by its first bytes]"),
 )
 _CURVE = (
     click.option("--formula", metavar="TEXT", help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".'),
@@ -36,11 +36,11 @@ _CURVE = (
     click.option("--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
     click.option("--u-x", metavar="U|COLUMN", help="Standard uncertainty of x.  [default: the column u_NAME if there, else x is exact]"),
-    click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else by the residuals]"),
+    click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else from the residuals]"),
     click.option("--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."),
     click.option("--every", type=click.IntRange(min=1), metavar="N", help="Fit one of every N points, in order of x."),
-    click.option("--deviation", type=float, metavar="D", help="A smooth deviation of y from the curve that would not surprise you."),
-    click.option("--correlated", is_flag=True, help="Errors follow each other in the order of the rows."),
+    click.option("--deviation", type=float, metavar="D", help="Plausible size of a smooth deviation of y from the curve."),
+    click.option("--correlated", is_flag=True, help="Errors are correlated in the order of the rows."),
     click.option("--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"),
     click.option("--kind", type=click.Choice(list(KINDS)), help="What the numbers of FILE are.  [default: measured]"),
     click.option("--track", metavar="NAME", help="The track of a file of the program Tracker.  [default: the only one]"),
@@ -89,14 +89,14 @@ def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None, runs: Se
     if said["formula"] is None:
         if given:
             campaign = file.suffix.lower() == ".toml"
-            rule = "goes with --formula and a table; of a campaign the file says it" if campaign else "needs --formula beside it"
+            rule = "needs --formula and a table; for a campaign it is stated in the file" if campaign else "needs --formula as well"
             raise InputError(rule, field=given[0])
         if file.suffix.lower() in _TABLES:
             rule = 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for it (estim new NAME --from FILE)'
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
         return load_campaign(file, asked=runs), out or out_folder(file)
     if file.suffix.lower() == ".toml":
-        raise InputError("goes with a table of points; of a campaign the file says the curve", field="--formula", value=said["formula"])
+        raise InputError("needs a table of points; the curve of a campaign is stated in its file", field="--formula", value=said["formula"])
     return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
 
 

@@ -37,11 +37,11 @@ _FAR = 0.1  # sds: what moved by less is told together
 @click.argument("report", type=click.Path(path_type=Path))
 @click.option("--from", "root", type=click.Path(path_type=Path, file_okay=False), help="Folder from which the inputs are named.  [default: found]")
 def verify(report: Path, root: Path | None) -> None:
-    """Recompute REPORT (its folder) from the inputs that it names, and say what holds.
+    """Recompute REPORT (its folder) from the inputs that it names, and list what differs.
 
     Reports of single runs in folders below are verified with it.  It lists files that were changed after they were written, inputs that are no longer
-    the same, and every result that differs by more than the tolerances (docs/verifying.md); and what was not compared.  Exit code 0: everything that
-    was compared holds; 3: something does not.
+    the same, results that differ by more than the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that
+    was compared agrees; 3: something does not.
     """
     try:
         os.stat(report)
@@ -294,7 +294,7 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 def diff(first: Path, second: Path) -> None:
     """What differs between the results of two analyses, FIRST and SECOND (folders, or files result.json).
 
-    Inputs, settings and versions; then each estimate, by how many of the first's standard deviations it moved.
+    It lists inputs, settings and versions, then the shift of each estimate in standard deviations of the first.
     """
     pair = compare_results(_result(first), _result(second))
     for line in pair.inputs:

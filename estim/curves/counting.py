@@ -107,7 +107,7 @@ def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **be
         raise InputError(rule, field="noise", value=noise)
     for name, value in beside.items():
         if value is not None:
-            raise InputError("does not go with 'noise', which says how counts scatter: leave it out", field=name)
+            raise InputError("cannot be combined with 'noise', which defines the scatter of counts: omit it", field=name)
     return counted_points(counting, column(x, "x"), None if y is None else column(y, "y"), what=what)
 
 
@@ -115,7 +115,7 @@ def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     """Raises InputError for an error in common that means nothing beside a density."""
     for component in errors:
         if component.kind == "zero_y" and points.bins is not None:
-            rule = "has no zero of y beside counts in bins: a background is part of the formula"
+            rule = "has no zero error for counts in bins: put a background into the formula"
             raise InputError(rule, field=f"errors[{component.parameter_name}]", value=component.kind)
         if component.kind == "scale_y" and points.total is not None:
             rule = "has no scale of y where only the density of the events counts"

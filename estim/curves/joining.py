@@ -79,11 +79,11 @@ def join(parts: Mapping[str, CurveProblem], *, shared: Collection[str], common: 
     """The joint problem.  shared : parameters of the curve that are one unknown for all; `common` are so in any case.  Raises InputError."""
     for name, part in parts.items():
         if not part.stated:
-            raise InputError("needs u_y, cov_y or noise: else nothing says how the data sets weigh against each other", field=f"data[{name}]")
+            raise InputError("needs u_y, cov_y or noise: otherwise the relative weights of the data sets are undefined", field=f"data[{name}]")
     unknown = {p.name for part in parts.values() for p in part.parameters}
     for name in shared:
         if name not in unknown:
-            raise InputError(f"names '{name}', which is no parameter that is fit ({', '.join(sorted(unknown))})", field="shared")
+            raise InputError(f"names '{name}', which is not a fitted parameter ({', '.join(sorted(unknown))})", field="shared")
     together = {*shared, *common}
     sources = {
         name: {p.name: p.name if p.name in together else f"{p.name}[{name}]" for p in part.parameters} for name, part in parts.items()

@@ -22,7 +22,7 @@ def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.
         return None
     field = "deviation" if deviation else "correlated"
     if not exact_x:
-        raise InputError("does not go with errors of x: leave out u_x", field=field)
+        raise InputError("cannot be combined with errors of x: omit u_x", field=field)
     if order.size > MAX_LACKING:
         step = -(-order.size // MAX_LACKING)
         rule = f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = {step} in a campaign)"

@@ -226,7 +226,7 @@ def pose_curve(
 def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> tuple[FloatArray, FloatArray | None]:
     """Standard deviations (n_obs,) and the covariance matrix, if one is given."""
     if u_y is not None and cov_y is not None:
-        raise InputError("must not be given beside u_y", field="cov_y")
+        raise InputError("cannot be combined with u_y", field="cov_y")
     if cov_y is not None:
         cov = check_covariance(cov_y, n_obs, field="cov_y")
         return np.sqrt(np.diag(cov)), cov
@@ -321,10 +321,10 @@ def _parameters(
             if name in fixed and field != "units":
                 raise InputError(f"names '{name}', which is fixed", field=field)
             if name not in names and name not in fixed:
-                raise InputError(f"names '{name}', which is no parameter ({', '.join(names)})", field=field)
+                raise InputError(f"names '{name}', which is not a parameter ({', '.join(names)})", field=field)
     for name in priors:
         if name in bounds:
-            raise InputError(f"must not be given beside a prior for '{name}': cut the prior instead", field="bounds")
+            raise InputError(f"cannot be combined with a prior for '{name}': truncate the prior instead", field="bounds")
     return tuple(
         Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), phrase("parameter of the curve"))
         for name in names

@@ -24,7 +24,7 @@ _IN_COMMON = {"scale_t": ("clock", 0.01, "1"), "scale_x": ("length", 0.01, "1"),
 _TAKEN_AS_EXACT = {  # argument -> an error of it: of angles in rad, else as a share
     "radius": 0.01, "g": 1e-3, "gamma": 0.01, "kappa": 0.01, "phi": float(np.radians(0.1)), "theta0": float(np.radians(1.0)),
 }
-FIRST_TURNING = later("first turning point, from the release, on the scale of the positions")
+FIRST_TURNING = later("first turning point, measured from the release, on the scale of the positions")
 _N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
 
@@ -45,12 +45,12 @@ def derived_of(body: Body, motion: Mapping[str, Any], mass: float | None) -> dic
     """What follows from a body and how it moves whatever was measured; `mass` in kg, or None."""
     phi, resistance = np.asarray(motion["phi"]), np.asarray(motion["rolling_resistance"])
     derived = {
-        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), phrase("inertia of all that rotates / (M R²)"), Notation("j")),
+        "inertia_ratio": Derived("1", np.atleast_2d(body.inertia_ratio), phrase("moment of inertia of all rotating parts / (M R²)"), Notation("j")),
         "slope": Derived("1", np.atleast_2d(phase.effective_slope(phi, resistance)), phrase("effective slope sin φ + c_rr cos φ"), Notation("s")),
     }
     if mass is not None:
         moment = resistance * mass * np.asarray(motion["g"]) * body.radius * np.cos(phi)
-        meaning = phrase("moment of the rolling resistance, c_rr M g R cos φ")
+        meaning = phrase("moment of rolling resistance, c_rr M g R cos φ")
         derived["resisting_moment"] = Derived("N m", np.atleast_2d(moment), meaning, Notation("Q_rr"))
     return derived
 

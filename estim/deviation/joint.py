@@ -66,7 +66,7 @@ class Sharing(Stated):
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
         return phrase(
-            "{stated}; beside it an unmodelled force along the track, shared with {others}, one of its own and a free start",
+            "{stated}; in addition, an unmodelled force along the track shared with {others}, one for this run alone, and a free start",
             stated=stated, others=", ".join(self.others),
         )
 

@@ -51,8 +51,8 @@ class WithDeviation(WithMixture):
         if not self.lacks.stated:
             stated = phrase("errors of {what}, marginalised over their size", what=phrase(words.what))
         beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
-        beside += [phrase("errors that follow each other")] if self.lacks.along is not None else []
-        return phrase("{stated}; beside it {what}", stated=stated, what=phrase(" or ").join(beside))
+        beside += [phrase("errors that are correlated between successive readings")] if self.lacks.along is not None else []
+        return phrase("{stated}; in addition, {what}", stated=stated, what=phrase(" or ").join(beside))
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,7 +143,7 @@ class WithForce(WithMixture):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return phrase("{stated}; beside it an unmodelled force along the track and a free start", stated=stated)
+        return phrase("{stated}; in addition, an unmodelled force along the track and a free start", stated=stated)
 
 
 @dataclass(frozen=True, eq=False)

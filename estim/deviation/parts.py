@@ -16,7 +16,7 @@ from estim.common import later
 from estim.deviation.errors import MixtureErrors
 from estim.problem import Group, Named, Posterior
 
-FORCE, DEVIATION, START, FRAMES = later("unmodelled force"), later("what the curve lacks"), later("start"), later("bad frames")
+FORCE, DEVIATION, START, FRAMES = later("unmodelled force"), later("the unmodelled deviation"), later("start"), later("bad frames")
 
 
 def parts_of_errors(posterior: Posterior, values: FloatArray, along: FloatArray) -> dict[str, FloatArray]:

@@ -119,21 +119,21 @@ def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_trie
     name = f"{'shift_from' if stays else 'reading'}_{n}[{run.name}]"
     of_positions = run.noise.made_of_positions or run.positions
     unit = run.y_unit if run.positions or not of_positions else run.x_unit
-    meaning = phrase("shift of the readings from one on") if stays else phrase("error of one reading")
+    meaning = phrase("a shift of all readings after a certain point") if stays else phrase("error of one reading")
     unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), meaning, Notation(f"{'s' if stays else 'e'}_{n}"))
     displaced = replace(run, curve=Displaced(run.curve, run.x, pattern), arguments={**run.arguments, _ARGUMENT: name})
     runs = (*problem.runs[:index], displaced, *problem.runs[index + 1 :])
     with_error = Problem((*problem.parameters, unknown), runs)
     rows = run.noise.made_of_positions
     if stays:
-        words = phrase("a shift of all readings from number {n} of the points that are fit on (lost counts, a mark that moved)", n=n)
+        words = phrase("a shift of all readings from fitted point {n} onwards (lost counts, a mark that moved)", n=n)
         if rows:
-            words = phrase("a shift of all readings from number {n} of the rows on (lost counts, a mark that moved)", n=n)
-        remark = phrase("fit what comes before that reading and what comes after it separately (window)")
+            words = phrase("a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n)
+        remark = phrase("fit the readings before and after that one separately (window)")
     else:
-        words = phrase("one bad reading, number {n} of the points that are fit", n=n)
+        words = phrase("one bad reading, number {n} of the fitted points", n=n)
         if rows:
-            words = phrase("one bad reading, number {n} of the rows", n=n)
+            words = phrase("one bad reading, in row {n}", n=n)
         remark = phrase("look at that frame, and put # before its line if it is bad")
     words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
     return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_tried))

@@ -32,7 +32,7 @@ from estim.problem import Problem
 FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
-_UMBRELLA = later("a smooth disturbance without a key of its own (an uneven track, readings whose errors follow each other)")
+_UMBRELLA = later("a smooth disturbance without a key of its own (an uneven track, correlated errors of successive readings)")
 _MOST_POSED = 6  # candidates with which the campaign is fit again
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order

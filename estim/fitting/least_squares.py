@@ -132,7 +132,7 @@ def fit_least_squares(
     derivatives where the search ends, or stays beyond `hopeless`.
     """
     if problem.n_par == 0:
-        raise InputError("leave nothing to fit: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
+        raise InputError("contain no free parameter: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
     drawn = ([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1))
     starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
@@ -304,8 +304,8 @@ def _inside(value: float, low: float, high: float) -> float:
 def led_here(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
     if n_same:
-        return phrase("{n} of {of} starts led to this optimum", n=n_same, of=n_start)
-    return phrase("0 of {of} starts led to this optimum, a scan of the parameters did", of=n_start)
+        return phrase("{n} of {of} starting points led to this optimum", n=n_same, of=n_start)
+    return phrase("none of the {of} starting points led to this optimum; it was found by a scan of the parameters", of=n_start)
 
 
 def settled(led: str) -> str:
@@ -351,7 +351,7 @@ def _describe(
     if moved >= _SETTLED:
         message = phrase("did not converge: its last iteration still shifted a parameter by {sds:.2g} standard deviations", sds=moved)
     elif singular:
-        message = phrase("settled, but a combination of parameters is not determined at all: no standard deviations")
+        message = phrase("converged, but some combination of the parameters is not determined, so there are no standard deviations")
     return Fit(
         names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
         p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not unlike else math.nan,

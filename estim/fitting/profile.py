@@ -190,14 +190,14 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
 
 
 _BELOW = (
-    later("open below{size}: no limit as far as {place}, where the search ended"),
-    later("open below{size}: the mode lies at the edge {place} of the prior"),
-    later("open below{size}: no limit above the edge {place} of the prior"),
+    later("unbounded below{size}: no limit was found down to {place}, where the search ended"),
+    later("unbounded below{size}: the mode lies at the edge {place} of the prior"),
+    later("unbounded below{size}: there is no limit above the edge {place} of the prior"),
 )
 _ABOVE = (
-    later("open above{size}: no limit as far as {place}, where the search ended"),
-    later("open above{size}: the mode lies at the edge {place} of the prior"),
-    later("open above{size}: no limit below the edge {place} of the prior"),
+    later("unbounded above{size}: no limit was found up to {place}, where the search ended"),
+    later("unbounded above{size}: the mode lies at the edge {place} of the prior"),
+    later("unbounded above{size}: there is no limit below the edge {place} of the prior"),
 )
 
 

@@ -33,11 +33,12 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
     if data.method == "ols":
         reason = phrase("no uncertainties are stated, so the scatter of the residuals alone sets the scale (Student's t, {dof} dof)", dof=dof)
         if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
-            none = phrase(", and there is no scatter but rounding errors: nothing tells how large the errors are, state u_y")
+            none = phrase(", and there is no scatter beyond rounding errors, so nothing indicates how large the errors are: state u_y")
             return "scaled", reason + none
         held = 1.0 - 2.0 * float(student_tail(1.0, dof))
         few = phrase(
-            "; value ± standard error holds the truth in {held:.0f} % of such experiments, coverage_factor() widens it to any level", held=100 * held
+            "; value ± standard error contains the true value in {held:.0f} % of such experiments; coverage_factor() expands it "
+            "to any level", held=100 * held
         )
         return "scaled", reason + (few if dof <= _FEW else "")
     if p_value < P_POOR_FIT:
@@ -49,7 +50,7 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
     if data.method == "weighted":
         return "propagated", phrase("x is exact and S agrees with the stated uncertainties, so they are propagated as they are")
     return "propagated", phrase(
-        "the stated uncertainties are not rejected by the scatter ({p}), so they need no scaling; the york "
-        "convention is too small where the errors along the line are not small against the range",
+        "the scatter does not contradict the stated uncertainties ({p}), so they need no rescaling; the york convention gives too small "
+        "errors where the errors along the line are not small compared with the range",
         p=format_p(p_value),
     )

@@ -62,7 +62,7 @@ def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
         rule = f"must have {2 * n_obs} rows and columns: those of all x, then of all y"
         raise InputError(rule, field="cov", value="×".join(map(str, matrix.shape)))
     if n_obs > MOST_POINTS:
-        raise InputError(f"goes with at most {MOST_POINTS} points", field="cov", value=n_obs)
+        raise InputError(f"allows at most {MOST_POINTS} points", field="cov", value=n_obs)
     if not np.all(np.isfinite(matrix)):
         raise InputError("must be finite", field="cov")
     variances = np.diag(matrix)

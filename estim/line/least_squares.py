@@ -182,7 +182,7 @@ def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: fl
     if vertical:
         sentences.append(phrase("The best line is vertical: it has no slope and no intercept; exchange x and y."))
     elif not all(np.isfinite(value) for error in errors.values() for value in error):
-        sentences.append(phrase("The points coincide along the line: it has no standard errors."))
+        sentences.append(phrase("The points coincide along the line, so there are no standard errors."))
     if contrast < chi2_quantile(0.95, 1):
         sentences.append(
             phrase("The data do not determine the direction of the line: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
@@ -297,7 +297,7 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
 
 def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> FloatArray:
     if u is None and fit.method != "ols":
-        raise InputError("must be given: the fit knows the uncertainty of its points, not of the new reading", field=field)
+        raise InputError("must be given: the fit contains the uncertainty of its points, but not that of the new reading", field=field)
     values = real_numbers(np.sqrt(fit.chi2 / fit.dof) if u is None else u, field)
     if not np.all(values >= 0.0):
         raise InputError("must be >= 0", field=field, value=u)

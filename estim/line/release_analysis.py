@@ -26,7 +26,7 @@ from estim.words import advice_for, tell
 WAYS: Mapping[str, str] = Said(
     {
         "both": later("all trials"), LOW: later("θ_min alone"), HIGH: later("θ_max alone"),
-        "free": later("all trials, as if the release cost nothing"),
+        "free": later("all trials, neglecting the effect of the release"),
     }
 )
 DEGREE = Notation("", unit="°", factor=math.degrees(1.0))

@@ -84,7 +84,7 @@ def _own_errors(
     own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
     cov_x, cov_y = (None if path is None else read_matrix(path, n, axis, dialect) for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y")))
     if u_x is None and u_y is None and cov_x is None and cov_y is None:
-        raise InputError("needs the uncertainty of each reading beside it: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
+        raise InputError("also needs the uncertainty of each reading: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
     return joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
 
 

@@ -201,9 +201,9 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
     for key in (*held, "r_xy"):
         if getattr(columns, key) is not None:
             option = {"u_x": "--ux", "u_y": "--uy", "r_xy": "--correlation"}[key]
-            raise InputError("does not go with a covariance matrix, which holds it", field=option, value=getattr(columns, key))
+            raise InputError("cannot be combined with a covariance matrix, which already contains it", field=option, value=getattr(columns, key))
     if stated.cov is not None and (stated.cov_x is not None or stated.cov_y is not None):
-        raise InputError("does not go with --cov, which holds it", field="--cov-x" if stated.cov_x is not None else "--cov-y")
+        raise InputError("cannot be combined with --cov, which already contains it", field="--cov-x" if stated.cov_x is not None else "--cov-y")
     return replace(read, u_x=None if "u_x" in held else read.u_x, u_y=None if "u_y" in held else read.u_y, r_xy=None)
 
 
@@ -235,7 +235,7 @@ def _of_one_reading(fit: LineFit) -> float:
 def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Inverse:
     """Fieller's interval: all x with (y0 - a - b x)^2 <= k^2 (u_y0^2 + u^2(a + b x)).  Source: Fieller 1954, J. R. Stat. Soc. B 16, 175."""
     if y0.exact and fit.method != "ols":
-        raise InputError('must have an uncertainty, as "10.5(5)": the table knows those of its points only', field="--inverse", value=y0.value)
+        raise InputError('must have an uncertainty, as "10.5(5)": the table gives only those of its points', field="--inverse", value=y0.value)
     u_y0 = _of_one_reading(fit) if y0.exact else y0.u
     linear = inverse_prediction(fit, y0.value, u_y0=u_y0, probability=probability)
     error = standard_error(fit)

@@ -74,7 +74,7 @@ def _value(table: InputTable) -> tuple[float, float | None, float | None]:
     if table.low is not None or table.high is not None:
         _refuse(table, "low", "u", "u_percent", "U", "k", "half_width")
         if table.low is None or table.high is None or not table.low < table.high:
-            raise InputError("must stand beside 'high' and be smaller", field="low", value=table.low)
+            raise InputError("requires 'high' and must be smaller", field="low", value=table.low)
         middle = 0.5 * (table.low + table.high)
         if table.value is not None and abs(_exact(table.value) - middle) > 1e-9 * (table.high - table.low):
             raise InputError("must be the middle of low and high, or be left out", field="value", value=table.value)
@@ -105,14 +105,14 @@ def _stated(
         if not (math.isfinite(given[key] or 0.0) and (given[key] or 0.0) > 0.0):
             raise InputError("must be > 0 (leave it out for an exact value)", field=key, value=given[key])
     if (table.U is None) != (table.k is None) or not (table.k or 1.0) > 0.0:
-        raise InputError("must stand beside 'U', an expanded uncertainty, and be > 0", field="k", value=table.k)
+        raise InputError("requires 'U', an expanded uncertainty, and must be > 0", field="k", value=table.k)
     dof = _dof(table)
     half_width = table.half_width if half_width is None else half_width
     distribution = _distribution(table, bounded=half_width is not None, dof=dof)
     if table.u_percent is not None:
         u = abs(value if scale is None else scale) * table.u_percent / 100.0
         if u == 0.0:
-            raise InputError("means nothing where the value is 0: state u", field="u_percent", value=table.u_percent)
+            raise InputError("is undefined if the value is 0: state u", field="u_percent", value=table.u_percent)
     elif table.U is not None:
         u = table.U / (table.k or 1.0)
     elif table.u is not None:
@@ -129,7 +129,7 @@ def _stated(
         if not may_be_exact:
             raise InputError("is missing: state u, u_percent, U with k, or half_width", field="u")
         if table.distribution is not None or not math.isinf(dof):
-            raise InputError("needs an uncertainty beside it", field="distribution" if table.distribution is not None else "dof")
+            raise InputError("also needs an uncertainty", field="distribution" if table.distribution is not None else "dof")
         return Input(name, value, 0.0, unit=unit)
     return _named("", lambda: Input(name, value, u, distribution, dof, unit, shape))
 
@@ -162,7 +162,7 @@ def _shape(table: ComponentTable, distribution: str, half_width: float | None) -
         raise InputError("goes with the curvilinear-trapezoidal distribution, and it with 'half_width_error'", field="half_width_error")
     if table.half_width_error is not None:
         if half_width is None or not 0.0 < table.half_width_error <= half_width:
-            rule = "must stand beside a 'half_width' that is not smaller, and be > 0"
+            rule = "requires a 'half_width' that is not smaller, and must be > 0"
             raise InputError(rule, field="half_width_error", value=table.half_width_error)
         return table.half_width_error / half_width
     return table.plateau or 0.0

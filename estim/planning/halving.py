@@ -100,7 +100,7 @@ def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: flo
 
 def _more_often(wish: Wish, times: int) -> Wish:
     readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
-    return replace(wish, words=phrase("{n} further readings{which}", n=wish.readings[0].n * times, which=wish.which), readings=readings)
+    return replace(wish, words=phrase("{n} additional readings{which}", n=wish.readings[0].n * times, which=wish.which), readings=readings)
 
 
 def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:

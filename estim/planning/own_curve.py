@@ -60,7 +60,7 @@ class CurveBasis:
         for one in wish.readings:
             run = next(run for run in problem.runs if run.name == one.run)
             if not np.any(run.x == one.x):
-                raise InputError(later("lies outside the window, or between the points that are taken"), field="x", value=one.x)
+                raise InputError(later("lies outside the window, or between the selected points"), field="x", value=one.x)
             if not np.all(np.isfinite(run.y)):
                 raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 

@@ -96,7 +96,7 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)), dof=fit.dof)
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
     basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, tuple(names), fit)
-    nothing = Wish(phrase("as things are"), OTHERWISE)
+    nothing = Wish(phrase("present experiment"), OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
     now = sds_with(here, {}, targets)
@@ -163,7 +163,7 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             hit = [p for p in problem.parameters if split_level(p.name)[0] == name and (not level or split_level(p.name)[1] == level)]
             path = ("plan", "change", i, "u", key)
             if not hit:
-                raise campaign.source.places.error("is no unknown of these runs: it is exact here, or its key is not known", path)
+                raise campaign.source.places.error("is not an unknown of these runs: it is exact here, or its key does not exist", path)
             for p in hit:
                 if p.prior.measured and size * factor >= p.prior.sd:
                     raise campaign.source.places.error(f"is no better than what is stated of {p.name}", path, value=size)
@@ -172,7 +172,7 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             words.append(better_words(hit, new))
         words += [phrase("{n:g} times as many frames", n=change.frames)] if change.frames != 1.0 else []
         words += [phrase("{n:g} times the error of a reading", n=change.reading_error)] if change.reading_error != 1.0 else []
-        words += [phrase("{n:g} times the way", n=change.reach)] if change.reach != 1.0 else []
+        words += [phrase("{n:g} times the path length", n=change.reach)] if change.reach != 1.0 else []
         said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
         group = BETTER if len(words) == len(change.u) else OTHERWISE
         wishes.append(Wish(said, group, own=True, u=u, frames=change.frames, error=change.reading_error, reach=change.reach))

@@ -145,7 +145,7 @@ def _speeds_first(run: Observations, table: Run, named: Mapping[str, FloatArray]
     places = np.linspace(float(np.min(x)), end, x.size)
     v = _curve(run, places, named)
     if not np.isfinite(v[1]):
-        raise InputError(later("does not start, or turns before the first place where speeds are measured"), field="run")
+        raise InputError(later("does not start, or turns back before the first position where speeds are measured"), field="run")
     turned = np.flatnonzero(~np.isfinite(v))
     if turned.size:
         places = np.linspace(places[0], places[turned[0] - 1], x.size)

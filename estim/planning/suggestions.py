@@ -54,7 +54,7 @@ def again(wish: Wish, times: int) -> Wish:
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
-    words = phrase("{run} once more", run=names[0]) if len(names) == 1 else phrase("every run repeated ({n} runs)", n=len(names))
+    words = phrase("{run} repeated", run=names[0]) if len(names) == 1 else phrase("every run repeated ({n} runs)", n=len(names))
     return Wish(words, MORE, runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)))
 
 

@@ -88,8 +88,8 @@ def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
     if not moving:
         twice, fourfold = phrase("twice as many readings"), phrase("four times as many readings")
         return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half
-    twice, fourfold = phrase("twice as many frames a second"), phrase("four times as many frames a second")
-    farther = Wish(phrase("1.5 times the way, where the body goes that far"), OTHERWISE, reach=1.5)
+    twice, fourfold = phrase("twice the frame rate"), phrase("four times the frame rate")
+    farther = Wish(phrase("1.5 times the path length, where the body reaches that far"), OTHERWISE, reach=1.5)
     return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half, farther
 
 
@@ -100,4 +100,4 @@ def which_place(x: float, run: str) -> str:
 
 def further_readings(n: int, which: str) -> str:
     """'3 further readings at x = 3'."""
-    return phrase("{n} further readings{which}", n=n, which=which) if n > 1 else phrase("{n} further reading{which}", n=n, which=which)
+    return phrase("{n} additional readings{which}", n=n, which=which) if n > 1 else phrase("{n} additional reading{which}", n=n, which=which)

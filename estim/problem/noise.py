@@ -137,7 +137,7 @@ class Independent:
         elif self.exposure:
             least = self.sigma.value * np.min(self.relative)
             blur = _blur_words(self.exposure)
-            sizes.append(phrase("standard deviations from {least:.4g} {unit} upwards by {blur}", least=least, unit=y_unit, blur=blur))
+            sizes.append(phrase("standard deviations of at least {least:.4g} {unit}, increased by {blur}", least=least, unit=y_unit, blur=blur))
         elif np.ptp(self.relative) > 0.0:
             sizes.append(phrase("standard deviations as stated row by row"))
         elif self.sigma.value:
@@ -147,7 +147,7 @@ class Independent:
         if self.sigma_x is not None:
             size = phrase("as stated row by row") if self.relative_x is not None else f"{self.sigma_x.value:.4g} {x_unit}"
             size = size if self.sigma_x.parameter is None else phrase("{name}, inferred", name=self.sigma_x.parameter)
-            sizes.append(phrase("errors of the abscissas of standard deviation {size}", size=size))
+            sizes.append(phrase("errors of the abscissas with standard deviation {size}", size=size))
         shape = self.tails.describe()
         further = _scatter_words(self.scatter, words.what, y_unit) + (f"; {shape}" if shape else "")
         what, sizes_of = phrase(words.what), phrase(" and ").join(sizes)
@@ -264,5 +264,5 @@ def _blur_words(exposure: float) -> str:
 
 def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
     if scatter.parameter is not None:
-        return phrase("; a further independent scatter of the {what} inferred", what=phrase(what))
-    return phrase("; a further independent scatter of {size:.4g} {unit}", size=scatter.value, unit=unit) if scatter.value else ""
+        return phrase("; an additional independent scatter of the {what} is inferred", what=phrase(what))
+    return phrase("; an additional independent scatter of {size:.4g} {unit}", size=scatter.value, unit=unit) if scatter.value else ""

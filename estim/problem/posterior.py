@@ -85,7 +85,7 @@ class Problem:
         shared = tuple(noise for noise in self.shared if names.intersection(noise.runs))
         for noise in shared:
             if not names.issuperset(noise.runs):
-                raise InputError("share what their curves lack and cannot be taken apart", field="runs", value=", ".join(noise.runs))
+                raise InputError("share an unmodelled force and cannot be separated", field="runs", value=", ".join(noise.runs))
         return Problem(tuple(p for p in self.parameters if p.name in used), tuple(runs), shared)
 
     @cached_property

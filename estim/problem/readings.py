@@ -40,7 +40,7 @@ class Readings(Independent):
         if self.relative_x is not None:
             unit = "" if x_unit == "1" else x_unit
             size_x = float(np.median(self.relative_x))
-            further = phrase("; errors of x of standard deviation about {size:.4g} {unit}", size=size_x, unit=unit).rstrip() + further
+            further = phrase("; errors of x with a standard deviation of about {size:.4g} {unit}", size=size_x, unit=unit).rstrip() + further
         return phrase("independent errors of {what}; {size}", what=self.what, size=size) + further
 
 

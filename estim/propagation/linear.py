@@ -163,7 +163,7 @@ def _effective_dof(
             names = ", ".join(inputs[i].name for i in group)
             notes.append(
                 phrase(
-                    "{names} are correlated but differ in their degrees of freedom: the smallest, {dof:g}, is taken for all of them",
+                    "{names} are correlated but have different degrees of freedom: the smallest, {dof:g}, is used for all of them",
                     names=names, dof=dof,
                 )
             )
@@ -205,7 +205,8 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
         for affected, text in (
             (
                 missing,
-                phrase("no derivative with respect to '{name}': the function is undefined beside the estimate, so u is unknown", name=one.name),
+                phrase("there is no derivative with respect to '{name}': the function is undefined next to the estimate, so u is "
+                       "unknown", name=one.name),
             ),
             (
                 bent,
@@ -225,7 +226,7 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
     if flat.any() and any(one.u > 0.0 for one in inputs):
         notes.append(
             how_many(flat, scalar=scalar)
-            + phrase("all first derivatives vanish: a linear uncertainty of 0 says nothing, use Monte Carlo")
+            + phrase("all first derivatives vanish, so the linear uncertainty of 0 is meaningless: use Monte Carlo")
         )
     return notes
 

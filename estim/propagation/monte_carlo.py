@@ -285,7 +285,7 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
     consequence = (
         phrase("the statistics are conditional on the function being defined")
         if conditional
-        else phrase("no mean, u or interval is given there (where_defined gives them on condition that the function is defined)")
+        else phrase("no mean, u or interval is given there (where_defined gives them conditional on the function being defined)")
     )
     said = {"share": 100.0 * undefined.max(), "consequence": consequence}
     if scalar:
@@ -325,14 +325,14 @@ def _input_notes(inputs: Sequence[Input]) -> list[str]:
         if math.isinf(one.standard_deviation):
             notes.append(
                 phrase(
-                    "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may not settle, quote intervals only",
+                    "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may not converge, so quote intervals only",
                     name=one.name, dof=one.drawn_dof,
                 )
             )
         if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
             notes.append(
                 phrase(
-                    "'{name}' is drawn from a {distribution} distribution: its {dof:g} degrees of freedom play no part",
+                    "'{name}' is drawn from a {distribution} distribution: its {dof:g} degrees of freedom are not used",
                     name=one.name, distribution=one.distribution, dof=one.dof,
                 )
             )

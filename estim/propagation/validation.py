@@ -81,7 +81,7 @@ def compare(
         n_digits=n_digits,
         kind=kind,
         message=_sentence(status, fails_surely, ~decided, difference, error, tolerance, n_digits, settled, scalar=scalar)
-        + (phrase(" (Monte Carlo on condition that the function is defined)") if monte_carlo.conditional else ""),
+        + (phrase(" (Monte Carlo conditional on the function being defined)") if monte_carlo.conditional else ""),
     )
 
 
@@ -114,10 +114,11 @@ def _sentence(
     if not np.all(np.isfinite(difference[:, affected])):
         return where + phrase("the linear interval cannot be assessed: a result is unknown there (see the notes of both)")
     if not np.all(settled[affected]) and np.all(difference[:, affected] + error[:, affected] <= tolerance[affected]):
-        unsettled = phrase("the linear interval cannot be judged: mean and u of the Monte Carlo have not stabilised there (see its notes)")
+        unsettled = phrase("the linear interval cannot be assessed: mean and u from Monte Carlo have not stabilised there (see its notes)")
         return where + unsettled
     known = np.max(error[:, worst])
-    judged = phrase("the linear interval cannot be judged: {by}, known to {known:.2g}, and {limit}: make more draws", by=by, known=known, limit=limit)
+    judged = phrase("the linear interval cannot be assessed: {by}, with uncertainty {known:.2g}, and {limit}: "
+                    "use more draws", by=by, known=known, limit=limit)
     return where + judged
 
 

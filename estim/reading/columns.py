@@ -96,7 +96,7 @@ def read_known_columns(
             rule = f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)"
             raise InputError(rule, field=name, file=shown_as, line=line)
     if len(set(called.values())) < len(called):
-        raise InputError("has two columns that are called alike", field="header", value=", ".join(called), file=shown_as, line=line)
+        raise InputError("has two columns with the same name", field="header", value=", ".join(called), file=shown_as, line=line)
     if not called:
         rule = f"must hold columns that are called {', '.join(known)} (or name all columns: columns = [...])"
         raise InputError(rule, field="header", value=", ".join(layout.names), file=shown_as, line=line)
@@ -132,8 +132,8 @@ def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
-        return phrase("1 row without a value of '{name}' left out (line {line})", name=name, line=lines[0])
-    return phrase("{n} rows without a value of '{name}' left out (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+        return phrase("1 row without a value of '{name}' was excluded (line {line})", name=name, line=lines[0])
+    return phrase("{n} rows without a value of '{name}' were excluded (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
 
 
 def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
@@ -145,9 +145,9 @@ def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
         return []
     if len(copies) == 1:
         ((line, first),) = copies.items()
-        return [phrase("line {line} repeats line {first} in every cell: if it is a copy it counts twice, remove it", line=line, first=first)]
+        return [phrase("line {line} is identical to line {first}: if it is a copy, it is counted twice, so remove it", line=line, first=first)]
     words = phrase(
-        "{n} rows repeat an earlier one in every cell (lines {lines}): if they are copies they count twice, remove them",
+        "{n} rows are identical to an earlier one (lines {lines}): if they are copies, they are counted twice, so remove them",
         n=len(copies), lines=lines_told(list(copies)),
     )
     return [words]
@@ -157,7 +157,7 @@ def columns_told(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) ->
     """Which columns are what, and which columns of numbers are not read.  read : "x", its column, its unit or "1" where none is known."""
     pairs = [f"{key} = {name_and_unit(column)[0]}{f' ({unit})' if unit not in ('', '1') else ''}" for key, column, unit in read if column]
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
-    return columns + (phrase("; not read: {columns}", columns=listed(unread)) if unread else "")
+    return columns + (phrase("; columns not used: {columns}", columns=listed(unread)) if unread else "")
 
 
 def lines_told(lines: Sequence[int]) -> str:

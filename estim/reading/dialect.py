@@ -54,7 +54,7 @@ class Dialect:
                 rule = "must name the columns from left to right, each by a name of its own"
                 raise InputError(rule, field="columns", value=", ".join(self.columns))
             if self.header:
-                raise InputError("must not be true beside 'columns', which give the names", field="header")
+                raise InputError("cannot be true together with 'columns', which give the names", field="header")
         elif self.header is False:
             raise InputError("is missing: a table without a line of names needs them", field="columns")
 
@@ -177,6 +177,6 @@ def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> in
     if not places:
         raise InputError("is missing", field=name, file=file, line=line, quoted=f"the header has {listed([found for found in names if found])}")
     if len(places) > 1:
-        rule = "stands twice in the header: name all columns from left to right (--columns a,b,c; columns = [...] in a campaign)"
+        rule = "occurs twice in the header: name all columns from left to right (--columns a,b,c; columns = [...] in a campaign)"
         raise InputError(rule, field=name, file=file, line=line)
     return places[0]

@@ -118,7 +118,7 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
     """
     stated = dialect is not None and dialect != Dialect()
     if stated and (choices is not None or is_tracker_file(path)):
-        rule = "goes with tables, not with a file of Tracker, which says itself how it is written"
+        rule = "applies to tables, not to a file of Tracker, whose format is fixed"
         raise InputError(rule, field="columns", file=shown_as or str(path))
     if not stated and (choices is not None or is_tracker_file(path) or is_export_file(path)):
         imported = import_track(path, choices or Choices(), shown_as=shown_as or str(path))

@@ -178,7 +178,7 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
     several = len(result.runs) > 1
     return [
         (
-            (one.error if one.shifts else phrase("{error}: no fit that accounts for it settles", error=one.error))
+            (one.error if one.shifts else phrase("{error}: no fit that allows for it converges", error=one.error))
             + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
             [_shift_cell(one.shifts.get(name)) for name in names],
         )
@@ -262,9 +262,10 @@ def caption_of(result: Result) -> str:
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
         if forces:
-            bare = phrase("Blue: the most probable curve, without a force beside it and from rest; no bands: the status is not ok.")
+            bare = phrase("Blue: the most probable curve, without an unmodelled force and starting from rest; there are no bands, "
+                          "because the status is not ok.")
         else:
-            bare = phrase("Blue: the most probable curve; no bands: the status is not ok.")
+            bare = phrase("Blue: the most probable curve; there are no bands, because the status is not ok.")
         return f"{points} {bare}"
     if any(force.drawn for force in forces):
         curve = phrase("Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new reading, 95 %.")

@@ -135,7 +135,7 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
     if source.kind not in (STATED, PRIOR):
         return {
             READINGS: phrase("readings"), "scale_x": phrase("length scale (default)"), "scale_t": phrase("clock (default)"),
-            FORCE: phrase("unmodelled force"), DEVIATION: phrase("what the curve lacks"), START: phrase("push at release"),
+            FORCE: phrase("unmodelled force"), DEVIATION: phrase("the unmodelled deviation"), START: phrase("push at release"),
             FRAMES: phrase("bad frames"),
         }[source.name]
     base = split_level(source.name)[0]

@@ -66,11 +66,11 @@ def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
     """What `estim fit` has beside the curves of a problem and a calibration has not, in words; "" where it is the same analysis."""
     usual = problem.names != with_usual_errors.names
     beside = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
-    beside += [phrase("usual errors of clock and scale")] if usual else []
+    beside += [phrase("default errors of clock and scale")] if usual else []
     if not beside:
         return ""
     return phrase(
-        "the intervals checked are those of the curve alone; those of estim fit have room for {beside} beside it, and are not checked here",
+        "the intervals checked are those of the curve alone; those of estim fit also allow for {beside}, and are not checked here",
         beside=phrase(" and ").join(beside),
     )
 
@@ -146,7 +146,7 @@ def rank_figure(calibration: Calibration) -> Figure:
         inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
         ax.fill_between(z, low - z, high - z, color=GREY, alpha=0.3, lw=0)
         ax.step(z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8)
-    figure.supxlabel(phrase("rank of the truth among posterior draws, as a share"), fontsize=8)
+    figure.supxlabel(phrase("rank of the true value among posterior draws, as a fraction"), fontsize=8)
     figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
     return figure
 

@@ -197,7 +197,7 @@ def corner_parameters(problem: Problem) -> list[int]:
 def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     """The legend of the corner figure, with what it leaves out.  truth : whether true values are drawn."""
     words = [
-        phrase("Blue: posterior, contours hold 68 and 95 %. Orange: prior; what is derived from the parameters has none.")
+        phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior; derived quantities have none.")
         if any(run.sought for run in problem.runs) else phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior.")
     ]
     words += [phrase("Dashed: the true values.")] if truth else []
@@ -205,9 +205,9 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
     n, of = len(drawn), problem.n_par
     uses = uses_of(problem.runs)
     if n < of and all(uses[name] > 1 for name in drawn):
-        words.append(phrase("Only {n} of the {of} parameters are drawn, those that runs share; `result.json` has them all.", n=n, of=of))
+        words.append(phrase("Only {n} of the {of} parameters are drawn, those shared by the runs; `result.json` contains all of them.", n=n, of=of))
     elif n < of:
-        words.append(phrase("Only {n} of the {of} parameters are drawn, the first ones; `result.json` has them all.", n=n, of=of))
+        words.append(phrase("Only the first {n} of the {of} parameters are drawn; `result.json` contains all of them.", n=n, of=of))
     return Markdown(" ".join(words))
 
 

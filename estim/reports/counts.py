@@ -77,7 +77,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
-    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("counted"))
+    ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("observed counts"))
     x = edges.ravel()
     for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])

@@ -110,9 +110,10 @@ def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
             ends = np.array([(v.min(), v.max()) for v in (run.x, run.y[~residuals.far])])
             near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)  # others would press the data flat
         if np.any(near):
-            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label=phrase("data left out"), zorder=3, clip_on=not run.words.from_release)
+            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label=phrase("excluded "
+                                                                                      "data"), zorder=3, clip_on=not run.words.from_release)
         if hidden := way_back(run.excluded):
-            said = phrase("{n} frames of the way back (v < 0) not shown", n=hidden)
+            said = phrase("{n} frames of the way back (v < 0) are not shown", n=hidden)
             ax.text(0.99, 0.97, said, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
@@ -122,7 +123,7 @@ def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers], fa
         at = found.frames[~far[found.frames]] if found.run == run.name else found.frames[:0]
         if at.size:
             ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label=phrase("outlier"), zorder=6)
-    said, place = phrase("outlier, far off"), ax.get_xaxis_transform()
+    said, place = phrase("distant outlier"), ax.get_xaxis_transform()
     for x, y in zip(run.x[far], run.y[far], strict=True):
         edge, up, mark, side = (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
         ax.plot(x, edge, mark, mfc="none", mec=VERMILION, mew=1.6, ms=8, ls="", label=said, zorder=6, transform=place)
@@ -284,7 +285,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
         left.set_ylabel(phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else ""))
         right.set_ylabel(phrase("whitened residual"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
-        right.set_title(phrase("what is left"))
+        right.set_title(phrase("remaining residual"))
         legend_below(part)
     return figure
 

@@ -84,7 +84,7 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
             )
         elif one.name in found and found[one.name].values.size == 1:
             value = found[one.name].values[0, 0]
-            facts.append(phrase("{name} = {value:.10g}, exact: it follows from exact values alone", name=one.name, value=value))
+            facts.append(phrase("{name} = {value:.10g}, exact: it is computed from exact values alone", name=one.name, value=value))
         elif one.name in found and (share := _undefined(np.ravel(found[one.name].values))) > 0.0:
             facts.append(
                 phrase(
@@ -163,14 +163,15 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
         example = format_quantity(0.0, reading or _READING, plus_minus=False)
         facts.append(
             phrase(
-                'the zero of {coordinate} (the release) is taken as exact; state {key}, e.g. {key} = "{example}", if it is one reading',
+                "the zero of {coordinate} (the release) is taken as exact; if it is a single reading, state {key}, e.g. {key} = \"{example}\"",
                 coordinate=coordinate, key=key, example=example,
             )
         )
     back = way_back(run.excluded)
     if back > _HANDFUL:
         facts.append(
-            phrase('noise with model = "positions" would use the {back} frames of the way back too, and can narrow the result a lot', back=back)
+            phrase("noise with model = \"positions\" would also use the {back} frames of the way back, and can reduce the "
+                   "uncertainties considerably", back=back)
         )
     return tuple(facts)
 

@@ -108,7 +108,7 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
             ax.plot(own.x, 100.0 * own.mean, color=colour, lw=0.8, label=phrase("{run} adds", run=own.run))
         place = np.concatenate([run.y if run.positions else run.x for run in several])
         label = several[0].y_label if several[0].positions else several[0].x_label
-        ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label=phrase("points that are fit"))
+        ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label=phrase("fitted points"))
         ax.set(xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1]))
         said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability)
         ax.set_title(said)

@@ -109,13 +109,14 @@ def drift_words(drift: DriftSummary) -> str:
     said = {"gain": max(drift.gain, 0.0), "p": format_p(drift.p_value), "share": percentage(drift.narrowing, 2)}
     if drift.seen:
         return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data narrow the rolling resistance to {share} of its prior, "
-            "so the loss below is measured.", **said,
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data reduce the uncertainty of the rolling "
+            "resistance to {share} of its prior, so the loss below is measured.", **said,
         )
     if drift.determined and drift.limit is not None:
         return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none): consistent with no loss. The data narrow the rolling resistance "
-            "to {share} of its prior: c_rr ≤ {limit} with probability 95 %; read the loss below as a limit, not as a measurement.",
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is consistent with no loss. The data reduce the "
+            "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} with probability 95 %; read the loss below as "
+            "a limit, not as a measurement.",
             limit=significant(drift.limit, 2), **said,
         )
     return phrase(
@@ -128,11 +129,11 @@ def drift_words(drift: DriftSummary) -> str:
 def energy_words(drift: DriftSummary) -> str:
     """The same in a few words."""
     if not drift.free or drift.p_value is None:
-        return phrase("no loss can show, the rolling resistance was held fixed")
+        return phrase("a loss cannot be detected, because the rolling resistance was held fixed")
     if drift.seen:
         return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
     if drift.determined and drift.limit is not None:
-        return phrase("no loss is seen, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
+        return phrase("no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
     return phrase("the data do not determine how much energy is lost")
 
 

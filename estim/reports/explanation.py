@@ -91,7 +91,7 @@ def explanation_text(explanation: Explanation) -> Markdown:
 def slip_words(explanation: Explanation | None) -> str:
     """A slip in what was stated, and its cure, where one explains what is left; else ""."""
     slip = None if explanation is None else explanation.slip
-    return "" if slip is None else phrase("this reads like a slip of the unit: {words} ({cure})", words=slip.words, cure=slip.remark)
+    return "" if slip is None else phrase("a unit is probably wrong: {words} ({cure})", words=slip.words, cure=slip.remark)
 
 
 def explanation_lines(explanation: Explanation) -> list[str]:
@@ -153,7 +153,7 @@ def _added(one: Candidate) -> str:
     if not one.outcome.status.ok:
         return str(one.outcome.status)
     found = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
-    return phrase("{found}; the curve still lacks a force", found=found) if one.outcome.lacking else found
+    return phrase("{found}; an unmodelled force remains", found=found) if one.outcome.lacking else found
 
 
 def _add_cell(one: Candidate) -> Markdown:

@@ -96,7 +96,7 @@ def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = Fal
     contents = _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch) if entries and not paper else ""
     page = _PAGE.format(
         lang=escape(lang), policy=_POLICY, title=escape(state.title), style=style, contents=contents, body=body,
-        left_out=_LEFT_OUT.format(words=escape(phrase("Parts that are folded on the page are not printed."))) if folds else "",
+        left_out=_LEFT_OUT.format(words=escape(phrase("Sections that are collapsed on the page are not printed."))) if folds else "",
     )
     return page.encode()
 
@@ -108,7 +108,7 @@ def _rendered(text: str, state: _State) -> str:
         return str(parser.renderer.render(tokens, parser.options, env))
     standing, folded = apart(tokens)
     appendix = str(parser.renderer.render(folded, parser.options, env))
-    words = phrase("Appendix: parts that are folded on the page")
+    words = phrase("Appendix: sections that are collapsed on the page")
     heading = f'<h2 class="appendix">{escape(words)}</h2>\n' if folded else ""
     return str(parser.renderer.render(standing, parser.options, env)) + heading + appendix
 

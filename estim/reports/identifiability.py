@@ -93,9 +93,9 @@ def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -
         return "—"
     low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
     if interval.open_low[p] and interval.open_high[p]:
-        return phrase("open on both sides")
+        return phrase("unbounded on both sides")
     if interval.open_low[p]:
-        return phrase("< {high} (open below)", high=high)
+        return phrase("< {high} (unbounded below)", high=high)
     return Markdown(phrase("> {low} (unbounded above)", low=low)) if interval.open_high[p] else f"[{low}, {high}]"
 
 
@@ -200,8 +200,8 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         for place in {ends[p] * factor for p in opened if opened[p]}:
             ax.axvline(place, color=ORANGE, lw=1.6)
             ax.annotate(
-                phrase("open"), (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"), textcoords="offset points",
-                ha=anchor, va="top", fontsize=6.5, color=ORANGE,
+                phrase("unbounded"), (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"),
+                textcoords="offset points", ha=anchor, va="top", fontsize=6.5, color=ORANGE,
             )
     q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")

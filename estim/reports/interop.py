@@ -186,7 +186,7 @@ def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[:, order]
     variables = {
         "lp": (("chain", "draw"), log_density, _about("1", phrase("log posterior density up to the evidence"))),
-        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", phrase("share of accepted moves"))),
+        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", phrase("fraction of accepted moves"))),
     }
     return Group(variables, _coordinates(analysis, order))
 

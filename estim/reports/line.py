@@ -240,7 +240,7 @@ def evidence_words(log_bayes_factor: float) -> str:
 
 
 def _strength(log_bayes_factor: float) -> str:
-    for limit, words in ((1.0, later("no evidence worth a mention")), (3.0, later("positive evidence")), (5.0, later("strong evidence"))):
+    for limit, words in ((1.0, later("no significant evidence")), (3.0, later("positive evidence")), (5.0, later("strong evidence"))):
         if abs(log_bayes_factor) < limit:
             return phrase(words)
     return phrase("very strong evidence")
@@ -286,7 +286,7 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         draw_bands(ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %"))
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        said = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
+        said = phrase("theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u))
         ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=said)
     ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label=phrase("ordinary least squares"))
     ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")

@@ -28,13 +28,15 @@ if TYPE_CHECKING:
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
-_WORTH = ((1.0, later("hardly worth a mention")), (3.0, later("positive")), (5.0, later("strong")))  # of a log Bayes factor: Kass and Raftery 1995
+_WORTH = ((1.0, later("not worth more than a "
+                      "bare mention")), (3.0, later("positive")), (5.0, later("strong")))  # of a log Bayes factor: Kass and Raftery 1995
 _GROUNDS = {
-    Ground.ROOM: later("it has room for what a curve may lack, and no model of something that it does not contain has more {what}"),
-    Ground.UNDECIDED: later("{best} has more {what}{odds}, but these data do not tell it apart from every model without what it adds"),
-    Ground.SHOWN: later("it adds something that the default does not contain, and the data tell it apart from every model without that"),
-    Ground.BEST: later("of the models that are ok it has the most {what}"),
-    Ground.NONE: later("no model is ok"),
+    Ground.ROOM: later("it allows for an unmodelled deviation, and no model with an effect that it does not contain has higher {what}"),
+    Ground.UNDECIDED: later("{best} has higher {what}{odds}, but these data do not distinguish it from every model without its additional effect"),
+    Ground.SHOWN: later("it contains an additional effect that the default model does not contain, and the data distinguish it from "
+                        "every model without this effect"),
+    Ground.BEST: later("of the models with status ok it has the highest {what}"),
+    Ground.NONE: later("no model has status ok"),
 }
 _LACKS = {
     Lack.MANY: later("too many unknowns for a second computation"),
@@ -135,7 +137,8 @@ def price_words(comparison: ModelComparison) -> str:
     """That odds leave out what a free start costs, "" where none does."""
     row = next((row for row in comparison.rows if row.price_of_start), None)
     return "" if row is None else phrase(
-        "odds leave out what the free start of {name} costs, {odds}: its width is a convention, and models exactly at rest do not pay for it",
+        "the odds exclude the penalty for the free start of {name}, {odds}: its width is a convention, and models that start exactly at "
+        "rest do not incur it",
         name=row.model.name, odds=odds_words(row.price_of_start),
     )
 
@@ -160,9 +163,9 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
         better, worse = later("its predictions are better by {by:.1f} (elpd)"), later("its predictions are worse by {by:.1f} (elpd)")
         words = phrase(better if ahead > 0.0 else worse, by=abs(ahead))
     elif log_odds(row, chosen) >= 0.0:
-        words = phrase("odds for it of {odds}", odds=odds_words(log_odds(row, chosen)))
+        words = phrase("the odds for it are {odds}", odds=odds_words(log_odds(row, chosen)))
     else:
-        words = phrase("odds against it of {odds}", odds=odds_words(log_odds(row, chosen)))
+        words = phrase("the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
     return phrase("contained in the recommended model; {words}", words=words) if contains(chosen, row) else words
 
 
@@ -253,7 +256,7 @@ def values_figure(rows: Sequence[tuple[str, bool, Mapping[str, Summary]]], commo
         ax.set_xlabel(p.label.axis)
         ax.locator_params(axis="x", nbins=4)
     figure.suptitle(
-        phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, not to be used") if recommended
+        phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, do not use") if recommended
         else phrase("median, 68 and 95 % intervals; grey, dashed: not ok, not to be used")
     )
     return figure

@@ -83,7 +83,7 @@ def plan_status(plan: Plan) -> tuple[Status, list[str]]:
         return decide(plan.findings), [tell(f) for f in plan.findings]
     reasons = [
         phrase(
-            "linear theory gives u({symbol}) = {linear}, the drawn posterior has {drawn}: the ratios are rough",
+            "linear theory gives u({symbol}) = {linear}, but the sampled posterior gives {drawn}: the ratios are only approximate",
             symbol=p.label.symbol, linear=_size(p, plan.now[i]), drawn=_size(p, plan.drawn[i]),
         )
         for i, p in enumerate(plan.targets) if p in plan.far
@@ -153,7 +153,8 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
     enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
     idle = _idle(plan, i)
     if enough:
-        return phrase("To halve u({symbol}) from {sd}: {ways}{idle}.", symbol=symbol, sd=sd, ways=phrase(", or ").join(enough), idle=idle)
+        return phrase("u({symbol}) = {sd} would be halved by any of these: "
+                      "{ways}{idle}.", symbol=symbol, sd=sd, ways=phrase(", or ").join(enough), idle=idle)
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
     if best is None or best.ratio[i] > 1.0 - _NOTHING:
         return phrase("No single option that was tried halves u({symbol}) = {sd}, and none reduces it by 2 %.", symbol=symbol, sd=sd)
@@ -185,7 +186,7 @@ def _unit(p: Parameter) -> str:
 
 def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
     """Words, (u, ratio) of each target, remarks."""
-    remarks = [*([phrase("asked for")] if option.wish.own else []), *option.remarks]
+    remarks = [*([phrase("specified")] if option.wish.own else []), *option.remarks]
     return option.wish.words, list(zip(option.u, option.ratio, strict=True)), "; ".join(remarks)
 
 

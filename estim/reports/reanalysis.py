@@ -338,7 +338,7 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
         ax.plot(count, found.u[:, i], "o-", color=BLUE, label=phrase("joint fit of runs up to this one"))
         ax.plot(count, found.u_single[:, i], "s", color=INK, label=phrase("this run alone"), zorder=3, mfc="none", mew=1.6, ms=8)
         if np.isfinite(found.u_prior[i]):
-            ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated before"))
+            ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated value"))
         shown = np.array([*found.u[:, i], *found.u_single[:, i], found.u_prior[i]])
         top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
         ax.set(ylabel=f"u({found.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))

@@ -33,7 +33,7 @@ _DEGREES = float(np.degrees(1.0))
 _ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {
-    "asked": later("as asked for"), "stated": later("ramp_length_m minus ramp_start_m"),
+    "asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m"),
 }
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _DARK_VERMILION = "#B34700"
@@ -272,7 +272,7 @@ def _zone_patches(found: BodyMap) -> Iterator[Patch]:
     if np.any(found.passes[2] > found.rolls_on[2]):
         yield Patch(fc=_PASSES, label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]))
     if np.any(found.rolls_on[2] > found.lowest[2]):
-        yield Patch(fc=_ROLLS, label=phrase("rolls on for ever"))
+        yield Patch(fc=_ROLLS, label=phrase("rolls on without end"))
 
 
 def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, str]]:
@@ -367,11 +367,11 @@ def _end_words(place: RunPlace) -> str:
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
     at, chance = place.farthest, sure(place.agrees)
     if place.turned:
-        return phrase("its recording turns at {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
+        return phrase("its recording turns back at {at:.3g} m, which is compatible ({chance})", at=at, chance=chance) if as_it_may else phrase(
             "its recording turns back at {at:.3g} m", at=at
         )
-    return phrase("its recording goes to {at:.3g} m, as it may ({chance})", at=at, chance=chance) if as_it_may else phrase(
-        "its recording goes to {at:.3g} m", at=at
+    return phrase("its recording extends to {at:.3g} m, which is compatible ({chance})", at=at, chance=chance) if as_it_may else phrase(
+        "its recording extends to {at:.3g} m", at=at
     )
 
 

@@ -249,7 +249,7 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        meaning = phrase("where the motion ends, from the release, on the scale of the positions")
+        meaning = phrase("end of the motion, measured from the release, on the scale of the positions")
         summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
     return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
 
@@ -370,7 +370,8 @@ def _limits(shown: Sequence[str], result: Result) -> str:
             continue
         if first.kind == READINGS and result.stated_values.dof:
             return phrase(
-                "the readings are {share:.0f} % of the variance of {symbol}: more or better ones narrow it", share=100.0 * first.share, symbol=symbol
+                "the readings contribute {share:.0f} % of the variance of {symbol}: more readings, or "
+                "better ones, reduce it", share=100.0 * first.share, symbol=symbol
             )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
@@ -380,7 +381,8 @@ def _limits(shown: Sequence[str], result: Result) -> str:
                 "{symbol} and {other} are strongly correlated ({r}): a better {other} helps, "
                 "more readings do not", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
             )
-            leans = phrase("{symbol} leans on what was stated of {other}: measure {other} better, not more readings", symbol=symbol, other=other)
+            leans = phrase("{symbol} depends on the stated value of {other}: a better {other} helps, more readings do "
+                           "not", symbol=symbol, other=other)
             return tied if abs(r) >= _TIED else leans
     return ""
 
@@ -390,14 +392,15 @@ def _forces(result: Result) -> str:
     found = [one for one in (result.deviation or {}).values() if one.probability > _SURE]
     if found:
         size = 100.0 * max(one.typical for one in found)
-        return phrase("the curve lacks a force, about {size:.2g} % of the weight; the intervals have room for it", size=size)
+        return phrase("there is an unmodelled force of about {size:.2g} % of the weight; the intervals allow for it", size=size)
     if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
         return phrase(
-            "the curve lacks something that is larger than the errors; the intervals allow for something irregular, not for another curve"
+            "the discrepancy between curve and data is larger than the errors; the intervals allow for an irregular deviation, but not "
+            "for a different curve"
         )
     complete = [run.complete for run in result.runs.values() if run.complete is not None]
     if complete and result.formula is None:
-        return phrase("the curve is taken as complete: no interval has room for what it lacks")
+        return phrase("the curve is assumed to be complete: no interval allows for an unmodelled effect")
     return complete[0] if complete else ""
 
 
@@ -408,10 +411,10 @@ def _left_out(result: Result) -> tuple[str, ...]:
     if not blank:
         return ()
     if len(result.runs) > 1:
-        return (phrase("rows without a value left out: {n} ({runs})", n=n, runs=listed(list(blank))),)
+        return (phrase("rows excluded because a value is missing: {n} ({runs})", n=n, runs=listed(list(blank))),)
     if n == 1:
-        return (phrase("1 row without a value left out (line {line})", line=lines[0]),)
-    return (phrase("{n} rows without a value left out (lines {lines})", n=n, lines=lines_told(lines)),)
+        return (phrase("1 row was excluded because a value is missing (line {line})", line=lines[0]),)
+    return (phrase("{n} rows were excluded because a value is missing (lines {lines})", n=n, lines=lines_told(lines)),)
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
@@ -419,7 +422,8 @@ def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     symbols = [one.label.symbol for one in estimates if one.summary.median is None]  # at an edge there is no mean, and every quantile
     if not symbols:
         return ()
-    said = phrase("no value at some of the draws (a division by zero, a root or logarithm of a negative number): {symbols}", symbols=listed(symbols))
+    said = phrase("there is no value for some of the draws (a division by zero, a root or logarithm of a negative "
+                  "number): {symbols}", symbols=listed(symbols))
     return (said,)
 
 

@@ -52,7 +52,7 @@ def rolling_summaries(analysis: Analysis) -> dict[str, RollingSummary] | None:
 
 def friction_cell(friction: float | None) -> str:
     """A coefficient of friction, None where none is enough."""
-    return phrase("no friction is enough") if friction is None else significant(friction, 2)
+    return phrase("no friction is sufficient") if friction is None else significant(friction, 2)
 
 
 def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rolling]) -> Figure:

@@ -28,7 +28,7 @@ _COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
     "ols": later("ordinary least squares"), "weighted": later("weighted by u(y)"), "york": later("York: errors in both variables"),
-    "correlated": later("generalised distance regression: errors of points correlated"),
+    "correlated": later("generalised distance regression: correlated errors of points"),
 }
 
 

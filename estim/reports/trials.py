@@ -113,7 +113,7 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     """The prior in the unit in which its unknown is shown."""
     trials, degrees = analysis.trials, math.degrees
     return {
-        "scatter": phrase("log-normal about {middle:.3g}, within a factor of 4 with 95 %", middle=degrees(trials.u_theta)),
+        "scatter": phrase("log-normal about {middle:.3g}, within a factor of 4 with probability 95 %", middle=degrees(trials.u_theta)),
         "release": phrase("half-normal, scale {scale:.3g}", scale=degrees(trials.release)),
         "zero_phi": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_phi)),
         "zero_theta": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_theta)),
@@ -243,7 +243,7 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
     if gamma is not None:
         sine = np.sin(phi) / gamma.value
         smallest = np.degrees(np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan))
-        label = phrase("theory, γ = {gamma} as stated", gamma=format_quantity(gamma.value, gamma.u))
+        label = phrase("theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u))
         ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
     label = phrase("threshold of climbing, each tilt separately, 95 %")
     for found in (one for one in analysis.thresholds if one.end == end):

@@ -79,4 +79,4 @@ def _allowed(fitted: FittedValues, chosen: list[int], parameters: list[Parameter
         kept.append(some[np.all((some >= low) & (some <= high), axis=1)])
         if sum(len(rows) for rows in kept) >= n_draw:
             return np.vstack(kept)[:n_draw]
-    raise InputError("must be a fit with these priors: they hardly allow its values", field="--fit", value=fitted.place)
+    raise InputError("must be a fit with these priors, under which its values are very improbable", field="--fit", value=fitted.place)

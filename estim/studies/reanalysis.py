@@ -209,7 +209,7 @@ def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnaly
             base = name.partition("[")[0]
             if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
-                how = phrase("{n} runs of {body} together", n=len(b.energies), body=b.body)
+                how = phrase("joint fit of {n} runs of {body}", n=len(b.energies), body=b.body)
                 if b.joint.problem.parameters[i].prior.informative:
                     how = phrase("joint fit of {n} runs of {body}, stated value as prior", n=len(b.energies), body=b.body)
                 found.append((base, b.body, value, how))

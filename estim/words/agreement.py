@@ -12,12 +12,12 @@ from estim.words.table import Table
 _KEY_UNITS = MappingProxyType({"°": "_deg", "m": "_m", "1/s": "_per_s", "1/m": "_per_m", "°/m": "_deg_m", "N m": "_n_m", "m/s": "_m_s"})
 
 
-_DISAGREE = later("the data do not agree with what was stated before ({p})")
+_DISAGREE = later("the data disagree with the values stated beforehand ({p})")
 
 
 def _stated(verdict: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
-    one_of = phrase("; any of these, or the scale of the data, may be wrong") if len(parts) > 1 else ""
+    one_of = phrase("; any of these values, or the scale of the data, may be wrong") if len(parts) > 1 else ""
     return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
@@ -32,7 +32,8 @@ def _pull(f: Finding) -> str:
 def _tied(f: Finding) -> str:
     named = phrase("{names} and {last}", names=", ".join(f.names[:-1]), last=f.names[-1])
     tied = phrase(
-        "the runs do not agree about what they share ({p}), and these data cannot tell which is wrong among {named}", p=format_p(f.p), named=named
+        "the runs disagree about the quantities they share ({p}), and these data cannot show which of these is "
+        "wrong: {named}", p=format_p(f.p), named=named
     )
     return tied + _let_it_vary(f)
 
@@ -76,35 +77,36 @@ def common_error(name: str, size: float, along: float | None) -> str:
 def _common(f: Finding) -> str:
     error = common_error(f.test, f.size, f.numbers.get("along"))
     if not f.parameters:
-        return phrase("{error}: no fit that accounts for it settles", error=error)
+        return phrase("{error}: no fit that allows for it converges", error=error)
     (moved,) = f.parameters
     return phrase("{error}: {symbol} shifts by {value:.1f}", error=error, symbol=symbol(moved), value=moved.value)
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.STATED_UNCOMPARED: later("the data say next to nothing about what was stated before: there is nothing to compare"),
-        Kind.STATED_AGREE: lambda f: phrase("the data agree with what was stated before ({p})", p=format_p(f.p)),
-        Kind.STATED_HARDLY: lambda f: _stated(later("the data hardly agree with what was stated before ({p})"), f),
+        Kind.STATED_UNCOMPARED: later("the data hardly constrain the quantities that were stated beforehand, so there is nothing to compare"),
+        Kind.STATED_AGREE: lambda f: phrase("the data agree with the values stated beforehand ({p})", p=format_p(f.p)),
+        Kind.STATED_HARDLY: lambda f: _stated(later("the data agree only marginally with the values stated beforehand ({p})"), f),
         Kind.STATED_DISAGREE: lambda f: _stated(_DISAGREE, f),
-        Kind.STATED_AND_CURVE: lambda f: _stated(_DISAGREE, f) + phrase("; but the curve does not explain them with other values either"),
+        Kind.STATED_AND_CURVE: lambda f: _stated(_DISAGREE, f) + phrase("; but other values do not make the curve fit the data either"),
         Kind.PULL: _pull,
         Kind.COMMON_ERROR: _common,
         Kind.COMMON_ERRORS: lambda f: phrase(
-            "errors that no residual shows would move the result, in posterior standard deviations: {errors}",
+            "errors that leave no trace in the residuals would shift the result, in posterior standard deviations: {errors}",
             errors="; ".join(map(_common, f.parts)),
         ),
-        Kind.RUNS_UNCOMPARED: later("the runs have nothing in common that two of them determine: there is nothing to compare"),
-        Kind.RUNS_AGREE: lambda f: phrase("the {n:.0f} runs agree about what they share ({p})", n=f.size, p=format_p(f.p)),
+        Kind.RUNS_UNCOMPARED: later("no shared quantity is determined by two of the runs, so there is nothing to compare"),
+        Kind.RUNS_AGREE: lambda f: phrase("the {n:.0f} runs agree about the quantities they share ({p})", n=f.size, p=format_p(f.p)),
         Kind.RUNS_AGAINST_STATED: lambda f: phrase(
-            "the runs agree with each other but not with the stated values of what they share ({p})", p=format_p(f.p)
+            "the runs agree with each other but not with the stated values of the quantities they share ({p})", p=format_p(f.p)
         ),
         Kind.RUN_DISAGREES: lambda f: phrase(
-            "run {run} disagrees with the others about what they share, which agree without it ({p} with it)", run=f.run, p=format_p(f.p)
+            "run {run} disagrees with the others about the quantities they share; without it the others agree ({p} "
+            "with it)", run=f.run, p=format_p(f.p)
         ) + _let_it_vary(f),
         Kind.RUNS_TIED: _tied,
         Kind.RUNS_DISAGREE: lambda f: phrase(
-            "the runs do not agree about what they share ({p}), and leaving out a single one does not heal it", p=format_p(f.p)
+            "the runs disagree about the quantities they share ({p}), and leaving out any single run does not resolve this", p=format_p(f.p)
         ) + _let_it_vary(f),
     }
 )

@@ -10,8 +10,8 @@ from estim.words.table import Table
 
 def _alike(f: Finding) -> str:
     return phrase(
-        "these data cannot tell apart: {names}. Each of them explains what is left; a measurement of one of them by itself, "
-        "or a run that differs (another tilt, another body, a longer way), would decide",
+        "these data cannot distinguish between: {names}. Each of these causes explains the remaining discrepancy; an independent "
+        "measurement of one of them, or a different run (another tilt, another body, a longer path), would decide",
         names="; ".join(f.names),
     )
 
@@ -26,10 +26,12 @@ def _in_part(f: Finding) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.CAUSE_NAMED: lambda f: phrase(
-            "what is missing is most likely {name}: AIC falls by {fall:.0f}, and nothing is left to be explained", name=f.names[0], fall=f.size
+            "the most likely missing effect is {name}: AIC falls by {fall:.0f}, and no discrepancy remains to be "
+            "explained", name=f.names[0], fall=f.size
         ),
         Kind.CAUSES_ALIKE: _alike,
         Kind.CAUSE_IN_PART: _in_part,
-        Kind.CAUSE_UNKNOWN: lambda f: phrase("none of {n:.0f} known causes explains anything that the curve lacks", n=f.numbers["tried"]),
+        Kind.CAUSE_UNKNOWN: lambda f: phrase("none of the {n:.0f} known causes explains any of the discrepancy between "
+                                             "curve and data", n=f.numbers["tried"]),
     }
 )

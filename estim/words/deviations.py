@@ -9,17 +9,17 @@ from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table
 
 _READ_AS: Mapping[str, str] = MappingProxyType(
-    {"smooth": later("a smooth deviation from the curve"), "correlated": later("errors of the readings that follow each other")}
+    {"smooth": later("a smooth deviation from the curve"), "correlated": later("correlated errors of successive readings")}
 )
 _SLOW: Mapping[str, str] = MappingProxyType(
     {
         "smooth": later(
-            "what the curve lacks is a trend: with a probability of {p:.2g} the deviation changes over more than a quarter of the range of x, "
-            "as what a wrong curve leaves does"
+            "the discrepancy between curve and data is a trend: with probability {p:.2g} the correlation length of the deviation exceeds "
+            "a quarter of the range of x, as happens when the curve is wrong"
         ),
         "correlated": later(
-            "what the curve lacks is a trend: with a probability of {p:.2g} errors would stay alike over more than a third of the recording, "
-            "as what a wrong curve leaves does"
+            "the discrepancy between curve and data is a trend: with probability {p:.2g} the errors would remain correlated over more "
+            "than a third of the recording, as happens when the curve is wrong"
         ),
     }
 )
@@ -42,8 +42,9 @@ def _how(f: Finding) -> str:
     size, length, short, long = (n[f"{probable}_{what}"] for what in ("size", "length", "short", "long"))
     other = phrase(_READ_AS[next(w for w in ways if w != probable)]) if len(ways) > 1 else ""
     return phrase(
-        "{what}{share} of standard deviation {size:.2g}{unit}, over about {length:.2g}{along} ({short:.2g} to {long:.2g})",
-        what=phrase(_READ_AS[probable]), share=phrase(" (probability {p:.2g}; else {other})", p=n[probable], other=other) if other else "",
+        "{what}{share} with standard deviation {size:.2g}{unit} and correlation length about {length:.2g}{along} ({short:.2g} to {long:.2g})",
+        what=phrase(_READ_AS[probable]), share=phrase(" (probability {p:.2g}; the alternative is "
+                                                      "{other})", p=n[probable], other=other) if other else "",
         size=size, unit=_unit(f.names[1]), length=length, along=along, short=short, long=long,
     )
 
@@ -51,8 +52,8 @@ def _how(f: Finding) -> str:
 def _found(f: Finding) -> str:
     n = f.numbers
     return _of_run(f) + phrase(
-        "the residuals are not white about the curve; read as {how}; the part that no values of the parameters can imitate is "
-        "{typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {p:.3f}",
+        "the residuals about the curve are not white noise; they are interpreted as {how}; the part that no parameter values can "
+        "reproduce is {typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {p:.3f}",
         how=_how(f), typical=n["typical"], unit=_unit(f.names[1]), most=n["most"], p=f.p,
     )
 
@@ -61,21 +62,21 @@ WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
         Kind.DEVIATION_UNDECIDED: lambda f: _of_run(f) + phrase(
-            "whether the curve lacks something cannot be told, P(amplitude > 0) = {p:.2f}; the intervals allow for an irregular deviation, "
-            "not for another curve",
+            "it cannot be decided whether the curve deviates from the data, P(amplitude > 0) = {p:.2f}; the intervals allow for an "
+            "irregular deviation, but not for a different curve",
             p=f.p,
         ),
         Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
-            "nothing shows that the curve lacks something, P(amplitude > 0) = {p:.2f}", p=f.p
+            "there is no evidence of a deviation from the curve, P(amplitude > 0) = {p:.2f}", p=f.p
         ),
         Kind.DEVIATION_UNASKED: lambda f: _of_run(f) + phrase(
-            "the curve is taken as complete: no interval allows for a smooth deviation from it; one that is about as large as a single error has "
-            "the probability {p:.2f} (0.5 before the data)",
+            "the curve is assumed to be complete: the intervals do not allow for a smooth deviation from it; a deviation about as large "
+            "as the error of one reading has probability {p:.2f} (0.5 before the data)",
             p=f.p,
         ),
         Kind.DEVIATION_TOO_LARGE: lambda f: _of_run(f) + phrase(
-            "the deviation from the curve would have to be {times:.2g} times as large as was stated (a half-normal prior of this scale exceeds 2.5 "
-            "in one of 80): the curve is wrong, or what was stated of the deviation",
+            "the deviation from the curve would have to be {times:.2g} times its stated size (a half-normal prior of this scale exceeds "
+            "2.5 once in 80 cases): either the curve or the stated size of the deviation is wrong",
             times=f.size,
         ),
         Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p),

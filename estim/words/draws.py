@@ -20,7 +20,7 @@ def _stuck(f: Finding) -> str:
 def _differs(f: Finding) -> str:
     what = phrase(" and ").join(filled(WORDS, part) for part in f.parts)
     if "before" in f.numbers:
-        return phrase("chain and {test} differ (and before, with other random numbers) in {what}", test=phrase(f.test), what=what)
+        return phrase("chain and {test} differ (as they did before, with other random numbers) in {what}", test=phrase(f.test), what=what)
     return phrase("chain and {test} differ in {what}", test=phrase(f.test), what=what)
 
 
@@ -48,13 +48,14 @@ def _agrees(f: Finding) -> str:
     if "before" not in f.numbers:
         return words
     before = f.numbers["before"]
-    return words + phrase("; both were computed twice, since the first pair differed by {before:.1f} Monte-Carlo errors, by chance", before=before)
+    return words + phrase("; both were computed twice, because the first pair differed by {before:.1f} Monte-Carlo errors, by "
+                          "chance", before=before)
 
 
 def _move(f: Finding) -> str:
     cure = phrase("set n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
     return phrase(
-        "exact weights move a shared parameter by {size:.2f} standard deviations (Monte-Carlo error {u:.2f}): {cure}",
+        "the exact weights shift a shared parameter by {size:.2f} standard deviations (Monte-Carlo error {u:.2f}): {cure}",
         size=f.size, u=f.numbers["u"], cure=cure,
     )
 
@@ -68,8 +69,8 @@ def _uneven(f: Finding) -> str:
 
 def _weights_agree(f: Finding) -> str:
     return phrase(
-        "exact weights in all dimensions agree (k-hat {k_hat:.2f}): no shared parameter moves by more than {size:.2f} standard"
-        " deviations, with a Monte-Carlo error of {u:.2f}",
+        "the exact weights in all dimensions confirm the result (k-hat {k_hat:.2f}): no shared parameter shifts by more than {size:.2f} "
+        "standard deviations, with a Monte-Carlo error of {u:.2f}",
         k_hat=f.numbers["k_hat"], size=f.size, u=f.numbers["u"],
     )
 
@@ -102,13 +103,13 @@ WORDS: Table = MappingProxyType(
         Kind.CHAIN_BRIEF: _brief,
         Kind.TAU_UNSETTLED: later("the autocorrelation time has not converged"),
         Kind.CRITERIA_MET: later("all convergence criteria are met"),
-        Kind.INDEPENDENT_DRAWS: later("independent draws by importance sampling"),
+        Kind.INDEPENDENT_DRAWS: later("the draws are independent, from importance sampling"),
         Kind.DRAWS_SHORT: lambda f: _below(later("only {size:.0f} effective draws of {limit:.0f}"), f),
         Kind.METHODS_DIFFER: _parts,
         Kind.CHAIN_DIFFERS: _differs,
         Kind.DIFFERENCE: _difference,
         Kind.CHAIN_AGREES: _agrees,
-        Kind.NOT_SAMPLED: later("data and stated values contradict each other, so the posterior was not sampled to the end"),
+        Kind.NOT_SAMPLED: later("the data contradict the stated values, so sampling of the posterior was not completed"),
         Kind.TOO_MANY_PARAMETERS: lambda f: _below(
             later("importance sampling is not used for more than {limit:.0f} parameters (there are {size:.0f})"), f
         ),
@@ -121,12 +122,13 @@ WORDS: Table = MappingProxyType(
             "the marginal of the shared parameters was sampled well (k-hat {k_hat:.2f}, {n:.0f} effective draws)", k_hat=f.numbers["k_hat"], n=f.size
         ),
         Kind.RUNS_COUNT_ALIKE: lambda f: phrase(
-            "the readings of each of the {n:.0f} runs are taken to scatter around their true values; if true values scatter around what was stated "
-            "(values that were set, not read), a shared parameter is off by about {size:.2g} standard deviations", n=f.numbers["runs"], size=f.size
+            "the readings of each of the {n:.0f} runs are assumed to scatter around their true values; if "
+            "instead the true values scatter around the stated ones (values that were set, not read), a shared "
+            "parameter is biased by about {size:.2g} standard deviations", n=f.numbers["runs"], size=f.size
         ),
         Kind.MARGINAL_MISSED: _missed,
         Kind.MARGINAL_DRAWS_FEW: lambda f: _below(later("only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"), f),
-        Kind.WEIGHTS_EXACT: later("every parameter was sampled: nothing is integrated out, the weights are exact"),
+        Kind.WEIGHTS_EXACT: later("every parameter was sampled and none was integrated out, so the weights are exact"),
         Kind.WEIGHTS_UNEVEN: _uneven,
         Kind.WEIGHTS_MOVE: _move,
         Kind.WEIGHTS_AGREE: _weights_agree,

@@ -10,7 +10,7 @@ from estim.words.telling import Voice, advice
 
 def _short() -> dict[Kind, str]:
     """What to do first where all that could be done takes longer to say."""
-    look = phrase("look at the residuals: a bad reading, a wrong window, or physics that the curve lacks")
+    look = phrase("look at the residuals: a bad reading, a wrong window, or an effect that the curve does not model")
     another = phrase("try another curve: if the curve is wrong, none of the intervals is reliable")
     return {
         Kind.SEVERAL_SOLUTIONS: phrase("choose between the solutions by a prior or by a further measurement, and fit again"),
@@ -23,9 +23,9 @@ def _short() -> dict[Kind, str]:
         Kind.FORCE_NOT_LINEAR: phrase("fit a shorter section of the motion, or speeds in place of positions"),
         Kind.COUNTS_SCATTER: phrase("look at the pulls: possible causes are a wrong curve, a bin that is too wide for it, dead time, or "
                                     "events that come in bursts"),
-        Kind.FORCE_TOO_LARGE: phrase("look at the figure of the force: what was stated of body, tilt and start may be wrong"),
+        Kind.FORCE_TOO_LARGE: phrase("look at the figure of the force: the stated values of body, tilt and start may be wrong"),
         Kind.NOISE_TOO_LARGE: phrase("look for readings that jump, and exclude them by a window"),
-        Kind.STATED_DISAGREE: phrase("check what was stated: its unit, its uncertainty, and the scale and zero of the data"),
+        Kind.STATED_DISAGREE: phrase("check the stated values: unit and uncertainty of each, and the scale and zero of the data"),
         Kind.PRESSED_EDGE: phrase("if values beyond the edge are possible, widen the prior; if not, look for what is wrong"),
     }
 
@@ -36,7 +36,7 @@ def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
         return ""
     tests = {one.test for one in findings if one.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)}
     if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
-        return phrase("look at the reading that is far off")
+        return phrase("look at the outlying reading")
     if findings[0].test in tests <= {"uneven", "repeated"}:
         return advice(findings[0], voice)
     return _short().get(findings[0].kind) or advice(findings[0], voice)

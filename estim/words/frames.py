@@ -23,7 +23,8 @@ def _shift(f: Finding) -> str:
 
 def _frame(f: Finding) -> str:
     off = phrase(
-        "run {run}: the frame at {where} is off by {shift}; nothing is repaired: the frame stays in the fit with its shift as one more unknown",
+        "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: the frame stays in the fit, and its "
+        "displacement is an additional unknown",
         run=f.run, where=_where(f), shift=_shift(f),
     )
     t = f.numbers["t"]

@@ -64,17 +64,18 @@ def _silent(f: Finding) -> str:
     moves, together = _moves(f), len(f.parameters) > 1
     if f.size < 1e-6:
         if together:
-            return phrase("{moves} together change nothing that was measured", moves=moves)
-        return phrase("{moves} changes nothing that was measured", moves=moves)
+            return phrase("{moves} together do not change the predicted data at all", moves=moves)
+        return phrase("{moves} does not change the predicted data at all", moves=moves)
     noise = math.sqrt(f.size)
     if together:
-        return phrase("{moves} together change what was measured by only {noise:.2g} of its noise in all", moves=moves, noise=noise)
-    return phrase("{moves} changes what was measured by only {noise:.2g} of its noise in all", moves=moves, noise=noise)
+        return phrase("{moves} together change the predicted data by only {noise:.2g} of the total noise", moves=moves, noise=noise)
+    return phrase("{moves} changes the predicted data by only {noise:.2g} of the total noise", moves=moves, noise=noise)
 
 
 def _exchanged(f: Finding) -> str:
     exchanges = phrase("; or ").join(_exchange(part) for part in f.parts)
-    return phrase("the same curve with components exchanged ({exchanges}): order them by bounds to choose", exchanges=exchanges)
+    return phrase("the curve is unchanged when components are exchanged ({exchanges}): set bounds that order them to select "
+                  "one solution", exchanges=exchanges)
 
 
 def _exchange(f: Finding) -> str:
@@ -106,11 +107,13 @@ def _images(f: Finding) -> str:
 
 
 def _other_numbers(f: Finding) -> str:
-    return phrase("the same curve with other numbers ({values}): the solution closest to the start is given", values=_listed(f))
+    return phrase("the curve is the same with other parameter values ({values}): the solution closest to the starting values "
+                  "is given", values=_listed(f))
 
 
 def _faster(f: Finding) -> str:
-    return phrase("faster curves pass through the same points ({values}): if one of them is meant, say so by bounds", values=_listed(f))
+    return phrase("curves of higher frequency pass through the same points ({values}): if one of them is intended, select it "
+                  "by bounds", values=_listed(f))
 
 
 def _elsewhere(f: Finding) -> str:
@@ -118,14 +121,18 @@ def _elsewhere(f: Finding) -> str:
 
 
 def _flat(f: Finding) -> str:
-    return phrase("data and priors do not fix a combination of parameters, only the edges of their ranges do: {moves}", moves=_silent(f))
+    return phrase("a combination of parameters is constrained neither by the data nor by the priors, but only by the edges of "
+                  "their ranges: {moves}", moves=_silent(f))
 
 
 _OPEN = {
-    "above": later("however large {name} is, other parameters make up for it: with a flat prior without an upper limit it has no interval"),
-    "below": later("however small {name} is, other parameters make up for it: with a flat prior without a lower limit it has no interval"),
+    "above": later("{name} is unbounded above, because other parameters compensate for any large value: with a flat prior without an "
+                   "upper limit it has no interval"),
+    "below": later("{name} is unbounded below, because other parameters compensate for any small value: with a flat prior without a "
+                   "lower limit it has no interval"),
 }
-_OPEN_BOTH = later("however large or small {name} is, other parameters make up for it: with a flat prior without limits it has no interval")
+_OPEN_BOTH = later("{name} is unbounded on both sides, because other parameters compensate for any value, large or small: with a flat "
+                   "prior without limits it has no interval")
 
 
 def _open(f: Finding) -> str:
@@ -139,7 +146,7 @@ def _exact(f: Finding) -> str:
 def _edge(f: Finding) -> str:
     (edge,) = f.parameters
     return phrase(
-        "{symbol} lies at the edge of its prior, {value}, and the data ask for values beyond it ({p})",
+        "{symbol} lies at the edge of its prior, {value}, and the data favour values beyond it ({p})",
         symbol=symbol(edge), value=value_words(edge), p=format_p(f.p),
     )
 
@@ -147,7 +154,7 @@ def _edge(f: Finding) -> str:
 def _pressed(f: Finding) -> str:
     (limit,) = f.parameters
     return phrase(
-        "{name} lies on its limit {value:.6g}, and the data ask for values beyond it ({p}): is the limit right?",
+        "{name} lies at its limit {value:.6g}, and the data favour values beyond it ({p}): is the limit right?",
         name=limit.name, value=limit.value, p=format_p(f.p),
     )
 
@@ -176,7 +183,7 @@ def _not_settled(f: Finding) -> str:
         return phrase("the least-squares fit did not converge: {held}", held=_held(f))
     if f.parameters:
         moved = f.parameters[0].name
-        return phrase("the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=moved, size=f.size)
+        return phrase("the search did not converge: its last step still shifted {name} by {size:.2g} standard deviations", name=moved, size=f.size)
     return phrase("the least-squares fit did not converge: its last iteration still shifted a parameter by {size:.2g} standard "
                   "deviations", size=f.size)
 
@@ -193,10 +200,11 @@ WORDS: Table = MappingProxyType(
         Kind.FIT_UNSETTLED: _not_settled,
         Kind.COVARIANCE_HELD: _held,
         Kind.STEP_UNSETTLED: lambda f: phrase(
-            "the search did not settle: its last step still moved {name} by {size:.2g} standard deviations", name=f.parameters[0].name, size=f.size
+            "the search did not converge: its last step still shifted {name} by {size:.2g} standard "
+            "deviations", name=f.parameters[0].name, size=f.size
         ),
         Kind.VALUE_OUTSIDE: lambda f: phrase(
-            "the {p:.0f} % interval of {name} does not hold its value: better values were met on the way, beside those of the fit",
+            "the {p:.0f} % interval of {name} does not contain its fitted value: the search met better solutions than the fit on the way",
             p=100.0 * f.p, name=symbol(f.parameters[0]),
         ),
         Kind.STARTS_ELSEWHERE: _elsewhere,
@@ -215,7 +223,8 @@ WORDS: Table = MappingProxyType(
         Kind.SINGULAR: later("a combination of the parameters is determined neither by the data nor by the priors"),
         Kind.UNDETERMINED: _undetermined,
         Kind.HARDLY_HELD: lambda f: phrase(
-            "the data hardly hold {name}: far from here minus twice the log of the posterior density is only {size:.1f} above its least",
+            "the data hardly constrain {name}: far from the fitted value, minus twice the log posterior density is only {size:.1f} above "
+            "its minimum",
             name=f.parameters[0].name, size=f.size,
         ),
         Kind.OPEN_SIDE: _open,

@@ -19,12 +19,12 @@ def _off(f: Finding) -> str:
     said = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
     if n["sets_off"] < 0.5:
         return phrase(
-            "run {run}: with these values it should not set off in this direction, and its recording goes to {farthest:.3g} m ({sure})", **said
+            "run {run}: with these values it should not start in this direction, but its recording extends to {farthest:.3g} m ({sure})", **said
         )
     if math.isnan(n["expected"]):
-        return phrase("run {run}: with these values it should roll on, and its recording goes to {farthest:.3g} m ({sure})", **said)
+        return phrase("run {run}: with these values it should keep rolling, but its recording extends only to {farthest:.3g} m ({sure})", **said)
     return phrase(
-        "run {run}: with these values it should turn at {expected:.3g} m, and its recording goes to {farthest:.3g} m ({sure})",
+        "run {run}: with these values it should turn back at {expected:.3g} m, but its recording extends to {farthest:.3g} m ({sure})",
         expected=n["expected"], **said,
     )
 

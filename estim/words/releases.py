@@ -48,12 +48,12 @@ _SHARES = MappingProxyType(
     {
         "rolling_resistance": (
             later("c_rr is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
-            later("c_rr: partly what was assumed (posterior sd {share:.0f} % of the prior's)"),
+            later("c_rr depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
             later("c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
         ),
         "release": (
             later("the effect of the release is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
-            later("the release: partly what was assumed (posterior sd {share:.0f} % of the prior's)"),
+            later("the effect of the release depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
             later("the effect of the release is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
         ),
     }

@@ -11,14 +11,15 @@ from estim.words.table import Table
 TESTS = Said(
     {
         "chi2": later("the residuals are larger than the noise"),
-        "runs": later("the residuals change sign too seldom"),
-        "autocorrelation": later("neighbouring residuals are alike"),
+        "runs": later("the residuals change sign too rarely"),
+        "autocorrelation": later("neighbouring residuals are correlated"),
         "trend": later("the residuals drift along the run"),
         "largest": later("one residual is far larger than the others"),
         "uneven": later("the residuals are larger in one part of the curve than in another"),
-        "repeated": later("the means of readings of the same x scatter more about the curve than these readings do about their mean"),
+        "repeated": later("the means of readings at the same x scatter more about the curve than the scatter of the readings about their "
+                          "mean explains"),
         "speed": later("the residuals are larger where the body is fast"),
-        "zero": later("all residuals are zero but for rounding errors, as those of measurements never are: were the data computed?"),
+        "zero": later("all residuals are zero apart from rounding errors, which never happens with measurements: were the data computed?"),
     }
 )
 
@@ -66,8 +67,8 @@ def _small(f: Finding) -> str:
             chi2=f.size, dof=dof,
         )
     return phrase(
-        "the residuals are smaller than u_y says (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, about {times:.2g} times, "
-        "and with it every interval? Or do the points share their errors, or were they smoothed?",
+        "the residuals are smaller than u_y implies (chi2 = {chi2:.4g} for {dof:.0f} degrees of freedom): is u_y too large, by a factor "
+        "of about {times:.2g}, and so every interval too? Or do the points share their errors, or were they smoothed?",
         chi2=f.size, dof=dof, times=math.sqrt(dof / f.size),
     )
 
@@ -91,9 +92,10 @@ def _counts_even(f: Finding) -> str:
 def _counts_as_readings(f: Finding) -> str:
     run = phrase("run {run}: ", run=f.run) if f.run not in ("", "data") else ""
     return run + phrase(
-        "y are whole numbers and u_y their square roots: these are counts. Errors taken from the counts themselves pull the curve down, "
-        "and where counts are few the intervals hold far less than they say (an empty bin, left out, makes it worse). Fit them as counts, "
-        'empty bins among them: noise = {model = "poisson"} in [curve], noise="poisson" in Python, in place of u_y'
+        "y are whole numbers and u_y their square roots: these are counts. Errors estimated from the counts themselves bias the curve "
+        "downwards, and where the counts are few the intervals contain the true value far less often than stated (leaving out an empty "
+        "bin makes it worse). Fit them as counts, including empty bins: noise = {model = \"poisson\"} in [curve], noise=\"poisson\" in "
+        "Python, in place of u_y"
     )
 
 
@@ -104,9 +106,9 @@ def _tests(f: Finding) -> str:
 
 def _alike(f: Finding) -> str:
     return _of_run(f) + phrase(
-        "neighbouring residuals are alike ({tests}, {p}), although they are no larger than stated: errors of successive "
-        "readings follow each other. The force takes up what they share, and in simulated runs of this kind the intervals held the true "
-        "values as often as they say",
+        "neighbouring residuals are correlated ({tests}, {p}), although they are no larger than stated: the errors of successive "
+        "readings are correlated. The unmodelled force absorbs their common part, and in simulated runs of this kind the intervals had "
+        "their nominal coverage",
         tests=_tests(f), p=_p(f),
     )
 
@@ -115,13 +117,15 @@ def _covered(f: Finding) -> str:
     said = {"size": f.size, "failed": _tests(f), "chi2": f.numbers["chi2"]}
     if len(f.names) > 1:
         return _of_run(f) + phrase(
-            "the stated error is conservative: the residuals are {size:.2g} of it and have a pattern ({failed}), but all of them "
-            "together are smaller than one stated standard deviation (chi2 = {chi2:.2g}); it is kept as stated, and {failed} do not count",
+            "the stated error is conservative: the residuals are {size:.2g} times the stated error and show a pattern ({failed}), but "
+            "taken together they are smaller than one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
+            "{failed} are disregarded",
             **said,
         )
     return _of_run(f) + phrase(
-        "the stated error is conservative: the residuals are {size:.2g} of it and have a pattern ({failed}), but all of them "
-        "together are smaller than one stated standard deviation (chi2 = {chi2:.2g}); it is kept as stated, and {failed} does not count",
+        "the stated error is conservative: the residuals are {size:.2g} times the stated error and show a pattern ({failed}), but taken "
+        "together they are smaller than one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and {failed} is "
+        "disregarded",
         **said,
     )
 
@@ -130,20 +134,21 @@ def _few(f: Finding) -> str:
     said = {"n": f.size, "share": 100.0 * f.numbers["coverage"]}
     if f.size > 1:
         return phrase(
-            "only {n:.0f} degrees of freedom: value ± standard error holds the true value in {share:.0f} % of such experiments, not in 68 %; "
-            "the intervals (Student's t) hold what they say",
+            "there are only {n:.0f} degrees of freedom: value ± standard error contains the true value in {share:.0f} % of such "
+            "experiments, not in 68 %; the intervals (Student's t) have their nominal coverage",
             **said,
         )
     return phrase(
-        "only {n:.0f} degree of freedom: value ± standard error holds the true value in {share:.0f} % of such experiments, not in 68 %; "
-        "the intervals (Student's t) hold what they say",
+        "there is only {n:.0f} degree of freedom: value ± standard error contains the true value in {share:.0f} % of such experiments, "
+        "not in 68 %; the intervals (Student's t) have their nominal coverage",
         **said,
     )
 
 
 def _crowd(f: Finding) -> str:
     return phrase(
-        "run {run}: {share} of the frames would be outliers: it may be the others that are not the motion", run=f.run, share=percentage(f.size)
+        "run {run}: {share} of the frames would be outliers: perhaps it is the other frames that do not "
+        "belong to the motion", run=f.run, share=percentage(f.size)
     )
 
 
@@ -154,7 +159,7 @@ def _limit(words: str, f: Finding) -> str:
 
 def _cut(f: Finding) -> str:
     return phrase(
-        "{name} has no standard deviation, because the limit of {names} cuts it: read its interval",
+        "{name} has no standard deviation, because the limit of {names} truncates it: use its interval",
         name=f.parameters[0].name, names=phrase(" and ").join(f.names),
     )
 
@@ -162,7 +167,7 @@ def _cut(f: Finding) -> str:
 def _with_speed(f: Finding) -> str:
     if not f.numbers["pictures"]:
         return _of_run(f) + phrase(
-            "the readings scatter more where the body is fast ({p}): errors of the times, or counts that an encoder lost there, would do that",
+            "the readings scatter more where the body is fast ({p}): timing errors, or counts missed by an encoder there, would explain it",
             p=_p(f),
         )
     return _of_run(f) + phrase(
@@ -192,22 +197,22 @@ WORDS: Table = MappingProxyType(
         Kind.COUNTS_SCATTER: _counts_scatter,
         Kind.COUNTS_EVEN: _counts_even,
         Kind.COUNTS_AS_READINGS: _counts_as_readings,
-        Kind.SCATTER_TOO_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.0f} times what the instrument explains", n=f.size),
-        Kind.SCATTER_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.1f} times what the instrument explains", n=f.size),
+        Kind.SCATTER_TOO_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.0f} times that expected from the instrument", n=f.size),
+        Kind.SCATTER_LARGE: lambda f: _of_run(f) + phrase("the inferred scatter is {n:.1f} times that expected from the instrument", n=f.size),
         Kind.OUTLIERS_CROWD: _crowd,
-        Kind.ROUNDING: lambda f: phrase("rounding errors of the computer's numbers may move the values by {n:.1g} standard deviations", n=f.size),
+        Kind.ROUNDING: lambda f: phrase("floating-point rounding errors may shift the values by {n:.1g} standard deviations", n=f.size),
         Kind.CANCELLATION: later(
             "the terms of the curve almost cancel at these x, so that rounding leaves few correct digits in the values: write the "
             "formula in x - x0, with x0 in the middle of the data"
         ),
         Kind.FEW_DEGREES: _few,
         Kind.NO_SCATTER: later(
-            "the points have no scatter but rounding errors (computed values, not readings?), so nothing tells how large their errors are: "
-            "there is no standard deviation; give u_y"
+            "the points have no scatter beyond rounding errors (are they computed values, not readings?), so the size of their errors "
+            "cannot be estimated: there is no standard deviation; state u_y"
         ),
-        Kind.AT_LIMIT: lambda f: _limit(later("{name} lies on its limit {limit:.6g}: no standard deviation, read its interval"), f),
+        Kind.AT_LIMIT: lambda f: _limit(later("{name} lies at its limit {limit:.6g}: it has no standard deviation; use its interval"), f),
         Kind.NEAR_LIMIT: lambda f: _limit(
-            later("{name} is less than a standard deviation from its limit {limit:.6g}: no standard deviation, read its interval"), f
+            later("{name} is less than one standard deviation from its limit {limit:.6g}: no standard deviation is given; use its interval"), f
         ),
         Kind.CUT_BY_LIMIT: _cut,
     }

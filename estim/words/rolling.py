@@ -13,16 +13,16 @@ def _needs(f: Finding) -> str:
     n = f.numbers
     said = {"where": n["where"], "unit": f.names[0]}
     if math.isinf(n["typical"]):
-        return phrase("near {where:.2g} {unit} no friction is enough: the ramp would have to pull", **said)
+        return phrase("near {where:.2g} {unit} no friction is sufficient: the ramp would have to pull on the body", **said)
     if math.isinf(n["enough"]):
         return phrase(
-            "rolling needs a coefficient of friction of about {typical:.2g}, near {where:.2g} {unit} on the way; "
-            "no friction is enough with probability 95 %",
+            "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} {unit} along the path; no friction "
+            "coefficient is sufficient with probability 95 %",
             typical=n["typical"], **said,
         )
     return phrase(
-        "rolling needs a coefficient of friction of about {typical:.2g}, near {where:.2g} {unit} on the way; "
-        "{enough:.2g} is enough with probability 95 %",
+        "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} {unit} along the path; {enough:.2g} is "
+        "sufficient with probability 95 %",
         typical=n["typical"], enough=n["enough"], **said,
     )
 
@@ -35,12 +35,12 @@ WORDS: Table = MappingProxyType(
     {
         Kind.FRICTION_NEEDED: lambda f: phrase("run {run}: {needs}", run=f.run, needs=_needs(f)),
         Kind.ROLLING_SURE: lambda f: phrase(
-            "run {run}: with the stated friction the probability that it rolled without slipping is {p}; {needs}",
+            "run {run}: with the stated friction, the probability of rolling without slipping is {p}; {needs}",
             run=f.run, p=_sure(f.p), needs=_needs(f),
         ),
         Kind.ROLLING_DOUBTFUL: lambda f: phrase(
-            "run {run}: with the stated friction the probability that it rolled without slipping is only {p}, and the curve assumes "
-            "that it did; {needs}",
+            "run {run}: with the stated friction, the probability of rolling without slipping is only {p}, while the curve assumes "
+            "rolling without slipping; {needs}",
             run=f.run, p=_sure(f.p), needs=_needs(f),
         ),
         Kind.ROLLING_HOPS: lambda f: phrase(

@@ -12,17 +12,17 @@ _WHY = MappingProxyType(
         Kind.OUTSIDE_TIMES: later("{n:.0f} outside the time window"),
         Kind.OUTSIDE_POSITIONS: later("{n:.0f} outside the position window"),
         Kind.OUTSIDE_WINDOW: later("{n:.0f} outside the stated window"),
-        Kind.LEFT_OUT: later("{n:.0f} as stated by leave_out_s"),
+        Kind.LEFT_OUT: later("{n:.0f} excluded by leave_out_s"),
         Kind.WAY_BACK: later("{n:.0f} after the farthest point (the way back is another motion)"),
-        Kind.BESIDE_RELEASE: later("{n:.0f} within five standard deviations of a reading from the release"),
-        Kind.BESIDE_TURNING: later("{n:.0f} within five standard deviations of a reading from the turning point"),
+        Kind.BESIDE_RELEASE: later("{n:.0f} less than five standard deviations of a reading away from the release"),
+        Kind.BESIDE_TURNING: later("{n:.0f} less than five standard deviations of a reading away from the turning point"),
     }
 )
 
 
 def _without_speed(f: Finding) -> str:
     return phrase(
-        "{n:.0f} at the ends or beside a missing frame, where the {stencil} derivative does not exist", n=f.size, stencil=phrase(f.test)
+        "{n:.0f} at the ends or next to a missing frame, where the {stencil} derivative cannot be computed", n=f.size, stencil=phrase(f.test)
     )
 
 

@@ -13,14 +13,15 @@ from estim.common import Finding, Kind, later, phrase
 from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, regimes, releases, residuals, rolling, rows, trials
 from estim.words.table import Table, filled
 
-_NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or physics that the curve lacks; the uncertainties assume random errors")
+_NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or an effect that the curve does not model; the uncertainties "
+                    "assume random errors")
 _ONE_RUN = later("fit the disagreeing run alone, and check its file and its stated values; leave it out only for a reason found there")
 _SEED, _STEPS, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{correlated}", "{robust}"
 _ANOTHER = later(
-    "try another curve: in simulations of wrong curves the intervals beside a deviation seldom held the true value"
+    "try another curve: in simulations with a wrong curve, intervals that allow for a deviation seldom contained the true value"
 )
 _ONE_FAR_OFF = later(
-    "look at the reading that is far off; where single readings may be blunders, allow for them ({robust}): each is named, and hardly counts"
+    "look at the outlying reading; if single readings may be blunders, allow for outliers ({robust}): each is named and has hardly any weight"
 )
 _OF_TEST: Mapping[str, str] = MappingProxyType(
     {
@@ -30,8 +31,8 @@ _OF_TEST: Mapping[str, str] = MappingProxyType(
             "proportional to y, fitting the logarithm of y makes it uniform"
         ),
         "repeated": later(
-            "readings of the same x share an error, or the curve is wrong: where the curve is known to be right, fit the mean of the readings at "
-            "each x with u_y left out, so that the scatter of the means about the curve says how large their errors are"
+            "readings at the same x share an error, or the curve is wrong: if the curve is known to be right, fit the mean of the "
+            "readings at each x without u_y, so that the scatter of the means about the curve determines the size of their errors"
         ),
     }
 )  # what to do about a curve whose residuals fail one test
@@ -70,7 +71,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.VALUE_OUTSIDE: later("try other starting values"),
         Kind.CHAIN_SHORT: later(
-            "raise {steps}; if that does not help, look at the traces: a parameter that wanders needs a tighter prior or more data"
+            "increase {steps}; if that does not help, look at the trace plots: a parameter that drifts needs a tighter prior or more data"
         ),
         Kind.WALKERS_STUCK: later("repeat with another {seed}, and look at the trace plots"),
         Kind.METHODS_DIFFER: later(
@@ -79,7 +80,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.SLOPES_DIFFER: later("the priors of the Bayesian line influence the result: take more points"),
         Kind.SEVERAL_SOLUTIONS: later(
-            "decide between the solutions by a prior (a range that holds one of them) or by a further measurement, and fit again"
+            "choose between the solutions by a prior (a range that contains one of them) or by a further measurement, and fit again"
         ),
         Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
         Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which are correlated"),
@@ -91,15 +92,15 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "use the readings themselves, not numbers computed or smoothed from the curve; simulated data need simulated errors added"
         ),
         Kind.RESIDUALS_TOO_LARGE: later(
-            "the residuals look random, only larger than stated: if nothing in the file explains it, let the data say how large the errors are, "
-            'by a prior in place of the number, for example sigma_x_m = {prior = "log-normal", median = 0.001, log_sd = 1.0} '
-            "(in a [curve] table leave u_y out)"
+            "the residuals look random, but larger than stated: if nothing in the file explains this, let the data determine the size of "
+            "the errors, by a prior in place of the number, for example sigma_x_m = {prior = \"log-normal\", median = 0.001, log_sd = "
+            "1.0} (in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
         Kind.CURVE_LACKS: later(
-            "look at the residuals: a bad reading or a wrong window; else try another curve, for this one lacks something. Only where the formula is "
-            "known to be right can it stay: if readings follow each other, by {correlated}; if something irregular moves y and its size is "
-            "known from elsewhere, not from these residuals, by stating that size (deviation)"
+            "look at the residuals for a bad reading or a wrong window; otherwise try another curve, because this one does not fit. Keep "
+            "it only if the formula is known to be right: if successive readings are correlated, use {correlated}; if something "
+            "irregular disturbs y and its size is known from elsewhere, not from these residuals, state that size (deviation)"
         ),
         Kind.DEVIATION_TOO_LARGE: _ANOTHER,
         Kind.DEVIATION_TOO_SLOW: _ANOTHER,
@@ -108,30 +109,32 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "for a defect of the ramp: the figure of the force shows where"
         ),
         Kind.FRAMES_CROWD: later(
-            "look at the file and the window: a stretch that is another motion, or a stated error of the readings that is too small"
+            "check the file and the window for a section that belongs to another motion, or for a stated reading error that is too small"
         ),
-        Kind.CHI2_TOO_LARGE: later("look at the residuals; where they are random, leave u_y out and their size says how large the errors are"),
+        Kind.CHI2_TOO_LARGE: later("look at the residuals; if they are random, leave u_y out, and their size determines how large the errors are"),
         Kind.COUNTS_SCATTER: later(
-            "look at the pulls: a wrong curve, a bin that is too wide for it, dead time, or events that come in bursts; "
-            "where none of it can be helped, fit the counts as readings with u_y left out, and their scatter says how large the errors are"
+            "look at the pulls: possible causes are a wrong curve, a bin that is too wide for it, dead time, or events that come in "
+            "bursts; if none of these can be remedied, fit the counts as readings without u_y, and their scatter determines how large "
+            "the errors are"
         ),
         Kind.SCATTER_TOO_LARGE: later("the curve does not describe this motion, or the stated resolution of the instrument is much too optimistic"),
         Kind.FORCE_TOO_LARGE: later(
-            "look at the figure of the force: what was stated of body, tilt and start may be wrong, or something drives the body; where so large a "
-            "force is believable, state it by unmodelled_force"
+            "look at the figure of the force: the stated values of body, tilt and start may be wrong, or something drives the body; if "
+            "so large a force is plausible, state it by unmodelled_force"
         ),
         Kind.NOISE_TOO_LARGE: later(
-            "look for readings that jump (counts lost, a mark that was taken for another) and leave them out by a window; else state how large the "
-            "error of a reading is"
+            "look for readings that jump (lost counts, a mark mistaken for another) and exclude them by a window; otherwise state the "
+            "actual error of a reading"
         ),
-        Kind.OUTLIERS_CROWD: later("leave out by a window what is not the motion; robust noise is for a minority of bad frames"),
+        Kind.OUTLIERS_CROWD: later("exclude by a window the frames that do not belong to the motion; robust noise is meant for a "
+                                   "minority of bad frames"),
         Kind.RUNS_DISAGREE: _ONE_RUN,
         Kind.RUN_DISAGREES: _ONE_RUN,
         Kind.RUNS_TIED: _ONE_RUN,
         Kind.RUNS_AGAINST_STATED: _ONE_RUN,
         Kind.STATED_DISAGREE: later(
-            "check what was stated: its unit, its uncertainty, and the scale and zero of the data; "
-            "a compromise between two that disagree is neither"
+            "check the stated value: its unit, its uncertainty, and the scale and zero of the data; a compromise between two values that "
+            "disagree is neither of them"
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
         Kind.RUN_OFF_MAP: later(

@@ -93,12 +93,13 @@ def read_export(
     _check_size(scaled, np.array(numbers), file)
     frames = table.get("frame")
     whole = frames is not None and bool(np.all(np.abs(frames) < 1e9)) and bool(np.all(frames == np.rint(frames)))
-    dropped = phrase("1 row that copies the row before dropped") if copies == 1 else phrase("{n} rows that copy the row before dropped", n=copies)
+    dropped = phrase("1 row that copies the previous one was dropped") if copies == 1 else phrase("{n} rows that copy the previous one were "
+                                                                                            "dropped", n=copies)
     warnings = (dropped,) if copies else ()
     return Track(
         file=file, sha256=digest, name=layout.track, t=scaled["t"], x=scaled.get("x"), y=scaled.get("y"),
         frames=frames.astype(np.int64) if frames is not None and whole else None, lines=np.array(numbers, dtype=np.int64), speed=scaled.get("v"),
-        calibration=(unit_fact, *([phrase("{n} rows without a position left out", n=blank)] if blank else [])), warnings=warnings,
+        calibration=(unit_fact, *([phrase("{n} rows without a position were excluded", n=blank)] if blank else [])), warnings=warnings,
     )
 
 
@@ -176,7 +177,7 @@ def _layout(lines: Lines, wanted: str | None, file: str) -> _Layout:
     for i, (name, _) in enumerate(columns):
         if name in _COLUMNS and (low <= i < high or (name in ("t", "frame") and i < starts[0][1])):
             if name in places and places[name] >= low:
-                raise InputError("stands twice in the header", field=name, file=file, line=number)
+                raise InputError("occurs twice in the header", field=name, file=file, line=number)
             places[name] = i
     if "t" not in places:
         places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
@@ -247,7 +248,7 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
         return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated)
     if named:
         (unit,) = named
-        return METRES[unit], phrase("lengths in {unit} as the column's name says", unit=unit)
+        return METRES[unit], phrase("lengths in {unit}, according to the name of the column", unit=unit)
     return 1.0, phrase("lengths are taken to be in m, because an export does not state its unit (use --unit cm if it is another one)")
 
 

@@ -175,7 +175,7 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     if track.t.size - row < _MIN_ROWS:
         raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
     words = phrase("x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes", t=track.t[row], x=ramp.along[row])
-    return row, float(ramp.along[row]), words + (phrase("; {n} earlier points left out", n=row) if row else "")
+    return row, float(ramp.along[row]), words + (phrase("; {n} earlier points were excluded", n=row) if row else "")
 
 
 def _tilt(ramp: Ramp) -> tuple[str, ...]:

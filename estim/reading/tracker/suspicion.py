@@ -118,8 +118,8 @@ def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
         return []
     return [
         phrase(
-            "the body moves with {first:.2g} m/s in the first frames already: {what}"
-            " start the track or say --release T (in a campaign: release) where it is at rest",
+            "the body already moves at {first:.2g} m/s in the first frames: {what} start the track where it is at rest, or give the time "
+            "of release by --release T (in a campaign: release)",
             first=first, what=phrase(_NOT_THE_RELEASE),
         )
     ]
@@ -148,7 +148,8 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     moved = np.diff(ramp.along)
     reach = float(np.ptp(ramp.along))
     if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
-        words = phrase("the column v is a magnitude, never negative though the motion turns back: it is not used, {why}", why=phrase(_SPEEDS_MADE))
+        words = phrase("the column v is a magnitude (never negative, although the motion turns back): it is not used, "
+                       "{why}", why=phrase(_SPEEDS_MADE))
         found.append(words)
     return found
 
@@ -160,7 +161,8 @@ def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:
     usual = float(np.median(list(intervals.values())))
     return {
         name: phrase(
-            "the frames are {interval:.4g} s apart, those of most runs {usual:.4g} s: is the frame rate right?", interval=interval, usual=usual
+            "the frames are {interval:.4g} s apart, while those of most runs are {usual:.4g} s apart: is the frame "
+            "rate right?", interval=interval, usual=usual
         )
         for name, interval in intervals.items()
         if abs(interval / usual - 1.0) > 0.2

@@ -82,7 +82,7 @@ def read_tracker(
     pixels = np.array([[marked[frame].number(c) for c in ("x", "y")] for frame in kept]).reshape(-1, 2)
     world = axes.world(frames, pixels) * factor
     outside = len(marked) - len(kept)
-    left_out = [phrase("{n} points outside the clip left out", n=outside)] if outside else []
+    left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
     facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
     return Track(
         file=file, sha256=hashlib.sha256(data).hexdigest(), name=name, t=clip.times(frames), x=world[:, 0].copy(), y=world[:, 1].copy(),
@@ -186,7 +186,8 @@ def _unequal(
     if off <= max(_SAME_TIMES * duration, 0.002):
         return None, ()
     said = phrase(
-        "the frames of the video are not equally long (times off by up to {off:.3g} ms): the video's own times are used, as Tracker does", off=off
+        "the frames of the video are not equally spaced (times differ by up to {off:.3g} ms): the video's own times are used, as in "
+        "Tracker", off=off
     )
     return scaled, (said,)
 
@@ -244,13 +245,13 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     found = panel.find("length_unit")
     written = found.text if found else ""
     if stated is not None:
-        other = phrase("; the file says {unit}", unit=written) if written and written != stated else ""
+        other = phrase("; according to the file: {unit}", unit=written) if written and written != stated else ""
         return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated) + other
     if found is not None and written not in METRES:
         raise found.error(f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)", value=written)
     if not written:
         return METRES["m"], phrase("the file states no unit of length: m is assumed")
-    return METRES[written], phrase("lengths in {unit} as the file says", unit=written)
+    return METRES[written], phrase("lengths in {unit}, as stated in the file", unit=written)
 
 
 def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float]]:
@@ -280,5 +281,5 @@ def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
             said = {"name": name, "by_scale": by_scale, "length": length}
-            warnings.append(phrase("{name} is {by_scale:.4g} long by the scale of the axes but stated as {length:.4g}", **said))
+            warnings.append(phrase("the length of {name} is {by_scale:.4g} on the scale of the axes, but {length:.4g} was stated", **said))
     return tuple(warnings)
