@@ -29,11 +29,11 @@ from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with
 from estim.campaign.forced import fit_with_forces
 from estim.common import NumericalError, Quantity
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.planning.changes import BETTER, MORE, OTHERWISE, Readings, Wish, measured_better
+from estim.planning.options import sds_with
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import targets_of
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
-from estim.planning.weighing import sds_with
-from estim.planning.wishes import BETTER, MORE, OTHERWISE, Readings, Wish, measured_better
 from estim.problem import Normal, Parameter, Problem, TruncatedNormal
 
 FloatArray = NDArray[np.float64]

@@ -24,7 +24,7 @@ from kafe2 import HistContainer, HistFit, XYFit
 
 from estim import Poisson, fit_curve, fit_line
 
-Told = Mapping[str, tuple[float, ...] | str]
+TrialInformation = Mapping[str, tuple[float, ...] | str]
 
 PROJECT = Path(__file__).resolve().parents[1]
 NIST = (PROJECT / "tests/reference/nist_strd/Eckerle4.dat").read_text().splitlines()
@@ -41,18 +41,18 @@ DECAY = 6.0 * np.exp(-DOSE / 2.5) + 1.0 + 0.1 * RNG.standard_normal(25)
 DECAY[17] += 1.2
 
 
-def estim_peak() -> Told:
+def estim_peak() -> TrialInformation:
     fit = fit_curve("b1/b2*exp(-0.5*((x - b3)/b2)**2)", PEAK_X, PEAK_Y, start={"b1": 1, "b2": 10, "b3": 500})
     return {name: (fit.values[name], fit.sds[name]) for name in fit.names}
 
 
-def lmfit_peak() -> Told:
+def lmfit_peak() -> TrialInformation:
     model = lmfit.models.ExpressionModel("b1/b2*exp(-0.5*((x - b3)/b2)**2)")
     fit = model.fit(PEAK_Y, x=PEAK_X, b1=1, b2=10, b3=500)
     return {name: (p.value, p.stderr or math.nan) for name, p in fit.params.items()}
 
 
-def kafe2_peak() -> Told:
+def kafe2_peak() -> TrialInformation:
     def peak(x, b1=1.0, b2=10.0, b3=500.0):
         return b1 / b2 * np.exp(-0.5 * ((x - b3) / b2) ** 2)
     fit = XYFit([PEAK_X, PEAK_Y], peak)
@@ -62,18 +62,18 @@ def kafe2_peak() -> Told:
     return of_kafe2(fit)
 
 
-def estim_muon() -> Told:
+def estim_muon() -> TrialInformation:
     fit = fit_curve("N/tau*exp(-x/tau) + B", MIDDLE, EVENTS, noise=Poisson(bins=WIDTH), start={"N": 3000, "tau": 1, "B": 10})
     return {name: (fit.values[name], *fit.intervals[name][0.68]) for name in fit.names}
 
 
-def lmfit_muon() -> Told:
+def lmfit_muon() -> TrialInformation:
     model = lmfit.models.ExpressionModel("(N/tau*exp(-x/tau) + B)*width", independent_vars=["x", "width"])
     fit = model.fit(EVENTS, x=MIDDLE, width=WIDTH, N=3000, tau=1, B=10, weights=1 / np.sqrt(np.maximum(EVENTS, 1)), scale_covar=False)
     return {name: (p.value, p.stderr or math.nan) for name, p in fit.params.items()}
 
 
-def kafe2_muon() -> Told:
+def kafe2_muon() -> TrialInformation:
     def decays(x, n=3000.0, tau=1.0, b=10.0):
         return n / tau * np.exp(-x / tau) + b
     bins = HistContainer(bin_edges=np.append(LOW, HIGH[-1]))
@@ -83,13 +83,13 @@ def kafe2_muon() -> Told:
     return of_kafe2(fit)
 
 
-def estim_york() -> Told:
+def estim_york() -> TrialInformation:
     fit = fit_line(YORK_X, YORK_Y, u_x=U_X, u_y=U_Y)
     sd = fit.standard_errors[fit.recommended]
     return {"slope": (fit.slope, sd.u_slope), "intercept": (fit.intercept, sd.u_intercept)}
 
 
-def lmfit_york() -> Told:
+def lmfit_york() -> TrialInformation:
     def residual(params):
         m, c = params["slope"].value, params["intercept"].value
         return (YORK_Y - m * YORK_X - c) / np.sqrt(U_Y**2 + m**2 * U_X**2)
@@ -98,7 +98,7 @@ def lmfit_york() -> Told:
     return {name: (p.value, p.stderr or math.nan) for name, p in fit.params.items()}
 
 
-def kafe2_york() -> Told:
+def kafe2_york() -> TrialInformation:
     def line(x, slope=-0.5, intercept=5.0):
         return slope * x + intercept
     fit = XYFit([YORK_X, YORK_Y], line)
@@ -108,19 +108,19 @@ def kafe2_york() -> Told:
     return of_kafe2(fit)
 
 
-def estim_swing() -> Told:
+def estim_swing() -> TrialInformation:
     fit = fit_curve("damped_oscillation", TIME, SWING, u_y=0.4, bounds={"damping": (0, None)})
     return {name: (fit.values[name], *fit.intervals[name][0.68]) for name in ("damping", "frequency", "amplitude")}
 
 
-def lmfit_swing() -> Told:
+def lmfit_swing() -> TrialInformation:
     model = lmfit.models.ExpressionModel("amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)")
     params = model.make_params(amplitude=4, damping={"value": 0.1, "min": 0}, frequency=0.6, phase=0.3)
     fit = model.fit(SWING, params, x=TIME, weights=1 / 0.4, scale_covar=False)
     return {name: (fit.params[name].value, fit.params[name].stderr or math.nan) for name in ("damping", "frequency", "amplitude")}
 
 
-def kafe2_swing() -> Told:
+def kafe2_swing() -> TrialInformation:
     def swing(x, amplitude=4.0, damping=0.1, frequency=0.6, phase=0.3):
         return amplitude * np.exp(-damping * x) * np.cos(2 * np.pi * frequency * x + phase)
     fit = XYFit([TIME, SWING], swing)
@@ -130,18 +130,18 @@ def kafe2_swing() -> Told:
     return {name: told for name, told in of_kafe2(fit).items() if name != "phase"}
 
 
-def estim_outlier() -> Told:
+def estim_outlier() -> TrialInformation:
     fit = fit_curve("exponential + constant", DOSE, DECAY, u_y=0.1)
     return {"decay": (fit.values["decay"], fit.sds["decay"]) if fit.status.ok else f"{fit.status}: no ±", "test": f"p = {fit.p_value:.1g}"}
 
 
-def lmfit_outlier() -> Told:
+def lmfit_outlier() -> TrialInformation:
     model = lmfit.models.ExponentialModel() + lmfit.models.ConstantModel()
     fit = model.fit(DECAY, x=DOSE, amplitude=5, decay=2, c=0, weights=1 / 0.1)
     return {"decay": (fit.params["decay"].value, fit.params["decay"].stderr), "test": f"reduced chi-squared {fit.redchi:.2g}"}
 
 
-def kafe2_outlier() -> Told:
+def kafe2_outlier() -> TrialInformation:
     def decay(x, amplitude=5.0, decay=2.0, c=0.0):
         return amplitude * np.exp(-x / decay) + c
     fit = XYFit([DOSE, DECAY], decay)
@@ -188,12 +188,12 @@ def shown(told: tuple[float, ...] | str) -> str:
     return f"{value:.5g} (68 %: {low:.5g} to {high:.5g})"
 
 
-def body(solution: Callable[[], Told]) -> list[str]:
+def body(solution: Callable[[], TrialInformation]) -> list[str]:
     lines = textwrap.dedent("".join(inspect.getsource(solution).splitlines(keepends=True)[1:])).rstrip().splitlines()
     return lines[:-1]
 
 
-def timed(solution: Callable[[], Told]) -> tuple[Told, float]:
+def timed(solution: Callable[[], TrialInformation]) -> tuple[TrialInformation, float]:
     """What it says, and CPU seconds of the better of two further runs, without imports."""
     told, took = solution(), []
     for _ in range(2):

@@ -6,9 +6,9 @@ from estim.checks.diagnosis import diagnose as diagnose
 from estim.checks.goodness import check_goodness as check_goodness
 from estim.common.errors import EstimError as EstimError
 from estim.common.errors import InputError as InputError
-from estim.curve_fit import CurveFit as CurveFit
-from estim.curve_fit import fit_curve as fit_curve
-from estim.curve_fits import fit_curves as fit_curves
+from estim.curve_fitting.result import CurveFit as CurveFit
+from estim.curve_fitting.several import fit_curves as fit_curves
+from estim.curve_fitting.single import fit_curve as fit_curve
 from estim.curves.counting import Binomial as Binomial
 from estim.curves.counting import EventTimes as EventTimes
 from estim.curves.counting import Poisson as Poisson

@@ -46,9 +46,9 @@ from estim.checks import (
     untested,
 )
 from estim.common import Finding, InputError, Kind, NumericalError, PieceStore, Status, Stream, phrase, stream
-from estim.curve_fit import CurveFit
+from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
-from estim.fitting import Fit, fit_beside
+from estim.fitting import Fit, refit_with_noise
 from estim.problem import Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
@@ -184,7 +184,7 @@ def analyse(
     problem = as_complete(problem, complete) if complete else campaign.problem(runs, noise=noise, usual=True)
     if progress is not None:
         progress(0, phrase("fit"))
-    near = fit_beside(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
+    near = refit_with_noise(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
     fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
     kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
     analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal)

@@ -224,7 +224,7 @@ OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.campaign.mismatch",
     "estim.reading.toml",  # messages of tomllib
     "estim.reading.tracker.importing",  # the head of a CSV file that `estim import` made, of any version
-    "estim.reading.tracker.suspicion",
+    "estim.reading.tracker.plausibility",
 }
 FILLING = {"estim.words.telling"}  # names of choices put into advice
 

@@ -11,7 +11,7 @@ import pytest
 
 from estim import Component, curve_report, fit_curve, sample_curve
 from estim.campaign import load_campaign
-from estim.curve_fit import CurveFit
+from estim.curve_fitting.result import CurveFit
 from estim.fitting import Fit, refit
 from estim.problem import Normal, Problem
 from estim.problem.roots import covariance_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estim.common.errors import InputError
-from estim.reading.columns import lines_told, read_columns
+from estim.reading.columns import line_numbers, read_columns
 from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 
@@ -115,7 +115,7 @@ def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     ],
 )
 def test_only_lines_without_a_value_are_told(lines: list[int], said: str) -> None:
-    assert lines_told(lines) == said
+    assert line_numbers(lines) == said
 
 
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-16", "utf-8-sig"])

@@ -12,7 +12,7 @@ from estim.campaign import Campaign, load_campaign
 from estim.checks.cross_validation import difference, leave_one_out
 from estim.common.errors import InputError
 from estim.fitting.least_squares import fit_least_squares
-from estim.fitting.optimum import fit_beside
+from estim.fitting.optimum import refit_with_noise
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
@@ -162,7 +162,7 @@ def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_pat
     plain, *robust = (pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r"))
     known = pattern.fit(plain, rng=rng)
     for problem in robust:
-        near, afar = fit_beside(problem, [known], rng=rng), pattern.fit(problem, rng=rng)
+        near, afar = refit_with_noise(problem, [known], rng=rng), pattern.fit(problem, rng=rng)
         assert (near.n_start, afar.n_start) == (2, 8)
         apart = np.abs(near.values - afar.values) / np.sqrt(np.diag(afar.cov))
         assert np.max(apart[: known.values.size]) < 0.01
@@ -170,7 +170,7 @@ def test_robust_noise_is_fit_from_where_the_plain_fit_ended_as_from_afar(tmp_pat
         moved = known.values - near.values[: known.values.size]
         assert np.max(np.abs(moved) / np.sqrt(np.diag(afar.cov))[: known.values.size]) > 1.0  # it had some way to go
     other = campaign(tmp_path, "sigma_v_m_s = 0.01", {name: column[3:] for name, column in columns.items()})
-    assert fit_beside(other.problem(["r"]), [known], rng=rng) is None  # other points
+    assert refit_with_noise(other.problem(["r"]), [known], rng=rng) is None  # other points
 
 
 def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path):
@@ -182,8 +182,8 @@ def test_robust_noise_has_the_further_optima_of_a_search_from_afar(tmp_path):
     pattern = campaign(tmp_path, "sigma_v_m_s = 0.01", columns)
     plain, *robust = (pattern.problem(["r"], noise=candidate.table) for candidate in pattern.noise_models("r"))
     fits = [pattern.fit(plain, rng=rng)]
-    fits.append(fit_beside(robust[0], fits, rng=np.random.default_rng(1)))
-    near, afar = fit_beside(robust[1], fits, rng=np.random.default_rng(1)), pattern.fit(robust[1], rng=np.random.default_rng(1))
+    fits.append(refit_with_noise(robust[0], fits, rng=np.random.default_rng(1)))
+    near, afar = refit_with_noise(robust[1], fits, rng=np.random.default_rng(1)), pattern.fit(robust[1], rng=np.random.default_rng(1))
     assert len(near.others) == len(afar.others) > 0
     assert near.posterior.log_density(near.values[None])[0] == pytest.approx(afar.posterior.log_density(afar.values[None])[0], abs=0.01)
-    assert len(fit_beside(robust[1], fits, rng=np.random.default_rng(1), scanned=False).others) == 0
+    assert len(refit_with_noise(robust[1], fits, rng=np.random.default_rng(1), scanned=False).others) == 0

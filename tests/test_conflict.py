@@ -20,7 +20,7 @@ from estim.campaign import Campaign, load_campaign
 from estim.checks.conflict import Conflict, check_stated_values
 from estim.cli.commands import cli
 from estim.common import Stream, stream
-from estim.curve_fit import fit_curve
+from estim.curve_fitting.single import fit_curve
 from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import LogNormal, Normal, Uniform

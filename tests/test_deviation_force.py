@@ -11,8 +11,8 @@ from wheels import G_R, Wheel
 
 from estim.deviation.components import diagonalise
 from estim.deviation.force import force_kernel, force_shapes, shared_force_shapes, speed_response, track
-from estim.deviation.found import find_force
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
+from estim.deviation.inferred_force import find_force
 from estim.deviation.kernels import without_mean
 from estim.deviation.linearised import linearise
 

@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 
 from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, Setting
 from estim.curves.rolling import MotionCurve, RollingMotion
-from estim.deviation.course import Along, Course
 from estim.deviation.force import force_priors, track_with_ways
+from estim.deviation.trajectory import Along, Trajectory
 from estim.problem.likelihood import Points
 from estim.problem.noise import Independent, Scale
 
@@ -40,7 +40,7 @@ def along(t: np.ndarray, *, pushed: float | None = None) -> Along:
     curve, motion = (MotionCurve(False), RollingMotion(False, None, True))
     if pushed is not None:
         curve, motion = DisturbedMotionCurve(False, Setting()), DisturbedMotion(False, None, True)
-    return Course(motion, None).along(Points(curve, t, 0.0 * t, arguments), {}, Independent(Scale(0.001), Scale(), np.ones(t.size)), about=None)
+    return Trajectory(motion, None).along(Points(curve, t, 0.0 * t, arguments), {}, Independent(Scale(0.001), Scale(), np.ones(t.size)), about=None)
 
 
 def answer(t: np.ndarray, **changed) -> np.ndarray:
@@ -122,7 +122,7 @@ def test_a_body_that_friction_holds_stays_where_it_stopped() -> None:
     points = Points(MotionCurve(False), t, 0.0 * t, held)
     _, v = points.curve.state(t, held)
     assert v[0, -1] == 0.0
-    found = Course(RollingMotion(False, None, True), None).along(points, {}, Independent(Scale(0.001), Scale(), np.ones(t.size)), about=None)
+    found = Trajectory(RollingMotion(False, None, True), None).along(points, {}, Independent(Scale(0.001), Scale(), np.ones(t.size)), about=None)
     still = v[0] == 0.0
     assert np.all(np.isfinite(found.response.force))
     assert np.ptp(found.response.force[still], axis=0).max() < 1e-9

@@ -14,8 +14,8 @@ from wheels import FINE, FIRST, G_R, PHI, SIGMA, Wheel, WhiteFit, places, white_
 
 from estim.deviation.components import diagonalise
 from estim.deviation.force import Response, Track, force_shapes, shared_force_shapes, track
-from estim.deviation.found import find_force
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
+from estim.deviation.inferred_force import find_force
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 

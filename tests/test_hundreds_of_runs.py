@@ -98,7 +98,7 @@ class Map:
         return replace(self, likelihoods=tuple(Place(f(v), -abs(v - 0.4)) for f, v in zip(self.maps, values, strict=True)))
 
 
-def settled(*maps: Callable[[float], float], start: float = 0.3) -> rounds.Settled:
+def settled(*maps: Callable[[float], float], start: float = 0.3) -> rounds.FixedPoint:
     values = np.full(len(maps), start)
     best = lambda posterior, _: np.array([place.leads for place in posterior.likelihoods])  # noqa: E731
     ones = np.ones(len(maps))

@@ -22,10 +22,10 @@ ENDLESS = """
 from functools import partial
 import estim.sampling
 from estim.cli.commands import main
-from estim.sampling.ensembles import Walk
+from estim.sampling.ensembles import EnsembleRun
 estim.sampling.Target = partial(estim.sampling.Target, ess=1e12)  # that no chain reaches; its 20 000 steps take a quarter of an hour
-advance = Walk.advance
-Walk.advance = lambda walk, n_step: (print("sampling", flush=True), advance(walk, n_step))
+advance = EnsembleRun.advance
+EnsembleRun.advance = lambda walk, n_step: (print("sampling", flush=True), advance(walk, n_step))
 main()
 """
 RunFit = Callable[..., tuple[int, str, str]]

@@ -20,7 +20,6 @@ from estim.campaign.shared_force import sharing_runs
 from estim.checks import check_consistency, check_goodness
 from estim.common import InputError
 from estim.deviation.components import Shape, diagonalise
-from estim.deviation.course import Course, Rows
 from estim.deviation.force import shared_force_shapes, track
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
 from estim.deviation.joint import Together
@@ -28,6 +27,7 @@ from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import formed_about
 from estim.deviation.residuals import Residuals
+from estim.deviation.trajectory import Rows, Trajectory
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
@@ -131,7 +131,7 @@ def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> 
     problem, named = joint.problem, joint.problem.named(joint.values)
     run = problem.runs[0]
     t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
-    course = Course(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
+    course = Trajectory(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
 
     formed, _ = formed_about(course, run.noise.base, run.points, named, scale=0.02)
     along = course.along(run.points, named, run.noise.base, about=formed.speed)

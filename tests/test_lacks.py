@@ -18,10 +18,10 @@ from estim.deviation.components import diagonalise
 from estim.deviation.generic import correlated_shapes, deviation_shapes, relative_grid
 from estim.deviation.kernels import root, without_mean
 from estim.deviation.linearised import linearise
-from estim.deviation.visible import see_deviation
-from estim.fitting.lacking import fit_lacking
+from estim.deviation.residual_part import see_deviation
+from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
-from estim.problem.observations import Lacks
+from estim.problem.observations import Discrepancy
 
 LINE = """title = "a line with a wave"
 kind = "synthetic"
@@ -233,7 +233,7 @@ def test_a_constant_of_the_curve_takes_the_mean_of_a_deviation():
 def test_what_shows_is_that_of_dense_matrices(folder):
     """One component alone: regression on a normal process by dense inverses, the parameters integrated out under flat priors."""
     run = load_campaign(asked(folder, "deviation = 0.05")).problem(["first"]).runs[0]
-    run = replace(run, lacks=Lacks(0.05, None, "", True))
+    run = replace(run, lacks=Discrepancy(0.05, None, "", True))
     (shape,) = [shape for shape in deviation_shapes(X) if 0.2 < shape.length < 0.25]
     grid = relative_grid(stated=True)
     single = replace(grid, amplitudes=np.array([0.8]), log_amplitudes=np.zeros(1), scales=np.ones(1), log_scales=np.zeros(1))
@@ -269,7 +269,7 @@ def test_an_unstated_size_is_found_whatever_it_is(rng):
 def test_the_fit_is_the_mode_of_what_is_sampled(folder, rng):
     campaign = load_campaign(asked(folder, "deviation = 0.05"))
     problem = campaign.problem(["first"])
-    fit = fit_lacking(fit_optimum(problem, rng=rng), rng=rng)
+    fit = fit_discrepancy(fit_optimum(problem, rng=rng), rng=rng)
     near = fit.values + 1e-3 * np.sqrt(np.diag(fit.cov)) * rng.standard_normal((50, 2))
     assert np.all(fit.posterior.log_density(near) <= fit.posterior.log_density(fit.values[None])[0] + 1e-9)
 

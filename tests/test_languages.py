@@ -19,7 +19,8 @@ from test_verify import MODEL, run
 from estim.batch import Settings
 from estim.campaign import load_campaign
 from estim.common import LANGUAGES, InputError, key_of, phrase, phrases, spoken
-from estim.curve_fit import CurveFit, fit_curve
+from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.single import fit_curve
 from estim.pipeline import sample_curve
 from estim.reports.curve import curve_report
 from estim.reports.rendering import _environment, sentences

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from estim import fit_curve, load_campaign
-from estim.campaign.forced import course_of
+from estim.campaign.forced import trajectory_of
 from estim.checks import goodness
-from estim.deviation import BadFrames, FreeStart, bad_frames, course, pose_force
+from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
-from estim.deviation.settled import settled
+from estim.deviation.smoothing import settled
 from estim.fitting import screen
 from estim.problem import normal, roots
-from estim.problem.roots import Beside
+from estim.problem.roots import LowRankRoot
 from estim.reports.curve_figures import residual_figure
 from model import Body, positions_at
 
@@ -67,7 +67,7 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     values[problem.names.index("kappa[light]")] = 0.45
     values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
     (run,) = problem.runs
-    followed = course_of(run, campaign.tables["long"])
+    followed = trajectory_of(run, campaign.tables["long"])
     named = problem.named(values)
     free = FreeStart(run.noise, followed, BadFrames()).likelihood(run.points, named)
     bad = bad_frames(run, followed, problem, values, known=BadFrames())
@@ -83,7 +83,7 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     problem = campaign.problem(["long"], usual=True)
     (run,) = problem.runs
     values = np.array([TRUTH.get(name, 0.0) for name in problem.names])
-    found = bad_frames(run, course_of(run, campaign.tables["long"]), problem, values, known=BadFrames())
+    found = bad_frames(run, trajectory_of(run, campaign.tables["long"]), problem, values, known=BadFrames())
     return [(jump.kind, jump.row) for jump in found.jumps]
 
 
@@ -92,7 +92,7 @@ def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch)
     assert _named_at_the_truth(path) == []
     assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3)) == []
     assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [("frame", 717)]
-    monkeypatch.setattr(course, "settled", lambda t, x, speed, sd: x)
+    monkeypatch.setattr(trajectory, "settled", lambda t, x, speed, sd: x)
     named = _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3))
     assert named
     assert max(row for _, row in named) < 100
@@ -134,8 +134,8 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     problem, named, free, posed, bad = _posed(path, monkeypatch, 10)
     _, _, whole_free, whole_posed, whole_bad = _posed(path, monkeypatch, 10**6)
     (run,) = problem.runs
-    assert isinstance(free.form.triangle, Beside)
-    assert not isinstance(whole_free.form.triangle, Beside)
+    assert isinstance(free.form.triangle, LowRankRoot)
+    assert not isinstance(whole_free.form.triangle, LowRankRoot)
     # of positions, which a push moves by 15,000 sds, the eigenvectors of the whole matrix lose eight digits; by extended precision bands do not
     close = 2e-7 if noise == "positions" else 1e-8
     draws = {name: np.asarray(value) * np.array([[1.0], [1.001]]) for name, value in named.items()}

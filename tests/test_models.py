@@ -21,7 +21,7 @@ from test_noise import CAMPAIGN, DIFFERENTIATED, TIMES
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, Stream, stream
-from estim.deviation import MixtureErrors, pose_alike, replicas
+from estim.deviation import MixtureErrors, pose_without_force, replicas
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import SCALES, Grid, noise_grid
 from estim.deviation.linearised import linearise
@@ -112,7 +112,7 @@ def test_an_evidence_with_room_for_the_noise_is_the_sum_over_its_sizes(rng: np.r
         y = 0.3 + 0.8 * x + size * rng.standard_normal(x.size)
         problem = line_problem(y, x)
         white = fit_least_squares(problem, rng=rng)
-        noises, shared = pose_alike([problem.runs], {}, problem, white.values, bad={})
+        noises, shared = pose_without_force([problem.runs], {}, problem, white.values, bad={})
         assert shared == ()
         run = replace(problem.runs[0], noise=noises[problem.runs[0].name])
         fit = fit_least_squares(Problem(problem.parameters, (run,)), rng=rng, n_start=1, start=white.values)

@@ -10,10 +10,10 @@ import pytest
 from scipy.stats import multivariate_normal
 from targets import COV, Known, banana, bimodal, half_normal, normal
 
-from estim.sampling.ahead import Ahead, Moves
 from estim.sampling.certificate import chain_errors
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.ensembles import Apart, sampler_of
+from estim.sampling.independence import IndependenceMoves, Moves
 from estim.sampling.proposal import Proposal, adapt_proposal
 
 
@@ -39,7 +39,7 @@ SAMPLED = ("normal, wrong centre", "banana", "bounded half-normal", "two modes")
 
 def move_alone(known: Known, proposal: Proposal, *, n_step: int, seed: int) -> Chain:
     """Two ensembles moved by nothing but independence moves; the first tenth discarded."""
-    moves = Moves(Ahead(proposal, 1.0, 120, seed, known), ())
+    moves = Moves(IndependenceMoves(proposal, 1.0, 120, seed, known), ())
     sampler = emcee.EnsembleSampler(120, known.mean.size, known.log_density, vectorize=True, moves=moves)
     sampler.random_state = np.random.RandomState(seed).get_state()
     points = proposal.draw(np.random.default_rng(seed), 4000)
@@ -146,7 +146,7 @@ def test_ensembles_stay_apart_through_the_whole_sampler() -> None:
 
 def test_every_step_has_proposals_of_its_own_with_their_densities() -> None:
     known, proposal = normal(COV), student(np.zeros(4), COV)
-    made = [one for one in islice(Ahead(proposal, 0.5, 10, 4, known).steps(), 100) if one is not None]
+    made = [one for one in islice(IndependenceMoves(proposal, 0.5, 10, 4, known).steps(), 100) if one is not None]
     assert 30 < len(made) < 70
     assert len({one[0].tobytes() for one in made}) == len(made)
     for points, log_density, log_proposal in made:

@@ -13,7 +13,7 @@ from troubles import Disk
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.curve_fit import fit_curve
+from estim.curve_fitting.single import fit_curve
 from estim.line import analyse_line, read_theta_min
 from estim.pipeline import analyse, sample_curve
 from estim.reports import analysis_report, line_report

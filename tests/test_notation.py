@@ -16,7 +16,8 @@ from matplotlib.text import Text
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
 from estim.common.labels import Notation
-from estim.curve_fit import CurveFit, fit_curve
+from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.single import fit_curve
 from estim.pipeline import Analysis, sample_curve
 from estim.problem.observations import Parameter
 from estim.problem.priors import Normal

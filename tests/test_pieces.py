@@ -96,7 +96,7 @@ def test_a_damaged_or_forged_piece_is_computed_again(tmp_path: Path, damage: str
     (other,) = set(tmp_path.iterdir()) - {path}
 
     def signed(content: bytes) -> bytes:
-        from estim.common.pieces import _digest
+        from estim.common.checkpoints import _digest
 
         return _digest(path.stem, content) + content
 

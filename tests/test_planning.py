@@ -16,12 +16,12 @@ from estim.cli.commands import cli
 from estim.common import InputError, Quantity
 from estim.deviation import force_sizes
 from estim.fitting import information
+from estim.planning.changes import MORE, OTHERWISE, Readings, Wish, measured_better
+from estim.planning.options import sds_with, weigh
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import plan, targets_of
 from estim.planning.rolling import RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs
-from estim.planning.weighing import sds_with, weigh
-from estim.planning.wishes import MORE, OTHERWISE, Readings, Wish, measured_better
 from estim.reports.plan import plan_answers, plan_status, shown_options, value_alone
 
 pytestmark = pytest.mark.usefixtures("sampled_opinion")
@@ -83,13 +83,13 @@ def test_foreseen_at_the_data_at_hand_is_what_the_fit_knows(pair: RollingBasis) 
     """No code shared: the fit takes the force from its own mixture, the plan makes it anew from tracks and amplitudes."""
     fit, posed = pair.fit, pair.campaign.problem(PAIR)
     sizes = force_sizes(fit.posterior, fit.values)
-    foreseen = pair.campaign.study.foreseen(posed, pair.campaign.tables, fit.values, sizes)
+    expected_information = pair.campaign.study.expected_information(posed, pair.campaign.tables, fit.values, sizes)
     scale = np.sqrt(np.diag(fit.cov))
-    there = np.linalg.inv(foreseen)
+    there = np.linalg.inv(expected_information)
     # it has the speeds of the curve, the fit those of the data
     assert np.abs((there - fit.cov) / np.outer(scale, scale)).max() < 0.04
     assert np.abs(np.sqrt(np.diag(there)) / scale - 1.0).max() < 0.02
-    without = pair.campaign.study.foreseen(posed, pair.campaign.tables, fit.values, {})
+    without = pair.campaign.study.expected_information(posed, pair.campaign.tables, fit.values, {})
     assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.2  # without start and force it is another
 
 
@@ -107,8 +107,8 @@ def test_a_better_protractor_is_what_a_campaign_that_states_it_gives(pair: Rolli
     fit, here = pair.fit, pair.outlook(NOTHING)
     problem = other.problem(PAIR)
     sizes = force_sizes(fit.posterior, fit.values)
-    stated = other.study.foreseen(problem, other.tables, fit.values, sizes)
-    plain = pair.campaign.study.foreseen(pair.campaign.problem(PAIR), pair.campaign.tables, fit.values, sizes)
+    stated = other.study.expected_information(problem, other.tables, fit.values, sizes)
+    plain = pair.campaign.study.expected_information(pair.campaign.problem(PAIR), pair.campaign.tables, fit.values, sizes)
     k = fit.names.index("kappa[heavy]")
     truth = np.sqrt(np.linalg.inv(stated)[k, k] / np.linalg.inv(plain)[k, k])
     (target,) = targets_of(pair.campaign, fit.problem, ["kappa"])
@@ -334,5 +334,5 @@ def test_what_is_foreseen_is_achieved(pair: RollingBasis, what: str) -> None:
 def test_the_information_of_a_curve_is_that_of_its_posterior(tmp_path: Path) -> None:
     campaign = load_campaign(line(tmp_path))
     fit = campaign.fit(campaign.problem(["line"]), rng=np.random.default_rng(1))
-    foreseen = campaign.study.foreseen(fit.problem, campaign.tables, fit.values, {})
-    assert np.allclose(foreseen, information(fit.posterior, fit.values))
+    expected_information = campaign.study.expected_information(fit.problem, campaign.tables, fit.values, {})
+    assert np.allclose(expected_information, information(fit.posterior, fit.values))

@@ -17,7 +17,7 @@ from estim.sampling.exploration import along_ridges, ridge_proposal
 from estim.sampling.factors import lower_factor
 from estim.sampling.protocol import Density
 from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
-from estim.sampling.walk import Rule, follow, walk
+from estim.sampling.ridge_paths import Rule, follow, walk
 
 RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, least=1e-2, quick=True)
 ROUNDING = 1e-8  # standard deviations, and of log densities

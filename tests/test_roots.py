@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estim.problem import STENCILS, differentiate
-from estim.problem.roots import Band, Beside, Dense, Stacked, covariance_of
+from estim.problem.roots import Band, Dense, LowRankRoot, Stacked, covariance_of
 
 
 def _stencil(n, name="central", rng=None):
@@ -27,10 +27,10 @@ def _roots(n=300):
     causes = 0.1 * causes  # as large as errors usually are: beyond, the whole matrix loses digits
     columns = size[:, None] * causes
     yield pytest.param(band, dense, id="band")
-    yield pytest.param(Beside.of(band, band.whiten(columns.T).T), dense + columns @ columns.T, id="beside")
-    once = Beside.of(band, band.whiten(columns[:, :2].T).T)
-    yield pytest.param(Beside.of(once, once.whiten(columns[:, 2:].T).T), dense + columns @ columns.T, id="beside-twice")
-    yield pytest.param(Beside.of(Band.of(size[None] ** 2), causes), np.diag(size**2) + columns @ columns.T, id="beside-points")
+    yield pytest.param(LowRankRoot.of(band, band.whiten(columns.T).T), dense + columns @ columns.T, id="beside")
+    once = LowRankRoot.of(band, band.whiten(columns[:, :2].T).T)
+    yield pytest.param(LowRankRoot.of(once, once.whiten(columns[:, 2:].T).T), dense + columns @ columns.T, id="beside-twice")
+    yield pytest.param(LowRankRoot.of(Band.of(size[None] ** 2), causes), np.diag(size**2) + columns @ columns.T, id="beside-points")
     yield pytest.param(Dense.of(dense), dense, id="dense")
     both = np.block([[dense, np.zeros((len(dense), 2))], [np.zeros((2, len(dense))), np.diag([4.0, 9.0])]])
     yield pytest.param(Stacked((band, Band.of(np.array([[4.0, 9.0]])))), both, id="stacked")

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from estim.common import NumericalError
-from estim.sampling.ensembles import Walk
+from estim.sampling.ensembles import EnsembleRun
 
 
-def walk_that_ends(coords: float) -> Walk:
+def walk_that_ends(coords: float) -> EnsembleRun:
     def sample(*_: object, **__: object):
         raise ValueError
         yield
 
-    return Walk(SimpleNamespace(sample=sample, iteration=0), np.array([[[1.0, coords]]]))
+    return EnsembleRun(SimpleNamespace(sample=sample, iteration=0), np.array([[[1.0, coords]]]))
 
 
 def test_walkers_that_run_away_are_told_in_one_sentence() -> None:

@@ -16,7 +16,7 @@ import pytest
 from scipy.special import ndtr
 from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
 
-from estim.curve_fit import fit_curve
+from estim.curve_fitting.single import fit_curve
 from estim.fitting.least_squares import Fit
 from estim.pipeline import Analysis, analyse_fit
 from estim.sampling import certificate, certified

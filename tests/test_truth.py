@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estim.campaign import as_complete, load_campaign
-from estim.checks import borne_pattern, check_goodness
+from estim.checks import check_goodness, tolerated_pattern
 from estim.fitting import finish, fit_least_squares
 from estim.words import tell
 from model import Body, trajectory
@@ -133,7 +133,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     (borne,) = check_goodness(campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
     assert borne.alike == ("autocorrelation",)
     assert borne.failed == ()
-    (finding,) = borne_pattern(borne)
+    (finding,) = tolerated_pattern(borne)
     assert finding.status.ok
     assert "neighbouring residuals are correlated (test 'autocorrelation'" in tell(finding)
     drifting = {**borne.checks, "trend": replace(borne.checks["trend"], p_value=1e-4)}

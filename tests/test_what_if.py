@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 from estim.campaign import load_campaign
 from estim.checks import influences
 from estim.checks.what_if import large_influences
-from estim.curve_fit import fit_curve
+from estim.curve_fitting.single import fit_curve
 from estim.curves import (
     Component,
     DisturbedMotion,

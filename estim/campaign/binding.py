@@ -17,7 +17,7 @@ from estim.campaign.levels import Level, body_levels, read_key
 from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, phrase, signed
-from estim.problem import Prior, Usual, as_prior
+from estim.problem import DefaultError, Prior, as_prior
 from estim.propagation import Input
 from model import Body
 
@@ -110,7 +110,7 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
             value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, masses[0])))
     if kind.usual > 0.0:
-        return Bound(name, Usual(0.0, kind.usual, -kind.high, kind.high), usual=True)
+        return Bound(name, DefaultError(0.0, kind.usual, -kind.high, kind.high), usual=True)
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"

@@ -21,16 +21,16 @@ from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
+from estim.campaign.expected_information import expected_information_of
 from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, possible_force, refuse_force
-from estim.campaign.foreseen import foreseen_information
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.shared_force import tied_points
-from estim.campaign.unforced import fit_alike
 from estim.campaign.unit_slips import unit_slips
+from estim.campaign.without_force import fit_without_force
 from estim.common import InputError, later, phrase, split_level
 from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.deviation import BadFrames, ForceSize
@@ -116,7 +116,7 @@ class RollingStudy:
         if model.forced or not model.roomy:
             return self.fit(problem, tables, rng=rng)
         levels = {run.name: self.levels(run.name) for run in problem.runs}
-        return fit_alike(self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng)
+        return fit_without_force(self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng)
 
     def _posed(
         self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,
@@ -177,9 +177,9 @@ class RollingStudy:
             further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
             fit = further if further.chi2 < fit.chi2 else fit
         return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""
-        return foreseen_information(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
+        return expected_information_of(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from estim.campaign.causes import Sketch
-from estim.common import Said, later, phrase
+from estim.common import PhraseTable, later, phrase
 from estim.deviation import START_SD
 from estim.problem import Prior, Problem
 
@@ -28,7 +28,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 """Name of a model -> the quantities that it adds to the paper's."""
 
-WORDS: Mapping[str, str] = Said({
+WORDS: Mapping[str, str] = PhraseTable({
     "rolling-resistance": later("rolling resistance"),
     "load-resistance": later("rolling resistance proportional to the load on the ramp"),
     "resisting-moment": later("a resisting moment (bearing, cord)"),
@@ -49,7 +49,7 @@ class CurveModel:
 
     problem : of the same points as that of every other model.  own : names of the parameters that it adds to the paper's.
     lines : what a campaign must say for it, beside what it says; empty where it says so already.
-    forced : whether it has an unmodelled force.  roomy : whether its noise has the room that it has beside a force (`estim.deviation.alike`).
+    forced : whether it has an unmodelled force.  roomy : whether its noise has the room that it has beside a force (`estim.deviation.without_force`).
     """
 
     name: str

@@ -18,7 +18,7 @@ import msgspec
 from estim.campaign.campaign_file import checked
 from estim.campaign.curve_tables import check_printable
 from estim.common import InputError
-from estim.curves import SoughtQuantity, check_sought, in_units, seek
+from estim.curves import SoughtQuantity, check_derived_names, in_units, seek
 from estim.problem import Derived, Observations, Problem
 from estim.reading import Places
 
@@ -58,7 +58,7 @@ def with_derived(problem: Problem, sought: tuple[SoughtQuantity, ...], bodies: M
     units: dict[str, set[str]] = {}
     for run in problem.runs:
         always = _always(run, problem)
-        check_sought(sought, [name for name in run.arguments if " " not in name], list(always))
+        check_derived_names(sought, [name for name in run.arguments if " " not in name], list(always))
         for name, unit in [*((name, unit_of(name, run.name)) for name in run.arguments), *((name, one.unit) for name, one in always.items())]:
             for written in (name, f"{name}[{run.name}]", f"{name}[{bodies[run.name]}]"):
                 units.setdefault(written, set()).add(unit)

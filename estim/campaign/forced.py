@@ -18,7 +18,7 @@ from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.campaign.shared_force import MOST_POINTS, sharing_runs
 from estim.common import Finding, InputError, Kind, NumericalError, later, phrase
-from estim.deviation import FORCE_SCALE, BadFrames, Course, FreeStart, JointlyPosed, Posed, Rows, bad_frames, by_itself, pose_force, pose_forces
+from estim.deviation import FORCE_SCALE, BadFrames, FreeStart, JointlyPosed, Posed, Rows, Trajectory, bad_frames, by_itself, pose_force, pose_forces
 from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
 from estim.problem import Observations, Problem
 from estim.reading import Run
@@ -148,9 +148,9 @@ def fit_with_forces(
     Where a run cannot be linearised the curves are taken as complete.  Raises InputError where its force was asked for.
     """
     problem = white.problem
-    courses = {run.name: course_of(run, tables[run.name]) for run in problem.runs if run.force}
+    courses = {run.name: trajectory_of(run, tables[run.name]) for run in problem.runs if run.force}
     if white.singular:
-        return _unforced(white, {name: levels[name] for name in courses}, later("some combination of the parameters is not determined at all"))
+        return _without_force(white, {name: levels[name] for name in courses}, later("some combination of the parameters is not determined at all"))
     try:
         free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
@@ -161,19 +161,19 @@ def fit_with_forces(
             (run,) = problem.runs
             posed = pose_force(run, courses[run.name], problem, free.values, without=without, bad=bad[run.name])
     except InputError as error:
-        return _unforced(white, {name: levels[name] for name in courses}, error.rule)
+        return _without_force(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
     low, high = problem.support()
     start = np.clip(free.values + posed.step, low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start)
     fit = scanned_fit(fit, rng=rng) if scanned and problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message  # of the many starts, of which the best led here
-    found = posed.found_at(fit.values - free.values)
+    found = posed.inferred_at(fit.values - free.values)
     parts = posed.parts if isinstance(posed, JointlyPosed) else None
     return replace(fit, forces=found, parts=parts, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
 
 
-def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
+def _without_force(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
     """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one was asked for."""
     for asked in levels.values():
         level = _stated(asked)
@@ -187,7 +187,7 @@ def _unforced(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
     return replace(white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs))))
 
 
-def _free_fit(white: Fit, courses: Mapping[str, Course], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
+def _free_fit(white: Fit, courses: Mapping[str, Trajectory], *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
     """The fit with a free start and the shifts of the frames that it shows to be bad, which are looked for again until they are the same.
 
     Frames of runs that are fit together are taken as good: each run by itself shows its bad ones.
@@ -222,16 +222,16 @@ def _alone(free: Fit) -> Mapping[str, FloatArray]:
     return found
 
 
-def course_of(run: Observations, table: Run) -> Course:
+def trajectory_of(run: Observations, table: Run) -> Trajectory:
     """The motion of a run and its readings: all rows of the table where the points are made of them, else those that are fit."""
     t = table.columns.get("t_s")
     every = np.arange(run.n_obs)
     if run.t is None or t is None:
-        return Course(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
+        return Trajectory(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
     kept = np.searchsorted(t, run.t)
     if run.noise.made_of_positions:
-        return Course(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
-    return Course(run.body, None, Rows(run.t, table.lines[kept], every))
+        return Trajectory(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
+    return Trajectory(run.body, None, Rows(run.t, table.lines[kept], every))
 
 
 def _stated(levels: Levels) -> Level | None:

@@ -50,7 +50,7 @@ from estim.common import InputError, phrase, same_unit
 from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, CurveProblem, Formula, ModelSum, Unstarted, started, units_of
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import Fit, fit_lacking, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
+from estim.fitting import Fit, fit_discrepancy, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, run_of_table
 
@@ -84,7 +84,7 @@ class CurveStudy:
 
     def columns(self, name: str, tables: Mapping[str, Run]) -> str:
         """Which columns of the run's file are x, y and their uncertainties, in words."""
-        return self._run(name).columns_told(self.told[name], tables[name])
+        return self._run(name).columns_sentence(self.told[name], tables[name])
 
     def _run(self, name: str) -> RunOfCurve:
         index = [run.name for run in self.runs].index(name)
@@ -163,16 +163,16 @@ class CurveStudy:
             raise self._place_of(error, problem, tables) from None
         self._require_scatter(fit)
         self._require_determined(fit)
-        return fit_lacking(fit, rng=rng) if any(run.lacks is not None for run in problem.runs) else fit
+        return fit_discrepancy(fit, rng=rng) if any(run.lacks is not None for run in problem.runs) else fit
 
-    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the campaign asks for that."""
-        self._refuse_lacks("estim plan")
+        self._refuse_discrepancy("estim plan")
         return information(problem.linearised(values), values)
 
-    def _refuse_lacks(self, command: str) -> None:
+    def _refuse_discrepancy(self, command: str) -> None:
         for run in self.runs:
-            self._run(run.name).refuse_lacks(command)
+            self._run(run.name).refuse_discrepancy(command)
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run pose no problem."""
@@ -261,7 +261,7 @@ class CurveStudy:
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
-        self._refuse_lacks("estim calibrate")
+        self._refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
             rule = "is not supported by estim calibrate, which simulates counts, not times: count them in bins (model = \"poisson\") for that"
             raise self.source.places.error(rule, ("curve", "noise"))

@@ -41,7 +41,7 @@ from estim.curves import (
 )
 from estim.fitting import PERFECT
 from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
-from estim.reading import Choices, Run, Table, columns_told, is_tracker_file, read_columns, track_columns
+from estim.reading import Choices, Run, Table, columns_sentence, is_tracker_file, read_columns, track_columns
 
 _MIN_ROWS = 3
 _LACKS = ("deviation", "correlated")
@@ -94,7 +94,7 @@ class RunOfCurve:
             found |= {"low": low, "bins": high, "trials": noise.trials}
         return {key: column for key, column in found.items() if isinstance(column, str) and column}
 
-    def refuse_lacks(self, command: str) -> None:
+    def refuse_discrepancy(self, command: str) -> None:
         """Raises InputError where the curve may lack something, which `command` does not know."""
         for key in _LACKS:
             if self.said(key)[0]:
@@ -129,11 +129,11 @@ class RunOfCurve:
             found.append(stated if stated and axis.unit == "1" else axis.unit)
         return replace(axes, x_unit=found[0], y_unit=found[1])
 
-    def columns_told(self, axes: AxisNames, table: Run) -> str:
+    def columns_sentence(self, axes: AxisNames, table: Run) -> str:
         """Which columns are x, y and their uncertainties, with units, and which columns of numbers are not read."""
         said = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
         said += [(key, self.columns[key], unit) for key, unit in (("u_y", axes.y_unit), ("u_x", axes.x_unit)) if key in self.columns]
-        return columns_told(said, table.unread)
+        return columns_sentence(said, table.unread)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:

@@ -41,7 +41,7 @@ class Study(Protocol):
     def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
         """The posterior mode, where the data determine one; near : (n_par,) the only place to look for it, where that is known."""
 
-    def foreseen(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
+    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
         """(n_par, n_par) information at `values` that runs with `tables` would give, priors included.
 
         sizes : run -> how large its unmodelled force is; runs without one have none.

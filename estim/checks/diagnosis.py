@@ -192,7 +192,7 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
     return findings
 
 
-def borne_pattern(run: Goodness) -> list[Finding]:
+def tolerated_pattern(run: Goodness) -> list[Finding]:
     """A pattern in the residuals that the stated error covers, or that the intervals bear."""
     if run.alike:
         p = min(run.checks[name].p_value for name in run.alike)
@@ -203,7 +203,7 @@ def borne_pattern(run: Goodness) -> list[Finding]:
     return [Finding(Kind.PATTERN_COVERED, run=run.run, size=(chi2 / run.whitened.size) ** 0.5, numbers={"chi2": chi2}, names=run.covered)]
 
 
-def hardly_passed(run: Goodness) -> list[Finding]:
+def marginal_tests(run: Goodness) -> list[Finding]:
     """Tests of the noise that a run passes, but not well."""
     return [Finding(Kind.RESIDUALS_HARDLY, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}) for name in run.hardly]
 
@@ -235,7 +235,7 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
     off = {force.run for force in fit.forces if force.bad.jumps}  # readings that are off may well lie where the body is fast
     for good, run in zip(goodness, fit.problem.runs, strict=True):
-        found += borne_pattern(good) + hardly_passed(good)
+        found += tolerated_pattern(good) + marginal_tests(good)
         chi2 = good.checks.get("chi2")
         if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL

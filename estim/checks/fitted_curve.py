@@ -11,7 +11,7 @@ from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.deviations import unasked as unasked
 from estim.checks.deviations import wrong_curves as wrong_curves
-from estim.checks.diagnosis import borne_pattern, failed_tests, hardly_passed
+from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
 from estim.fitting import FEW, PRESSED_BELOW, Ends, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
@@ -79,8 +79,8 @@ def curve_remarks(
         found.append(Finding(Kind.CANCELLATION))
     if not stated and dof <= FEW and not perfect:
         found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
-    covered = [replace(one, run="") for good in goodness for one in borne_pattern(good)]
-    found += covered + [replace(one, run=one.run if len(goodness) > 1 else "") for good in goodness for one in hardly_passed(good)]
+    covered = [replace(one, run="") for good in goodness for one in tolerated_pattern(good)]
+    found += covered + [replace(one, run=one.run if len(goodness) > 1 else "") for good in goodness for one in marginal_tests(good)]
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
         kind = Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
         found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))

@@ -12,7 +12,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, counted, groups_of, kept_pieces, report_at, write_report
+from estim.cli.terminal import NOT_OK, claim, conclude, counted, finished_pieces, groups_of, report_at, write_report
 from estim.common import Stream, decide, stream
 
 
@@ -65,7 +65,7 @@ def run_calibrations(
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     claim(folder, "calibration.json", groups=groups)
-    with kept_pieces(folder, resume=resume) as store:
+    with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
             fit = loaded.fit(as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from estim.cli.batching import batch
+from estim.cli.bodies import report_bodies
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
@@ -39,8 +40,8 @@ from estim.cli.terminal import (
     claim,
     conclude,
     exit_code,
+    finished_pieces,
     groups_of,
-    kept_pieces,
     progress_bar,
     report_at,
     say,
@@ -48,7 +49,6 @@ from estim.cli.terminal import (
     write_report,
 )
 from estim.cli.verifying import diff, verify
-from estim.cli.weighing import say_bodies
 from estim.common import InputError, PieceStore, Stream, as_json, ended_by_signals, phrase, replace_own, stream
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ def fit(
     if compare and (explain or marginal is not None):
         raise InputError("cannot be combined with --explain, --marginal or --full", field="--compare")
     claim(folder, "comparison.json" if compare else "result.json", groups=groups)
-    with kept_pieces(folder, resume=resume) as store:
+    with finished_pieces(folder, resume=resume) as store:
         if compare:
             all_ok = compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=not no_figures)
         else:
@@ -232,7 +232,7 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
     loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
     claim(folder, "result.json")
-    with kept_pieces(folder, resume=resume) as store:
+    with finished_pieces(folder, resume=resume) as store:
         result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes, store=store)
         write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
@@ -266,7 +266,7 @@ def simulate(design: Path, out: Path) -> None:
 @LANG
 def body(file: Path, out: Path | None, seed: int) -> None:
     """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
-    say_bodies(file, out or out_folder(file, "body"), seed=seed)
+    report_bodies(file, out or out_folder(file, "body"), seed=seed)
 
 
 @cli.command()

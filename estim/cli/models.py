@@ -12,7 +12,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, groups_of, kept_pieces, progress_bar, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, claim, conclude, finished_pieces, groups_of, progress_bar, report_at, say, write_report
 from estim.common import phrase
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def compare_models(
     groups = groups_of(loaded, runs, joint=joint)
     claim(folder, "models.json", groups=groups)
     recommended = True
-    with kept_pieces(folder, resume=resume) as store:
+    with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             what = ", ".join(group)
 

@@ -177,7 +177,7 @@ def report_at(path: Path, outside: Iterable[str]) -> None:
 
 
 @contextmanager
-def kept_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
+def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
     """Where a command keeps what it has finished, in OUT/.checkpoint, until all its reports are written.
 
     Without `resume` what an earlier command left there is discarded.  A signal to stop ends in a line that says whether anything was finished.

@@ -6,8 +6,8 @@ from estim.common.jobs import spread
 from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
 from estim.common.labels import in_unit, is_angle, is_in_degrees, is_unit, powers_in, same_unit
 from estim.common.lookalikes import first_alike, forms, same_looks
-from estim.common.phrases import LANGUAGES, Said, language, later, phrase, spoken
-from estim.common.pieces import PieceStore, key_of
+from estim.common.phrases import LANGUAGES, PhraseTable, language, later, phrase, spoken
+from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit

@@ -57,7 +57,7 @@ def later(english: str) -> str:
     return english
 
 
-class Said(Mapping[K, str]):
+class PhraseTable(Mapping[K, str]):
     """A table of English sentences, each said in the language that is spoken where it is looked up."""
 
     def __init__(self, english: Mapping[K, str]) -> None:

@@ -10,5 +10,5 @@ from estim.curves.quantities import Plain, refuse_quantities, without_units
 from estim.curves.regimes import borders_of, farthest_stop, placed, steepest_tilt, stop_of, turning_contours
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, scale_errors_of
-from estim.curves.sought import SoughtQuantity, check_sought, in_units, seek, unit_that_follows
+from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek, unit_that_follows
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

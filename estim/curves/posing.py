@@ -16,11 +16,11 @@ from estim.arrays import FloatArray
 from estim.common import InputError, Notation, phrase, read_quantity
 from estim.curves.columns import column, errors_of
 from estim.curves.counting import CountedPoints, Counting, ask_counts, refuse_errors
+from estim.curves.derived import SoughtQuantity, seek_of_fit
+from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
 from estim.curves.function import PythonCurve, wrap_function
-from estim.curves.lacks import ask_lacks
 from estim.curves.shared_errors import Component, DistortedCurve
-from estim.curves.sought import SoughtQuantity, seek_of_fit
 from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
@@ -30,8 +30,8 @@ from estim.problem import (
     GAUSSIAN,
     Correlated,
     Curve,
+    Discrepancy,
     Flat,
-    Lacks,
     Noise,
     Observations,
     Parameter,
@@ -75,12 +75,12 @@ class CurveProblem:
     stated: bool
     axes: AxisNames
     fixed: Mapping[str, float]
-    lacks: Lacks | None = None
+    lacks: Discrepancy | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
     called: str = ""
 
-    def with_lacks(self, sigma: float) -> Problem:
+    def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
         problem = self.with_sigma(sigma)
         return Problem(problem.parameters, (replace(problem.runs[0], lacks=self.lacks),))
@@ -217,7 +217,7 @@ def pose_curve(
         text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
         curve=whole, parameters=everything, x=points["x"][order], y=points["y"][order],
         relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
-        lacks=ask_lacks(deviation, correlated, order, stated=stated, exact_x=u_x is None),
+        lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], said),
     )

@@ -1,14 +1,14 @@
 """What the curve lacks, as covariance: a force along a track, deviations, errors correlated in time.  Read `components` first, then `posing`."""
 
-from estim.deviation.alike import log_rescaled, log_restarted, pose_alike
+from estim.deviation.without_force import log_rescaled, log_restarted, pose_without_force
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.completed import Completed
-from estim.deviation.course import Course, Rows
+from estim.deviation.trajectory import Trajectory, Rows
 from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
 from estim.deviation.joint import JointlyPosed, NormalParts, by_itself, pose_forces
 from estim.deviation.jumps import BadFrames, Jump
-from estim.deviation.lacking import DeviationSize, FoundDeviation, pose_deviation, presence
+from estim.deviation.discrepancy import DeviationSize, FoundDeviation, pose_deviation, presence
 from estim.deviation.noise import FreeStart
 from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
 from estim.deviation.posing import FoundForce, Posed, bad_frames, pose_force

@@ -14,12 +14,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Family
-from estim.deviation.course import Along
 from estim.deviation.force import force_kernel, work_along
 from estim.deviation.grid import START_SD
 from estim.deviation.kernels import without_mean
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import Residuals
+from estim.deviation.trajectory import Along
 from estim.problem import Motion, Named, Points
 
 

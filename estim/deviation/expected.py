@@ -16,12 +16,12 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 
 from estim.arrays import FloatArray
-from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.kernels import without_mean
 from estim.deviation.noise import formed_about
 from estim.deviation.residuals import stacked
+from estim.deviation.trajectory import Trajectory
 from estim.problem import Observations, Posterior, Problem, StackedPoints
 
 
@@ -55,7 +55,7 @@ def force_sizes(posterior: Posterior, values: FloatArray) -> dict[str, ForceSize
 
 
 def expected_root(
-    runs: Sequence[Observations], courses: Mapping[str, Course], problem: Problem, values: FloatArray, size: ForceSize
+    runs: Sequence[Observations], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, size: ForceSize
 ) -> FloatArray:
     """J (n_obs, n_par) with J^T J the information that `runs`, which share a force of this size, give about the parameters at `values`.
 

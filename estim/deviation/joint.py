@@ -17,20 +17,31 @@ from scipy.linalg import block_diag
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.deviation.components import Deviation, diagonalise
-from estim.deviation.course import Along, Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
-from estim.deviation.found import OwnForce, find_force, find_own_force
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
 from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
-from estim.deviation.posing import FoundForce, Told, as_prior, growth_over, likely_root, linear_groups, priors_at, summed, told_beyond, told_by
+from estim.deviation.posing import (
+    FoundForce,
+    TrialInformation,
+    as_prior,
+    growth_over,
+    information_of_run,
+    likelihood_information,
+    likely_root,
+    linear_groups,
+    priors_at,
+    summed,
+)
 from estim.deviation.residuals import Residuals, stacked
+from estim.deviation.trajectory import Along, Trajectory
 from estim.problem import Likelihood, Named, Noise, Observations, Points, Problem, Root, StackedPoints, Wording, stacked_root
 
 
@@ -86,14 +97,14 @@ class JointlyPosed:
     cov: FloatArray
     parts: NormalParts
 
-    def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
+    def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
         moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
         return tuple(replace(one, moved=moved) for one in self.found)
 
 
 @dataclass(frozen=True, eq=False)
-class _Lacking:
+class _Linearised:
     """A group of runs, linear about a white fit.
 
     track : the longest.  responses : of each run, on its nodes.  pushes : (n_obs, n_run) what one sd of each energy at release does.
@@ -118,7 +129,7 @@ class _Lacking:
 
 
 def pose_forces(
-    groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, without: FloatArray,
+    groups: Mapping[str, Sequence[Observations]], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, *, without: FloatArray,
     alone: Mapping[str, FloatArray],
 ) -> JointlyPosed:
     """The forces of `groups` of runs, linear about `values` (n_par,), those of a white fit with free starts.
@@ -136,8 +147,8 @@ def pose_forces(
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     forced = {run.name for group in lacking for run in group.runs}
-    complete = [told_by(run, problem, values) for run in problem.runs if run.name not in forced]
-    told = [told_beyond(group.beside(precision, pull), prior) for group in lacking]
+    complete = [information_of_run(run, problem, values) for run in problem.runs if run.name not in forced]
+    told = [likelihood_information(group.beside(precision, pull), prior) for group in lacking]
     each = [tuple(_told_alone(run, courses, problem, values, alone[run.name]) for run in group.runs) for group in lacking]
     besides = [summed([prior, *complete, *told[:i], *told[i + 1 :]]) for i in range(len(lacking))]
     linear = [group.beside(*as_prior([beside])) for group, beside in zip(lacking, besides, strict=True)]
@@ -153,7 +164,7 @@ def pose_forces(
     return JointlyPosed(noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n], parts)
 
 
-def _speeds(lacking: Sequence[_Lacking], problem: Problem, values: FloatArray) -> list[tuple[FloatArray, ...]]:
+def _speeds(lacking: Sequence[_Linearised], problem: Problem, values: FloatArray) -> list[tuple[FloatArray, ...]]:
     """Of each run of each group (n_obs,), as far as its data and the priors tell."""
     prior, found = priors_at(problem, values, n_start=0), []
     for group in lacking:
@@ -163,9 +174,9 @@ def _speeds(lacking: Sequence[_Lacking], problem: Problem, values: FloatArray) -
 
 
 def _prepared(
-    label: str, runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray,
+    label: str, runs: tuple[Observations, ...], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray,
     *, speeds: Sequence[FloatArray | None] | None = None,
-) -> _Lacking:
+) -> _Linearised:
     named, speeds = problem.named(values), [None] * len(runs) if speeds is None else speeds
     about = [
         formed_about(courses[run.name], run.noise, run.points, named, scale=run.force, speed=speed) for run, speed in zip(runs, speeds, strict=True)
@@ -178,18 +189,18 @@ def _prepared(
     radius = alongs[0].radian
     shapes = shared_force_shapes(longest, responses, radius=radius) if several else force_shapes(longest, responses[0], radius=radius)
     points, root, formed = StackedPoints(tuple(run.points for run in runs)), stacked_root([one.root for one in stated]), stacked(each)
-    return _Lacking(
+    return _Linearised(
         label, runs, alongs, longest, responses, diagonalise(root, shapes, prior_grid(runs[0].force)),
         residuals=formed.at(points, named)[0], jacobian=formed.gradient(points, named, problem.names),
         pushes=block_diag(*(along.push[:, None] for along in alongs)), formed=formed,
     )
 
 
-def _told_alone(run: Observations, courses: Mapping[str, Course], problem: Problem, values: FloatArray, there: FloatArray) -> Told:
+def _told_alone(run: Observations, courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, there: FloatArray) -> TrialInformation:
     """What one of several runs says by itself, as in a fit of this run alone, linear about its own white fit `there`; for steps from `values`."""
     precision, pull = priors_at(problem, there, n_start=0)
     linear = _prepared(run.name, (by_itself(run, problem),), courses, problem, there).beside(precision, pull)
-    information, score = told_beyond(linear, (precision, precision @ pull))
+    information, score = likelihood_information(linear, (precision, precision @ pull))
     return information, score - information @ (values - there)
 
 
@@ -199,7 +210,7 @@ def by_itself(run: Observations, problem: Problem) -> Observations:
     return replace(run, arguments={a: spreads.get(source, source) if isinstance(source, str) else source for a, source in run.arguments.items()})
 
 
-def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
+def _noises(group: _Linearised, linear: Linearised) -> dict[str, Noise]:
     if len(group.runs) == 1:
         (run,) = group.runs
         mixture = keep_probable(linear, columns=group.pushes)
@@ -208,12 +219,12 @@ def _noises(group: _Lacking, linear: Linearised) -> dict[str, Noise]:
     return {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
 
 
-def _together(group: _Lacking, linear: Linearised) -> Together:
+def _together(group: _Linearised, linear: Linearised) -> Together:
     names = tuple(run.name for run in group.runs)
     return Together(names, keep_probable(linear, columns=group.pushes), likely_root(linear, group.pushes), group.formed)
 
 
-def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem, told: Told) -> FoundForce:
+def _found(group: _Linearised, linear: Linearised, values: FloatArray, without: FloatArray, problem: Problem, told: TrialInformation) -> FoundForce:
     run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
     force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
     means, covs = linear_groups(linear, problem.n_par)
@@ -229,7 +240,7 @@ def _found(group: _Lacking, linear: Linearised, values: FloatArray, without: Flo
     )
 
 
-def _own(group: _Lacking, linear: Linearised) -> tuple[OwnForce, ...]:
+def _own(group: _Linearised, linear: Linearised) -> tuple[OwnForce, ...]:
     ratios = OWN * (len(linear.deviation.families) // len(OWN))  # the order of `shared_force_shapes`
     found = []
     for i, (run, along) in enumerate(zip(group.runs, group.alongs, strict=True)):

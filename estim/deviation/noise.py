@@ -11,11 +11,11 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
+from estim.deviation.trajectory import Trajectory
 from estim.problem import (
     Counted,
     Differences,
@@ -99,7 +99,7 @@ class FreeStart(Stated):
     bad : the frames.
     """
 
-    course: Course
+    course: Trajectory
     bad: BadFrames
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
@@ -160,7 +160,7 @@ class StatedErrors:
 
 
 def formed_about(
-    course: Course, base: Noise, points: Points, named: Named, *, scale: float, speed: FloatArray | None = None
+    course: Trajectory, base: Noise, points: Points, named: Named, *, scale: float, speed: FloatArray | None = None
 ) -> tuple[Residuals, StatedErrors]:
     """How residuals are formed for a fit with the values `named`, and the stated errors of such residuals.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.linearised import Linearised
-from estim.deviation.posing import Told, told_beyond_normal
+from estim.deviation.posing import TrialInformation, likelihood_of_normal
 
 _WIDE = 3  # groups of the components with a force, from narrow to wide
 _MOST = 24  # combinations that are kept
@@ -28,14 +28,14 @@ class NormalParts:
     covs: FloatArray
 
 
-def normal_parts(groups: Sequence[tuple[Linearised, Told]], known: Told, values: FloatArray) -> NormalParts:
+def normal_parts(groups: Sequence[tuple[Linearised, TrialInformation]], known: TrialInformation, values: FloatArray) -> NormalParts:
     """The most probable combinations of the components of each group, about `values` (n_par,).
 
     groups : each linearised beside what is known of the parameters without it, which goes with it.  known : what no group says.
     """
     combined = [(1.0, *known)]
     for linear, beside in groups:
-        parts = [(weight, *told_beyond_normal(mean, cov, beside)) for weight, mean, cov in _parts(linear, values.size)]
+        parts = [(weight, *likelihood_of_normal(mean, cov, beside)) for weight, mean, cov in _parts(linear, values.size)]
         combined = [
             (weight * own, information + own_information, score + own_score)
             for weight, information, score in combined

@@ -14,23 +14,23 @@ from scipy.linalg import block_diag
 from estim.arrays import FloatArray
 from estim.deviation.completed import Completed
 from estim.deviation.components import Shape, diagonalise
-from estim.deviation.course import Along, Course
 from estim.deviation.force import force_shapes
-from estim.deviation.found import Force, OwnForce, find_force
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.inferred_force import Force, OwnForce, find_force
 from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, formed_about
 from estim.deviation.residuals import Residuals, points_about
+from estim.deviation.trajectory import Along, Trajectory
 from estim.problem import Observations, Points, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 _ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12  # where frames are judged the noise may be any larger than stated
 
 
-Told = tuple[FloatArray, FloatArray]
+TrialInformation = tuple[FloatArray, FloatArray]
 """Information (n_par, n_par) and score (n_par,) at values of the parameters: what some runs, or their priors, say of them."""
 
 
@@ -65,7 +65,7 @@ class FoundForce:
     growth: Mapping[str, float]
     upright: float
     about: FloatArray
-    told: Told
+    told: TrialInformation
     means: FloatArray
     covs: FloatArray
     bad: BadFrames
@@ -73,7 +73,7 @@ class FoundForce:
     step: float
     runs: tuple[str, ...]
     own: tuple[OwnForce, ...] = ()
-    alone: tuple[Told, ...] = ()
+    alone: tuple[TrialInformation, ...] = ()
     moved: float = 0.0
     completed: Completed | None = None
 
@@ -93,12 +93,12 @@ class Posed:
     def noises(self) -> Mapping[str, WithForce]:
         return {self.found.run: self.noise}
 
-    def found_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
+    def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
         return (replace(self.found, moved=float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))),)
 
 
-def pose_force(run: Observations, course: Course, problem: Problem, values: FloatArray, *, without: FloatArray, bad: BadFrames) -> Posed:
+def pose_force(run: Observations, course: Trajectory, problem: Problem, values: FloatArray, *, without: FloatArray, bad: BadFrames) -> Posed:
     """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a free start.
 
     without : (n_par,) standard deviations with the stated noise alone and an exact start.  bad : frames whose shifts are unknown too.
@@ -121,7 +121,7 @@ def pose_force(run: Observations, course: Course, problem: Problem, values: Floa
         run=run.name, unit=unit, scale=run.force, force=force, noise=linear.size("scale"), larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
         too_large=linear.p_noise(max(SCALES)), conservative=stated_is_conservative(linear),
         growth=growth_over(problem, linear, without), upright=here.along.upright, about=values,
-        told=told_beyond(linear, (prior, prior @ here.pull[:n])), means=values + means, covs=covs, bad=bad,
+        told=likelihood_information(linear, (prior, prior @ here.pull[:n])), means=values + means, covs=covs, bad=bad,
         reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit, step=run.noise.size.step, runs=(run.name,),
         completed=None if run.positions else Completed(here.points, run.body, mixture, here.formed, here.along),
     )
@@ -138,7 +138,7 @@ def _weighed(run: Observations, here: _Linear, bad: BadFrames) -> tuple[Linearis
     return linearise(deviation, here.residuals, jacobian, precision=precision, pull=pull), columns
 
 
-def bad_frames(run: Observations, course: Course, problem: Problem, values: FloatArray, *, known: BadFrames) -> BadFrames:
+def bad_frames(run: Observations, course: Trajectory, problem: Problem, values: FloatArray, *, known: BadFrames) -> BadFrames:
     """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as `pose_force` does.
 
     known : what was found about other values: it is kept where it still has a size.
@@ -169,7 +169,7 @@ class _Linear:
 
 
 def _linear(
-    run: Observations, course: Course, problem: Problem, values: FloatArray, bad: BadFrames, *, speed: FloatArray | None = None
+    run: Observations, course: Trajectory, problem: Problem, values: FloatArray, bad: BadFrames, *, speed: FloatArray | None = None
 ) -> _Linear:
     """speed : (n_obs,) where more is known of the speeds than the curve at `values` says."""
     named, points = problem.named(values), bad.moved(run.points)
@@ -181,20 +181,20 @@ def _linear(
     return _Linear(points, named, along, stated, formed, shapes, residuals, jacobian, *priors_at(problem, values))
 
 
-def told_by(run: Observations, problem: Problem, values: FloatArray) -> Told:
+def information_of_run(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
     """What a run says whose noise is known."""
     named = problem.named(values)
     jacobian, residuals = run.likelihood(named).scoring(named, problem.names)
     return jacobian.T @ jacobian, -jacobian.T @ residuals
 
 
-def told_beyond(linear: Linearised, prior: Told) -> Told:
+def likelihood_information(linear: Linearised, prior: TrialInformation) -> TrialInformation:
     """What observations say beyond the `prior` that they were linearised with, as one normal distribution; with it the mean is that of all."""
     n_par = prior[1].size
-    return told_beyond_normal(linear.mean[:n_par], linear.covariance[:n_par, :n_par], prior)
+    return likelihood_of_normal(linear.mean[:n_par], linear.covariance[:n_par, :n_par], prior)
 
 
-def told_beyond_normal(mean: FloatArray, cov: FloatArray, prior: Told) -> Told:
+def likelihood_of_normal(mean: FloatArray, cov: FloatArray, prior: TrialInformation) -> TrialInformation:
     """What makes a normal posterior of `mean` (n_par,), from the point of linearisation, and `cov` of the `prior`."""
     scale = np.sqrt(np.diag(cov))
     beyond = np.linalg.inv(cov / np.outer(scale, scale)) - prior[0] * np.outer(scale, scale)
@@ -203,12 +203,12 @@ def told_beyond_normal(mean: FloatArray, cov: FloatArray, prior: Told) -> Told:
     return information, information @ mean + prior[0] @ mean - prior[1]
 
 
-def summed(known: Sequence[Told]) -> Told:
+def summed(known: Sequence[TrialInformation]) -> TrialInformation:
     """What several sources say together."""
     return np.sum([one[0] for one in known], axis=0), np.sum([one[1] for one in known], axis=0)
 
 
-def as_prior(known: Sequence[Told]) -> Told:
+def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:
     """Precision and pull of what several sources say together: of a normal prior with that information and score."""
     precision, score = summed(known)
     scale = np.sqrt(np.maximum(np.diag(precision), 0.0))

@@ -6,10 +6,10 @@ from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, prior_sds
-from estim.fitting.lacking import fit_lacking, sds_beside_limits
+from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
-from estim.fitting.optimum import N_START, Optimum, find_optimum, fit_beside, fit_optimum, is_resolved, scanned_fit, with_others
+from estim.fitting.optimum import N_START, Optimum, find_optimum, refit_with_noise, fit_optimum, is_resolved, scanned_fit, with_other_modes
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.fitting.descent import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of
-from estim.fitting.silence import PERFECT, no_scatter, silent_parameters
+from estim.fitting.unconstrained import PERFECT, no_scatter, silent_parameters

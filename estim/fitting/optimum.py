@@ -194,7 +194,7 @@ def _scanned(search: SeparableSearch, best: End, tried: list[End], symmetry: Sym
 def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
     """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it, but found from afar."""
     best = find_optimum(problem, problem.start(), rng=rng)
-    fit = with_others(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng)
+    fit = with_other_modes(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng)
     if not problem.noise_names and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
@@ -242,7 +242,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
-def fit_beside(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True) -> Fit | None:
+def refit_with_noise(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True) -> Fit | None:
     """The mode of a problem with another noise than that of a fit to the same points: nothing has to be sought from afar again.
 
     It is sought from all optima of that of `fits` which has the points and the curve of `problem`.  Where that fit has one optimum, and explains
@@ -273,7 +273,7 @@ def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> Float
     return np.array([v if n in own else known[n] for n, v in zip(problem.names, problem.start().tolist(), strict=True)])
 
 
-def with_others(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
+def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     """A fit with the other optima of the search: those that hold more than next to nothing of the posterior, noise parameters refitted."""
     if best.singular or fit.singular:
         return replace(fit, unheld=best.unheld)

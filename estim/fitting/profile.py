@@ -23,8 +23,8 @@ from estim.common import InputError, later, percentage, phrase
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.descent import End, Start, minima, together
 from estim.fitting.least_squares import Fit
+from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of
-from estim.fitting.profile_walks import crossing, dips, returns, walk
 from estim.problem import Parameter
 
 _BETTER = 0.02  # fall of the objective below the fit's that counts as another, better optimum

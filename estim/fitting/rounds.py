@@ -46,7 +46,7 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class FixedPoint:
     """values : (n_par,).  posterior : with the covariances there, or where they are held.  moved : by the last round, nan without curvature."""
 
     values: FloatArray
@@ -77,7 +77,7 @@ class _Pace:
 def settle_by_runs(
     values: FloatArray, posterior: Posterior, *, most: int, tolerance: float, best: Callable[[Posterior, FloatArray], FloatArray],
     spread: Callable[[Posterior, FloatArray], FloatArray | None],
-) -> Settled:
+) -> FixedPoint:
     """Rounds from a posterior linearised at `values` (n_par,) until none moves a parameter by `tolerance` standard deviations, at most `most`.
 
     best : where the density is highest with given covariances.  spread : (n_par,) standard deviations there, None without curvature.
@@ -92,7 +92,7 @@ def settle_by_runs(
         posterior = _linearised(problem, values, paces)
         curved = spread(posterior, values)
         if curved is None:
-            return Settled(values, posterior, math.nan, ())
+            return FixedPoint(values, posterior, math.nan, ())
         scale = curved
         step = step / scale
         moved = float(np.max(np.abs(step), initial=0.0))
@@ -118,7 +118,7 @@ def settle_by_runs(
         for one in paces:
             pace[one.mine] = one.share
         before, far = step, now
-    return Settled(values, posterior, moved, _held(paces, problem, values, scale))
+    return FixedPoint(values, posterior, moved, _held(paces, problem, values, scale))
 
 
 def _linearised(problem: Problem, values: FloatArray, paces: list[_Pace]) -> Posterior:

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from estim.checks import P_POOR_FIT
-from estim.common import Said, format_p, later, phrase
+from estim.common import PhraseTable, format_p, later, phrase
 from estim.distributions import student_tail
 from estim.line.angle import LineData
 
-CONVENTIONS: Mapping[str, str] = Said(
+CONVENTIONS: Mapping[str, str] = PhraseTable(
     {
         "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, with the stated uncertainties taken as true"),
         "propagated": later(

@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
-from estim.common import Finding, Kind, Notation, Quantity, Said, Status, Stream, decide, e_n, later, phrase, stream, wrong
+from estim.common import Finding, Kind, Notation, PhraseTable, Quantity, Status, Stream, decide, e_n, later, phrase, stream, wrong
 from estim.line.release import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
 from estim.line.release_draws import sample, weigh
 from estim.line.thresholds import Threshold, thresholds
@@ -23,7 +23,7 @@ from estim.problem import Prior
 from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
 from estim.words import advice_for, tell
 
-WAYS: Mapping[str, str] = Said(
+WAYS: Mapping[str, str] = PhraseTable(
     {
         "both": later("all trials"), LOW: later("θ_min alone"), HIGH: later("θ_max alone"),
         "free": later("all trials, neglecting the effect of the release"),
@@ -73,7 +73,7 @@ class EndsApart:
 
 
 @dataclass(frozen=True)
-class Told:
+class TrialInformation:
     """What the trials tell of one unknown: posterior over prior standard deviation, and correlation with gamma."""
 
     share: float
@@ -100,7 +100,7 @@ class TrialsAnalysis:
     thresholds: tuple[Threshold, ...]
     offset: Quantity
     phi_mean: float
-    told: Mapping[str, Told]
+    told: Mapping[str, TrialInformation]
     correlation: float
     gamma_masses: Quantity | None
     findings: tuple[Finding, ...]
@@ -177,8 +177,8 @@ def analyse_trials(
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
-    told: dict[str, Told] = {
-        name: Told(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1]))
+    told: dict[str, TrialInformation] = {
+        name: TrialInformation(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1]))
         for name in ("rolling_resistance", "release", "scatter") if name in values
     }
     both = "rolling_resistance" in values and "release" in values

@@ -18,7 +18,7 @@ from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import (
     Dialect,
     Layout,
-    columns_told,
+    columns_sentence,
     first_and_second,
     is_column,
     name_and_unit,
@@ -172,7 +172,7 @@ def straight_line(
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
     said = [(key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns]
-    told, facts = columns_told(said, table.unread), (*table.facts, *table.warnings)
+    told, facts = columns_sentence(said, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
         path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, facts, tuple(stated.words),
         tuple(points_findings(fit)),

@@ -2,5 +2,5 @@
 
 from estim.planning.halving import Halving
 from estim.planning.planning import FAR, Plan, plan
-from estim.planning.weighing import Option
-from estim.planning.wishes import MORE
+from estim.planning.options import Option
+from estim.planning.changes import MORE

@@ -9,10 +9,10 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
+from estim.planning.changes import MORE, OTHERWISE, Readings, Wish, better_words, by_quantity, measured_better
+from estim.planning.options import Basis, Option, sds_with, weigh
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again
-from estim.planning.weighing import Basis, Option, sds_with, weigh
-from estim.planning.wishes import MORE, OTHERWISE, Readings, Wish, better_words, by_quantity, measured_better
 from estim.problem import Parameter
 
 _HALF = 0.5

@@ -13,8 +13,8 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit
+from estim.planning.changes import Wish
 from estim.planning.rolling import Outlook
-from estim.planning.wishes import Wish
 from estim.problem import Observations, Problem, Scale
 from estim.reading import Run
 
@@ -49,7 +49,7 @@ class CurveBasis:
         problem = campaign.problem(self.names)
         self._require_places(problem, wish)
         problem, values = _errors_times(problem, self._values(problem), wish.error)
-        information = campaign.study.foreseen(problem, tables, values, {})
+        information = campaign.study.expected_information(problem, tables, values, {})
         return Outlook(problem, values, information, campaign, MappingProxyType({}))
 
     def _values(self, problem: Problem) -> FloatArray:

@@ -9,10 +9,10 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
+from estim.planning.changes import MORE, Readings, Wish, further_readings, which_place
+from estim.planning.options import sds_of
 from estim.planning.own_curve import CurveBasis
 from estim.planning.rolling import Outlook
-from estim.planning.weighing import sds_of
-from estim.planning.wishes import MORE, Readings, Wish, further_readings, which_place
 from estim.problem import Parameter
 
 

@@ -22,13 +22,7 @@ from estim.campaign import Campaign, as_complete, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, phrase, split_level, stream, wrong
 from estim.fitting import Fit
-from estim.planning.halving import Halving, ways_to_halve
-from estim.planning.own_curve import CurveBasis
-from estim.planning.places import Along, more_readings, weigh_places
-from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
-from estim.planning.suggestions import more_runs, planned_runs
-from estim.planning.weighing import Option, sds_with, weigh
-from estim.planning.wishes import (
+from estim.planning.changes import (
     BETTER,
     MORE,
     OTHERWISE,
@@ -40,6 +34,12 @@ from estim.planning.wishes import (
     measured_otherwise,
     which_place,
 )
+from estim.planning.halving import Halving, ways_to_halve
+from estim.planning.options import Option, sds_with, weigh
+from estim.planning.own_curve import CurveBasis
+from estim.planning.places import Along, more_readings, weigh_places
+from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
+from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses
 
 FAR = 0.15  # how far linear theory may be from the drawn posterior before it is not to be trusted

@@ -14,7 +14,7 @@ from estim.campaign import Campaign, NewRun, as_complete, otherwise, with_own_ga
 from estim.common import InputError, later, phrase, split_level
 from estim.deviation import ForceSize, force_sizes
 from estim.fitting import Fit
-from estim.planning.wishes import Wish
+from estim.planning.changes import Wish
 from estim.problem import Observations, Problem
 from estim.reading import Run
 
@@ -73,7 +73,7 @@ class RollingBasis:
         problem = with_own_gamma(self._posed(campaign, (*self.names, *like)), wish.runs)
         values = self._values(problem, wish.runs)
         sizes = {name: self.sizes[old] for name in (*self.names, *like) if (old := like.get(name, name)) in self.sizes}
-        information = campaign.study.foreseen(problem, tables, values, sizes)
+        information = campaign.study.expected_information(problem, tables, values, sizes)
         return Outlook(problem, values, information, campaign, MappingProxyType(release), tuple(dict.fromkeys(remarks)))
 
     def _posed(self, campaign: Campaign, names: Sequence[str]) -> Problem:

@@ -10,7 +10,7 @@ import numpy as np
 from estim.campaign import Campaign, NewRun, planned_quantities
 from estim.common import Quantity, phrase
 from estim.fitting import Fit
-from estim.planning.wishes import MORE, Wish
+from estim.planning.changes import MORE, Wish
 from estim.problem import Observations
 
 _TILTS = (0.5, 1.0, 1.5, 2.0)  # times the middle one

@@ -19,9 +19,9 @@ from estim.problem.differences import Differences
 from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, StackedPoints, n_draws, reading_sd
 from estim.problem.noise import STENCILS, Derivative, Differentiated, Independent, Named, Scale, Size, differentiate
 from estim.problem.normal import GaussianErrors
-from estim.problem.observations import MAX_LACKING, Lacks, Observations, Parameter, n_uses, shared_first, uses_of
+from estim.problem.observations import MAX_LACKING, Discrepancy, Observations, Parameter, n_uses, shared_first, uses_of
 from estim.problem.posterior import Group, Measure, Posterior, Problem
-from estim.problem.priors import PRIORS, Flat, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, Unstated, Usual, as_prior
+from estim.problem.priors import PRIORS, Flat, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, Unstated, DefaultError, as_prior
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves

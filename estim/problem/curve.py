@@ -46,7 +46,7 @@ class Derived:
         return self.notation.label(self.unit)
 
 
-class Sought(Protocol):
+class DerivedQuantity(Protocol):
     """A quantity that a user wants computed from the parameters.
 
     text : how it follows.  unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact number.

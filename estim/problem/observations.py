@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Label, Notation, phrase, split_level
-from estim.problem.curve import POINTS, Curve, Derived, Motion, Sought, Wording
+from estim.problem.curve import POINTS, Curve, Derived, DerivedQuantity, Motion, Wording
 from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.priors import Prior
 from estim.problem.size import Named
@@ -52,7 +52,7 @@ MAX_LACKING = 1000  # points of a curve that may lack something: every length ne
 
 
 @dataclass(frozen=True, eq=False)
-class Lacks:
+class Discrepancy:
     """What a curve of the user's own may lack, before the data have a say.
 
     deviation : scale of the prior of a smooth deviation of y along x, unit of y; 0 for none.
@@ -102,8 +102,8 @@ class Observations:
     positions: bool = False
     force: float = 0.0
     complete: Finding | None = None
-    lacks: Lacks | None = None
-    sought: tuple[Sought, ...] = ()
+    lacks: Discrepancy | None = None
+    sought: tuple[DerivedQuantity, ...] = ()
 
     @property
     def stated(self) -> bool:

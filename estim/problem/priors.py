@@ -225,7 +225,7 @@ class Normal(_CutNormal):
 
 
 @dataclass(frozen=True)
-class Usual(Normal):
+class DefaultError(Normal):
     """Normal about 0 with the size that such an error usually has, where nobody stated it."""
 
     assumed = True

@@ -1,6 +1,6 @@
 """Triangular roots L of covariances C = L L^T, without the matrix where it is large.
 
-`Band` where only neighbours are correlated: independent points, speeds made of neighbouring positions.  `Beside` where
+`Band` where only neighbours are correlated: independent points, speeds made of neighbouring positions.  `LowRankRoot` where
 a few causes move all points beside that: an error of the clock, a push at the start, a force along the track.  `Dense` for any other matrix, and for
 few points, where one product of matrices is faster than many small ones.  `Stacked` for runs below each other.
 
@@ -181,7 +181,7 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class LowRankRoot:
     """L = L_base M with M M^T = I + H H^T, H (n_obs, n_cause) what independent causes of unit size do to whitened points.
 
     M is never written down.  With c the causes given the points before a block, c ~ N(m, P), a block b of points has M_b M_b^T = I + H_b P H_b^T, and
@@ -196,7 +196,7 @@ class Beside:
     gains: tuple[FloatArray, ...]
 
     @classmethod
-    def of(cls, base: Root, causes: FloatArray) -> Beside:
+    def of(cls, base: Root, causes: FloatArray) -> LowRankRoot:
         told, parts, gains = np.eye(causes.shape[1]), [], []
         for start in range(0, len(causes), _BLOCK):
             own = causes[start : start + _BLOCK]
@@ -248,8 +248,8 @@ class Beside:
             known += gain @ z[some]
         return self.base.coloured(found.T.reshape(rows.shape))
 
-    def times(self, factor: float) -> Beside:
-        return Beside(self.base.times(factor), self.causes, self.parts, self.gains)
+    def times(self, factor: float) -> LowRankRoot:
+        return LowRankRoot(self.base.times(factor), self.causes, self.parts, self.gains)
 
     def _blocks(self) -> list[tuple[slice, FloatArray, FloatArray, FloatArray]]:
         starts = range(0, self.n_obs, _BLOCK)
@@ -269,7 +269,7 @@ def beside(base: Root, causes: FloatArray) -> Root:
     if causes.shape[1] == 0:
         return base
     if base.n_obs > DENSE:
-        return Beside.of(base, causes)
+        return LowRankRoot.of(base, causes)
     inner = np.asarray(np.linalg.cholesky(np.eye(base.n_obs) + causes @ causes.T), dtype=float)
     return Dense(base.coloured(inner.T).T)
 

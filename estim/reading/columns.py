@@ -133,7 +133,7 @@ def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
 def _left_out(name: str, lines: Sequence[int]) -> str:
     if len(lines) == 1:
         return phrase("1 row without a value of '{name}' was excluded (line {line})", name=name, line=lines[0])
-    return phrase("{n} rows without a value of '{name}' were excluded (lines {lines})", n=len(lines), name=name, lines=lines_told(lines))
+    return phrase("{n} rows without a value of '{name}' were excluded (lines {lines})", n=len(lines), name=name, lines=line_numbers(lines))
 
 
 def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
@@ -148,19 +148,19 @@ def _copied(copies: Mapping[int, int], table: FloatArray) -> list[str]:
         return [phrase("line {line} is identical to line {first}: if it is a copy, it is counted twice, so remove it", line=line, first=first)]
     words = phrase(
         "{n} rows are identical to an earlier one (lines {lines}): if they are copies, they are counted twice, so remove them",
-        n=len(copies), lines=lines_told(list(copies)),
+        n=len(copies), lines=line_numbers(list(copies)),
     )
     return [words]
 
 
-def columns_told(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
+def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]) -> str:
     """Which columns are what, and which columns of numbers are not read.  read : "x", its column, its unit or "1" where none is known."""
     pairs = [f"{key} = {name_and_unit(column)[0]}{f' ({unit})' if unit not in ('', '1') else ''}" for key, column, unit in read if column]
     columns = phrase("columns: {pairs}", pairs=", ".join(pairs))
     return columns + (phrase("; columns not used: {columns}", columns=listed(unread)) if unread else "")
 
 
-def lines_told(lines: Sequence[int]) -> str:
+def line_numbers(lines: Sequence[int]) -> str:
     """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more there are."""
     starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
     said: list[str] = []

@@ -28,7 +28,7 @@ from estim.reading.tracker.importing import (
     refuse_bare_export,
     stated_tilt,
 )
-from estim.reading.tracker.suspicion import odd_intervals
+from estim.reading.tracker.plausibility import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
 
 COLUMNS = ("t_s", "x_m", "v_m_s", "theta_rad", "omega_rad_s", "sigma_x_m", "sigma_v_m_s")

@@ -18,4 +18,4 @@ from estim.reports.plan import plan_answers, plan_report, plan_status
 from estim.reports.regimes import fitted_values, map_lines, map_report
 from estim.reports.straight_line import straight_line_lines, straight_line_report
 from estim.reports.trials import trials_lines, trials_report
-from estim.reports.weighing import body_lines, body_report
+from estim.reports.bodies import body_lines, body_report

@@ -23,7 +23,7 @@ from estim.reports.corner_figures import corner_figure, corner_words, trace_figu
 from estim.reports.counts import counted_runs, counts_figure, counts_text
 from estim.reports.curve_figures import MOST_DRAWN, drawn_runs, phase_figure, residual_figure, together_figure
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import deviation_text, force_figure, lacks_figure, lacks_text
+from estim.reports.deviation import deviation_text, discrepancy_figure, discrepancy_text, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.identifiability import IdentifySection, direction_figure, identify_section, profile_figure
 from estim.reports.pages import Drawers, page, shortened
@@ -114,7 +114,7 @@ def _drawers(
     if counted_runs(analysis.problem.runs):
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)
     if analysis.fit.deviations:
-        figures["figures/deviation.png"] = lambda: lacks_figure(analysis.fit.deviations, analysis.problem.runs)
+        figures["figures/deviation.png"] = lambda: discrepancy_figure(analysis.fit.deviations, analysis.problem.runs)
     return figures
 
 
@@ -132,7 +132,7 @@ def analysis_text(
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY)
     told_below = P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
-    lacks = lacks_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
+    lacks = discrepancy_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
     screen = first_screen(result)
     return render(
         "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),

@@ -15,7 +15,7 @@ from estim.common import Label, format_rounded, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, grid, name_ticks
 from estim.pipeline import Analysis
-from estim.reports.derived import sought_labels
+from estim.reports.derived import derived_labels
 from estim.reports.records import Labels
 from estim.sampling import number
 from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
@@ -102,7 +102,7 @@ def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
 
 def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     """What is sought first, then the parameters that runs share; sources that are alike (the tilts of many runs) together, small ones too."""
-    shown = [*sought_labels(analysis).items(), *labels.parameters.items()]
+    shown = [*derived_labels(analysis).items(), *labels.parameters.items()]
     known = [(name, label) for name, label in shown if name in budget.names and name not in _between(analysis)]
     chosen = known[:MAX_QUANTITIES]
     columns = [budget.names.index(name) for name, _ in chosen]

@@ -14,7 +14,7 @@ from estim.common import Label, Markdown, phrase
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, PURPLE, WIDTH, name_ticks, new_figure, tick_texts
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, uses_of
-from estim.reports.derived import sought_draws
+from estim.reports.derived import derived_quantity_draws
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,7 +97,7 @@ def columns_of(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType
     shown, draws = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)], analysis.chain.thinned(20_000)
     names = analysis.problem.names
     columns = [_column(p.prior, p.bare_label if single else p.label, draws[:, names.index(p.name)], truth.get(p.name)) for p in shown]
-    return columns + [_column(None, label, values) for label, values in sought_draws(analysis)[:MAX_SOUGHT]]
+    return columns + [_column(None, label, values) for label, values in derived_quantity_draws(analysis)[:MAX_SOUGHT]]
 
 
 def density_of(

@@ -21,7 +21,7 @@ import numpy as np
 
 from estim.campaign import Kind
 from estim.common import KINDS, InputError, write_whole
-from estim.curve_fit import CurveFit
+from estim.curve_fitting import CurveFit
 from estim.pipeline import Analysis, sample_curve
 from estim.problem import Observations
 from estim.reading import Run

@@ -38,18 +38,18 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
         values = np.ravel(derived.values)
         if values.size > 1:
             nothing = Summary(derived.unit, derived.meaning, None, None, None, None, None, None, None)
-            undefined = name in _sought(run) and _undefined(values) > 0.0
+            undefined = name in _derived_quantities(run) and _undefined(values) > 0.0
             summary = nothing if undefined else summarise(values, unit=derived.unit, meaning=derived.meaning)
             found[name] = trusted(summary, analysis.diagnosis.status)
     return found
 
 
-def sought_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
+def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is the same for all runs, else "g[run]"."""
     runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
     for run in runs:
         for name, derived in (derived_draws(analysis, run) if run.sought else {}).items():
-            if name in _sought(run) and derived.values.size > 1:
+            if name in _derived_quantities(run) and derived.values.size > 1:
                 found.setdefault(name, {})[run.name] = derived
     columns: dict[str, tuple[Derived, Label]] = {}
     for name, by_run in found.items():
@@ -61,14 +61,14 @@ def sought_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     return columns
 
 
-def sought_labels(analysis: Analysis) -> dict[str, Label]:
+def derived_labels(analysis: Analysis) -> dict[str, Label]:
     """Their labels."""
-    return {name: label for name, (_, label) in sought_columns(analysis).items()}
+    return {name: label for name, (_, label) in derived_columns(analysis).items()}
 
 
-def sought_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
+def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
     """Label and draws (n_draw,) of those that have a value at every draw."""
-    return [(label, np.ravel(one.values)) for one, label in sought_columns(analysis).values() if not _undefined(np.ravel(one.values))]
+    return [(label, np.ravel(one.values)) for one, label in derived_columns(analysis).values() if not _undefined(np.ravel(one.values))]
 
 
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
@@ -99,7 +99,7 @@ def _undefined(values: FloatArray) -> float:
     return float(np.mean(~np.isfinite(values)))
 
 
-def _sought(run: Observations) -> set[str]:
+def _derived_quantities(run: Observations) -> set[str]:
     return {one.name for one in run.sought}
 
 

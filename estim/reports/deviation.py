@@ -157,7 +157,7 @@ def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
     return {found.run: _curve_summary(analysis, found) for found in analysis.fit.deviations} or None
 
 
-def lacks_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+def discrepancy_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     return render("lacks.md.j2", pictures=pictures, found=found, labels=labels)
 
@@ -183,7 +183,7 @@ def _size(size: DeviationSize | None, unit: str) -> SizeSummary | None:
     return SizeSummary(size.share, size.scale, amplitude, length, unit)
 
 
-def lacks_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations]) -> Figure:
+def discrepancy_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations]) -> Figure:
     """Median with 68 and 95 % bands; points: the residuals of the best curve with independent errors."""
     figure, axes = grid(len(deviations), height=2.8)
     by_name = {run.name: run for run in runs}

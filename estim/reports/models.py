@@ -20,7 +20,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
-from estim.studies import FORCE, START, ComparedModel, Ground, Lack, ModelComparison, contains, log_odds, rival_of
+from estim.studies import FORCE, START, ComparedModel, Ground, ModelComparison, NoEvidence, contains, log_odds, rival_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +39,10 @@ _GROUNDS = {
     Ground.NONE: later("no model has status ok"),
 }
 _LACKS = {
-    Lack.MANY: later("too many unknowns for a second computation"),
-    Lack.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
-    Lack.OTHER_NOISE: later("its noise could not be given the same freedom as in the other models"),
-    Lack.IMPROPER: later("a prior is not a normalised distribution"),
+    NoEvidence.MANY: later("too many unknowns for a second computation"),
+    NoEvidence.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
+    NoEvidence.OTHER_NOISE: later("its noise could not be given the same freedom as in the other models"),
+    NoEvidence.IMPROPER: later("a prior is not a normalised distribution"),
 }
 _ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
 _SHORT = {"energy": later("change of energy"), "its_place": later("position of largest speed")}

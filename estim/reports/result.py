@@ -24,7 +24,6 @@ from estim.checks import (
     Diagnosis,
     Estimate,
     Goodness,
-    borne_pattern,
     headline,
     not_measured,
     p_sentence,
@@ -32,12 +31,13 @@ from estim.checks import (
     result_table,
     screen_lines,
     stated_values,
+    tolerated_pattern,
 )
 from estim.common import Kind, as_json, listed, one_line, phrase, signed, split_level
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
-from estim.reading import Run, lines_told
+from estim.reading import Run, line_numbers
 from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
 from estim.reports.derived import derived_facts, derived_summaries, origin_facts, origin_warnings, speed_facts
 from estim.reports.deviation import DeviationSummary, ForceSummary, curve_deviations, deviations
@@ -263,7 +263,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
         complete=next(map(tell, [run.complete] if run.complete else unasked), None), excluded=[tell(why) for why in run.excluded],
         checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
-        scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, borne_pattern(goodness)), None),
+        scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, tolerated_pattern(goodness)), None),
         facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
         warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
@@ -300,7 +300,7 @@ def first_screen(result: Result) -> Screen:
     p_curve = result.fit.p_value if result.fit.p_value is not None else counted[0] if len(counted) == 1 else None
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
     shown = [name for name in result.parameters if not _of_one_run(name, result)]
-    estimates = tuple([_estimate(name, result) for name in shown] + _sought(result))
+    estimates = tuple([_estimate(name, result) for name in shown] + _derived_quantities(result))
     head, rows = result_table(estimates)
     elsewhere = list(dict.fromkeys(result.labels.symbol(split_level(name)[0]) for name in result.parameters if name not in shown))
     noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
@@ -342,7 +342,7 @@ def _estimate(name: str, result: Result) -> Estimate:
     return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
-def _sought(result: Result) -> list[Estimate]:
+def _derived_quantities(result: Result) -> list[Estimate]:
     """What a user wanted computed: once where it is the same for all runs, else run by run."""
     found: dict[str, dict[str, Estimate]] = {}
     for run, one in result.runs.items():
@@ -414,7 +414,7 @@ def _left_out(result: Result) -> tuple[str, ...]:
         return (phrase("rows excluded because a value is missing: {n} ({runs})", n=n, runs=listed(list(blank))),)
     if n == 1:
         return (phrase("1 row was excluded because a value is missing (line {line})", line=lines[0]),)
-    return (phrase("{n} rows were excluded because a value is missing (lines {lines})", n=n, lines=lines_told(lines)),)
+    return (phrase("{n} rows were excluded because a value is missing (lines {lines})", n=n, lines=line_numbers(lines)),)
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:

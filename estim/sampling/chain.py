@@ -18,9 +18,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError, phrase
-from estim.sampling.ahead import STEPS_AHEAD, Ahead
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
 from estim.sampling.importance import K_HAT_LIMIT, IndexArray, kish_size, pareto_smoothed
+from estim.sampling.independence import STEPS_AHEAD, IndependenceMoves
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
@@ -128,13 +128,13 @@ def sample_posterior(
 
     Raises NumericalError where walkers find no place to start, or run away, so that there is no posterior.
     """
-    from estim.sampling.ensembles import Walk, sampler_of  # which imports emcee
+    from estim.sampling.ensembles import EnsembleRun, sampler_of  # which imports emcee
 
     blind = proposal is None
     shape = (target.n_ensemble, _n_walker(len(posterior.names), target, blind=blind))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
-    ahead = None if proposal is None else Ahead(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
-    walk = Walk(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
+    ahead = None if proposal is None else IndependenceMoves(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
+    walk = EnsembleRun(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
     n_step, tau_before = min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step), math.nan
     while True:
         walk.advance(n_step)

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import NumericalError
-from estim.sampling.ahead import Ahead, Moves
+from estim.sampling.independence import IndependenceMoves, Moves
 from estim.sampling.protocol import Density
 
 _RUNAWAY = (
@@ -42,7 +42,7 @@ class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
         return np.concatenate([points for points, _ in proposed]), np.concatenate([factors for _, factors in proposed])
 
 
-def sampler_of(density: Density, shape: tuple[int, int], ahead: Ahead | None, *, seed: int) -> emcee.EnsembleSampler:
+def sampler_of(density: Density, shape: tuple[int, int], ahead: IndependenceMoves | None, *, seed: int) -> emcee.EnsembleSampler:
     """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves propose, where there is something to propose."""
     moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
     others = [(Apart(move, shape[0]), share) for move, share in moves]
@@ -52,7 +52,7 @@ def sampler_of(density: Density, shape: tuple[int, int], ahead: Ahead | None, *,
     return sampler
 
 
-class Walk:
+class EnsembleRun:
     """The walkers of all ensembles on their way from `starts` (n_ensemble, n_walker, n_par)."""
 
     def __init__(self, sampler: emcee.EnsembleSampler, starts: FloatArray) -> None:

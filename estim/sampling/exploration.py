@@ -1,6 +1,6 @@
 """Where else a posterior may have mass: a proposal that follows its ridges, made without a draw.
 
-For every parameter the conditional maxima of all others are followed both ways from the mode (`estim.sampling.walk`), until
+For every parameter the conditional maxima of all others are followed both ways from the mode (`estim.sampling.ridge_paths`), until
 the density has fallen by e^-10 or a limit is met.  Each point of the way becomes a Student-t component as wide as the density is there
 and as the step to its neighbours; the faint ones get the square root of their share, so that long tails are drawn often.
 It shares nothing with a proposal that was adapted to draws of itself (`estim.sampling.proposal`), and misses what that one finds and the reverse:
@@ -20,7 +20,7 @@ from estim.sampling.importance import log_sum_exp
 from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridge import Frame, framed, reordered, separate_modes
-from estim.sampling.walk import Rule, follow
+from estim.sampling.ridge_paths import Rule, follow
 
 _RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, least=1e-2, quick=True)
 _POWER = 0.5  # of the share that a point of a ridge has

@@ -27,7 +27,7 @@ from estim.arrays import FloatArray
 from estim.sampling.importance import log_sum_exp
 from estim.sampling.protocol import Density, Support
 from estim.sampling.ridge import Frame, climb, framed, separate_modes
-from estim.sampling.walk import Rule, walk
+from estim.sampling.ridge_paths import Rule, walk
 
 IntArray = NDArray[np.int64]
 

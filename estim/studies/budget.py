@@ -27,7 +27,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation import parts_of_errors
 from estim.fitting import Fit, linear_derived
-from estim.problem import Normal, Observations, Prior, Problem, Usual
+from estim.problem import DefaultError, Normal, Observations, Prior, Problem
 
 READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
 _MOST = 150  # quantities of a kind: sources times quantities grow with the square of the number of runs
@@ -112,7 +112,7 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
 
 
 def _kind_of(prior: Prior) -> str:
-    if isinstance(prior, Usual):
+    if isinstance(prior, DefaultError):
         return COMMON
     return STATED if isinstance(prior, Normal) else PRIOR
 

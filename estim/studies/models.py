@@ -48,7 +48,7 @@ class Ground(StrEnum):
     NONE = "none"  # no model is ok
 
 
-class Lack(StrEnum):
+class NoEvidence(StrEnum):
     """Why a model has no evidence that can be compared."""
 
     MANY = "many"  # too many unknowns for a second computation
@@ -81,7 +81,7 @@ class ComparedModel:
     loo: LeaveOneOut
     log_evidence: float
     u_log_evidence: float
-    lack: Lack | None
+    lack: NoEvidence | None
     odds: float
     behind: float
     behind_se: float
@@ -218,18 +218,18 @@ def _apart(better: ComparedModel, worse: ComparedModel, *, by_evidence: bool) ->
     return gain > max(BEHIND, SES * se)
 
 
-def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, Lack | None]:
+def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, NoEvidence | None]:
     """Log evidence and its error, or why there is none to compare."""
     certificate, likelihoods = analysis.certificate, analysis.fit.posterior.likelihoods
     lack = None
     if any(not math.isfinite(p.prior.sd) for p in analysis.problem.parameters):
-        lack = Lack.IMPROPER
+        lack = NoEvidence.IMPROPER
     elif model.roomy and not all(isinstance(likelihood, MixtureErrors) for likelihood in likelihoods):
-        lack = Lack.OTHER_NOISE
+        lack = NoEvidence.OTHER_NOISE
     elif certificate is None:
-        lack = Lack.MANY
+        lack = NoEvidence.MANY
     elif not certificate.reliable:
-        lack = Lack.UNRELIABLE
+        lack = NoEvidence.UNRELIABLE
     if lack is not None or certificate is None:
         return math.nan, math.nan, lack
     return certificate.log_evidence, certificate.u_log_evidence, None

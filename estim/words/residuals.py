@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, Said, format_p, later, percentage, phrase
+from estim.common import Finding, Kind, PhraseTable, format_p, later, percentage, phrase
 from estim.words.table import Table
 
-TESTS = Said(
+TESTS = PhraseTable(
     {
         "chi2": later("the residuals are larger than the noise"),
         "runs": later("the residuals change sign too rarely"),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from estim.common import Said, Status, later
+from estim.common import PhraseTable, Status, later
 
-STATUS_WORDS = Said(
+STATUS_WORDS = PhraseTable(
     {
         Status.CONTRADICTION: later("the data contradict the stated values: no number below is a valid result"),
         Status.NOT_CONVERGED: later("the computation was not completed: no number below is a valid result"),

@@ -22,8 +22,8 @@ from estim.common import InputError, Quantity, listed, one_line, phrase, read_nu
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
 from estim.reading.tracker.export import bare_header, is_export, read_export
+from estim.reading.tracker.plausibility import missing_frames, suspicions
 from estim.reading.tracker.ramp import Ramp, run_along
-from estim.reading.tracker.suspicion import missing_frames, suspicions
 from estim.reading.tracker.track import Track, Unit
 from estim.reading.tracker.trk import read_tracker
 

@@ -8,7 +8,7 @@ from estim.cli.terminal import claim, report_at, say, write_report
 from estim.common import Stream, stream
 
 
-def say_bodies(campaign: Path, folder: Path, *, seed: int) -> None:
+def report_bodies(campaign: Path, folder: Path, *, seed: int) -> None:
     """Writes the report of the bodies in a file that give `parts`, and says their values."""
     from estim.campaign import read_campaign_file
     from estim.reports import body_lines, body_report

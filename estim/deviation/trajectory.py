@@ -13,7 +13,7 @@ from estim.deviation.force import Response, Track, speed_response, track
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.jumps import Frames
-from estim.deviation.settled import settled
+from estim.deviation.smoothing import settled
 from estim.problem import Differences, Motion, Named, Noise, Points, PositionCurve
 
 _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
@@ -45,7 +45,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Trajectory:
     """A motion that was measured.
 
     positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.campaign.forced import KEY, course_of
+from estim.campaign.forced import KEY, trajectory_of
 from estim.campaign.levels import Levels
 from estim.campaign.shared_force import sharing_runs
 from estim.common import InputError
@@ -17,7 +17,7 @@ from estim.problem import Problem
 from estim.reading import Run
 
 
-def foreseen_information(
+def expected_information_of(
     problem: Problem, tables: Mapping[str, Run], levels: Mapping[str, Levels], values: FloatArray, sizes: Mapping[str, ForceSize]
 ) -> FloatArray:
     """(n_par, n_par) information at `values` (n_par,), priors included; runs that share a force give theirs together.
@@ -30,7 +30,7 @@ def foreseen_information(
     plain = tuple(run for run in problem.runs if run.name not in sizes)
     total = information(Problem(problem.parameters, plain).linearised(values), values)
     for runs in sharing_runs([run for run in problem.runs if run.name in sizes], levels, KEY).values():
-        courses = {run.name: course_of(run, tables[run.name]) for run in runs}
+        courses = {run.name: trajectory_of(run, tables[run.name]) for run in runs}
         size = next((sizes[run.name] for run in runs if sizes[run.name].several), sizes[runs[0].name])
         root = expected_root(runs, courses, problem, values, size)
         total = total + root.T @ root

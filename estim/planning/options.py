@@ -10,8 +10,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
+from estim.planning.changes import Wish
 from estim.planning.rolling import Outlook
-from estim.planning.wishes import Wish
 from estim.problem import Parameter
 
 

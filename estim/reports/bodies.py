@@ -10,7 +10,7 @@ from estim.common import as_json, format_quantity, kind_words, one_line
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, software_versions
 from estim.sampling import number
-from estim.studies import Weighing
+from estim.studies import BodyProperties
 
 BODY_SCHEMA = "estim-body/1"
 _LEAST_SHARE = 0.5  # %, of what is told of a budget
@@ -59,7 +59,7 @@ class BodyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def body_result(source: CampaignFile, weighing: Weighing, *, seed: int) -> BodyResult:
+def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> BodyResult:
     """The record of bodies given by their parts."""
     linear, drawn = weighing.linear, weighing.sampled
     bodies = {body.name: BodySummary([part for part, _ in body.parts], {}) for body in weighing.bodies}
@@ -78,7 +78,7 @@ def body_result(source: CampaignFile, weighing: Weighing, *, seed: int) -> BodyR
     return BodyResult(BODY_SCHEMA, source.title, source.kind, bodies, Correlation(names, matrix), inputs, list(weighing.notes), at)
 
 
-def body_report(source: CampaignFile, weighing: Weighing, *, seed: int) -> dict[str, bytes]:
+def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> dict[str, bytes]:
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(
@@ -88,7 +88,7 @@ def body_report(source: CampaignFile, weighing: Weighing, *, seed: int) -> dict[
     return {"report.md": text.encode(), "result.json": as_json(result)}
 
 
-def body_lines(weighing: Weighing) -> list[str]:
+def body_lines(weighing: BodyProperties) -> list[str]:
     """One line a body for a terminal: its values."""
     lines: dict[str, list[str]] = {}
     for i, (body, out) in enumerate(weighing.names):

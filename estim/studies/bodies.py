@@ -22,7 +22,7 @@ _DIGITS = 1  # of the uncertainty, to which the linear interval is tested
 
 
 @dataclass(frozen=True, eq=False)
-class Weighing:
+class BodyProperties:
     """What the parts of bodies say.
 
     names : (body, output) of each of the (n_out,) outputs of `linear` and `sampled`.  budgets : (n_out,), of `linear`.
@@ -53,7 +53,7 @@ class Weighing:
         return correlations(self.linear.covariance)
 
 
-def weigh(source: CampaignFile, *, rng: np.random.Generator) -> Weighing:
+def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
     """The bodies of a file that give `parts`.  Raises InputError where there is none, or they are wrong."""
     bodies = parted_bodies(source)
     if not bodies:
@@ -67,4 +67,4 @@ def weigh(source: CampaignFile, *, rng: np.random.Generator) -> Weighing:
     sampled = propagate_monte_carlo(values, inputs, rng=rng, n_draw=_N_DRAW)
     names = tuple((body.name, out) for body in bodies for out in body.outputs)
     budgets = tuple(budget(linear, output=i) for i in range(len(names)))
-    return Weighing(bodies, names, linear, sampled, compare(linear, sampled, n_digits=_DIGITS), budgets, notes_of(linear, values))
+    return BodyProperties(bodies, names, linear, sampled, compare(linear, sampled, n_digits=_DIGITS), budgets, notes_of(linear, values))

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.campaign.forced import KEY, course_of
+from estim.campaign.forced import KEY, trajectory_of
 from estim.campaign.levels import Levels
 from estim.campaign.shared_force import sharing_runs
-from estim.deviation import BadFrames, pose_alike
+from estim.deviation import BadFrames, pose_without_force
 from estim.fitting import Fit, fit_least_squares, scanned_fit
 from estim.problem import Problem
 from estim.reading import Run
@@ -19,7 +19,9 @@ from estim.sampling import MAX_PARAMETERS
 _ROUNDS = 2  # the noise is made again at its own fit: bad frames have pulled the first one
 
 
-def fit_alike(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+def fit_without_force(
+    white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, bad: Mapping[str, BadFrames], rng: np.random.Generator,
+) -> Fit:
     """The posterior mode under the noise that runs have beside a force, from the fit `white` with the stated noise.
 
     bad : run -> the frames that are shifted.  A fit that does not determine its parameters stays as it is.
@@ -28,9 +30,9 @@ def fit_alike(white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels
         return white
     problem, fit = white.problem, white
     groups = tuple(sharing_runs(problem.runs, levels, KEY).values())
-    courses = {run.name: course_of(run, tables[run.name]) for run in problem.runs}
+    courses = {run.name: trajectory_of(run, tables[run.name]) for run in problem.runs}
     for _ in range(_ROUNDS):
-        noises, shared = pose_alike(groups, courses, problem, fit.values, bad=bad)
+        noises, shared = pose_without_force(groups, courses, problem, fit.values, bad=bad)
         runs = tuple(replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs)
         fit = fit_least_squares(Problem(problem.parameters, runs, shared), rng=rng, n_start=1, start=fit.values)
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit

@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.common import InputError, phrase
 from estim.given_numbers import real_number, real_numbers
-from estim.problem import MAX_LACKING, Lacks
+from estim.problem import MAX_LACKING, Discrepancy
 
 
-def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.int64], *, stated: bool, exact_x: bool) -> Lacks | None:
+def discrepancy_of(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.int64], *, stated: bool, exact_x: bool) -> Discrepancy | None:
     """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by x.  Raises InputError."""
     deviation = real_number(deviation, "deviation")
     if not (math.isfinite(deviation) and deviation >= 0.0):
@@ -28,10 +28,10 @@ def ask_lacks(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.
         rule = f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = {step} in a campaign)"
         raise InputError(rule, field=field, value=order.size)
     if plain:
-        return Lacks(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
+        return Discrepancy(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
     times = np.ravel(real_numbers(correlated, "correlated", "must be True, or the times of the points"))
     if not np.all(np.isfinite(times)):
         raise InputError("must be finite", field="correlated", value=float(times[~np.isfinite(times)][0]))
     if times.size != order.size or not float(np.ptp(times)) > 0.0:
         raise InputError(f"must be True, or {order.size} times that are not all the same", field="correlated", value=times.size)
-    return Lacks(float(deviation), times[order], phrase("in the unit of 'correlated'"), stated)
+    return Discrepancy(float(deviation), times[order], phrase("in the unit of 'correlated'"), stated)

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from estim.common import InputError
-from estim.curve_fit import fit_stated
-from estim.curve_result import CurveFit
+from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.single import fit_stated
 from estim.curves import (
     AxisNames,
     Component,

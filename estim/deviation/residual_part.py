@@ -15,8 +15,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Family
-from estim.deviation.found import BAND
 from estim.deviation.generic import DEVIATION
+from estim.deviation.inferred_force import BAND
 from estim.deviation.kernels import distances, exponential, matern32
 from estim.deviation.linearised import Linearised, mixture_quantiles
 from estim.problem import Observations
@@ -25,7 +25,7 @@ _LOST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Visible:
+class ResidualPart:
     """The part of a deviation that shows, at the points, unit of y.
 
     x : (n_obs,).  quantiles : (5, n_obs) at BAND.  mean : (n_obs,).  residuals : (n_obs,) of the curve that fits best.
@@ -47,7 +47,7 @@ class Visible:
         return float(np.max(np.abs(self.mean)))
 
 
-def see_deviation(linear: Linearised, run: Observations, scales: Mapping[str, float]) -> Visible:
+def see_deviation(linear: Linearised, run: Observations, scales: Mapping[str, float]) -> ResidualPart:
     """What shows of the deviation of `run` under the posterior `linear`.  scales : kind -> unit of its amplitudes."""
     deviation = linear.deviation
     j = deviation.whiten(linear.jacobian.T)  # (n_par, n_obs) whitened
@@ -72,7 +72,7 @@ def see_deviation(linear: Linearised, run: Observations, scales: Mapping[str, fl
         sds[some] = np.sqrt(np.maximum(spread + np.einsum("kip,kpq,kiq->ki", moved, linear.covariances[some], moved, optimize=True), 0.0))
     means, sds = means[kept], sds[kept]
     weights = linear.weights[kept] / linear.weights[kept].sum()
-    return Visible(run.x, mixture_quantiles(weights, means, sds, BAND), np.asarray(weights @ means), rest @ linear.residuals)
+    return ResidualPart(run.x, mixture_quantiles(weights, means, sds, BAND), np.asarray(weights @ means), rest @ linear.residuals)
 
 
 def _rest(whitener: FloatArray, j: FloatArray, jacobian: FloatArray) -> FloatArray:

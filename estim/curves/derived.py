@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.common import InputError, Notation, same_looks
+from estim.curves.derived_units import unit_that_follows as unit_that_follows
 from estim.curves.formula import Formula, check_names, evaluate, read_formula
-from estim.curves.sought_units import unit_that_follows as unit_that_follows
 from estim.curves.varying import own_values, shift_of
 from estim.problem import Derived
 
@@ -101,7 +101,7 @@ def seek(name: str, text: object, *, unit: str | None = None, symbol: str | None
     return SoughtQuantity(name, unit or "1", Notation(symbol or name), said, shown, formula, places, stated=unit)
 
 
-def check_sought(sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()) -> None:
+def check_derived_names(sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()) -> None:
     """Every name without a level is one of `known` (arguments of the curve), `derived` (what follows in any case) or of a quantity before it, and
     no quantity has a name that is taken.  Raises InputError with the quantity as field."""
     everything = [*known, *derived]
@@ -143,5 +143,5 @@ def seek_of_fit(
     for one in sought:
         if one.of_levels:
             raise InputError("must use ( ), not [ ]: there are no runs to choose from", field=one.name, value=one.text)
-    check_sought(sought, known)
+    check_derived_names(sought, known)
     return in_units(sought, of_parameters)

@@ -33,7 +33,7 @@ from estim.checks import (
     wrong_curves,
 )
 from estim.common import Kind, Status, decide, phrase, wrong
-from estim.curve_result import CurveFit as CurveFit
+from estim.curve_fitting.result import CurveFit
 from estim.curves import (
     AxisNames,
     Component,
@@ -54,13 +54,13 @@ from estim.fitting import (
     Optimum,
     chi2_p,
     find_optimum,
-    fit_lacking,
+    fit_discrepancy,
     fit_least_squares,
     led_here,
-    sds_beside_limits,
+    sds_near_limits,
     settled,
     spread,
-    with_others,
+    with_other_modes,
 )
 from estim.problem import Prior, Problem
 from estim.words import tell
@@ -141,7 +141,7 @@ def fit_curve(
         posed = started(replace(posed, called=named.called), named, held=start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
-    return _fit_lacking(posed, complete, rng) if posed.lacks is not None and found else complete
+    return _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and found else complete
 
 
 def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
@@ -171,11 +171,11 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)
 
 
-def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:
+def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:
     """The fit of a curve that may lack something, from the one `complete` that takes it as it is."""
-    problem = posed.with_lacks(complete.sigma or 1.0)
+    problem = posed.with_discrepancy(complete.sigma or 1.0)
     start = np.array([complete.values[p.name] for p in problem.parameters])
-    fit = fit_lacking(fit_least_squares(problem, rng=rng, n_start=1, start=start), rng=rng)
+    fit = fit_discrepancy(fit_least_squares(problem, rng=rng, n_start=1, start=start), rng=rng)
     fit = replace(fit, n_start=complete.fit.n_start, n_same=complete.fit.n_same, symmetry=complete.fit.symmetry, aliases=complete.fit.aliases)
     (found,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
@@ -186,7 +186,7 @@ def _fit_lacking(posed: CurveProblem, complete: CurveFit, rng: np.random.Generat
     outside = values_outside(dict(zip(names, values, strict=True)), found.intervals)
     findings = wrong([*kept, *outside, *pressed_limits(fit, fit.values), *tests, *refused, stated_values(fit, check_stated_values(fit))])
     about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
-    sds, near = sds_beside_limits(found, problem)
+    sds, near = sds_near_limits(found, problem)
     return replace(
         complete, values=dict(zip(names, values, strict=True)), sds=dict(zip(names, sds.tolist(), strict=True)), intervals=found.intervals,
         cov=found.cov, chi2=fit.chi2, p_value=fit.p_value, sigma=None if complete.sigma is None else found.noise[1], status=decide(findings),
@@ -267,7 +267,7 @@ def _inner_fit(
     words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
     posterior = problem.linearised(values)
     fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
-    return with_others(fit, best, rng)
+    return with_other_modes(fit, best, rng)
 
 
 def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:

@@ -26,7 +26,7 @@ Proposed = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Ahead:
+class IndependenceMoves:
     """What independence moves propose.
 
     share : of the steps that make such a move.  n_walker : of all ensembles.  seed : of all proposals.
@@ -72,7 +72,7 @@ class Moves:
     others : moves with their probabilities, sum 1.
     """
 
-    def __init__(self, ahead: Ahead, others: Sequence[tuple[Any, float]]) -> None:
+    def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
         self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
         self._known: tuple[FloatArray, FloatArray] | None = None  # where walkers were, log densities of the proposal there
 

@@ -30,10 +30,10 @@ from estim.deviation.grid import SPIKE, Grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
-from estim.deviation.posing import Told, as_prior, growth_over, linear_groups, told_beyond, told_by
+from estim.deviation.posing import TrialInformation, as_prior, growth_over, information_of_run, likelihood_information, linear_groups
+from estim.deviation.residual_part import ResidualPart, see_deviation
 from estim.deviation.residuals import Residuals
-from estim.deviation.visible import Visible, see_deviation
-from estim.problem import Lacks, Observations, Problem, Root, Wording
+from estim.problem import Discrepancy, Observations, Problem, Root, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
 _PROBABILITIES = (0.68, 0.95)
@@ -44,7 +44,7 @@ Interval = tuple[float, float]
 class WithDeviation(WithMixture):
     """Readings whose errors are a mixture that stays as it is.  lacks : what the user asked for."""
 
-    lacks: Lacks
+    lacks: Discrepancy
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
@@ -87,18 +87,18 @@ class FoundDeviation:
     """
 
     run: str
-    lacks: Lacks
+    lacks: Discrepancy
     probability: float
     smooth: DeviationSize | None
     correlated: DeviationSize | None
-    visible: Visible
+    visible: ResidualPart
     noise: tuple[float, float, float]
     conservative: bool
     growth: Mapping[str, float]
     mean: FloatArray
     cov: FloatArray
     about: FloatArray
-    told: Told
+    told: TrialInformation
     intervals: Mapping[str, Mapping[float, Interval]]
     means: FloatArray
     covs: FloatArray
@@ -121,7 +121,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     assert lacks is not None, "asked for runs that may lack something"
     covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     prior = _prior(problem, values)
-    precision, pull = as_prior([prior, *(told_by(other, problem, values) for other in problem.runs if other is not run)])
+    precision, pull = as_prior([prior, *(information_of_run(other, problem, values) for other in problem.runs if other is not run)])
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
@@ -137,7 +137,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         visible=see_deviation(linear, run, scales), noise=(low, middle, high),
         conservative=lacks.stated and stated_is_conservative(linear), growth=growth_over(problem, linear, without),
         mean=values + linear.mean, cov=linear.covariance, about=values,
-        told=told_beyond(linear, prior), intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
+        told=likelihood_information(linear, prior), intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
     )
     return PosedDeviation(noise, found)
 
@@ -145,7 +145,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
 def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     """Probability that a curve taken as complete lacks something about as large as one error, 1/2 beforehand; linear about `values` (n_par,)."""
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
-    precision, pull = as_prior([_prior(problem, values), *(told_by(other, problem, values) for other in problem.runs if other is not run)])
+    precision, pull = as_prior([_prior(problem, values), *(information_of_run(other, problem, values) for other in problem.runs if other is not run)])
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
@@ -175,7 +175,7 @@ def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatAr
     return covariance * squares / max(1, residuals.size - n_par)
 
 
-def _components(run: Observations, lacks: Lacks, covariance: FloatArray, scales: Mapping[str, float]) -> Deviation:
+def _components(run: Observations, lacks: Discrepancy, covariance: FloatArray, scales: Mapping[str, float]) -> Deviation:
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
     shapes = tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
@@ -187,7 +187,7 @@ def _diagonalised(covariance: FloatArray, shapes: tuple[Shape, ...], grid: Grid)
     return diagonalise(diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance, shapes, grid)
 
 
-def _scales(lacks: Lacks, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:
+def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:
     """Kind -> scale of its amplitude, unit of y."""
     typical = float(np.sqrt(np.median(np.diag(covariance))))
     seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
@@ -195,7 +195,7 @@ def _scales(lacks: Lacks, covariance: FloatArray, residuals: FloatArray) -> dict
     return found | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
 
 
-def _prior(problem: Problem, values: FloatArray) -> Told:
+def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     """What the priors say at `values`."""
     priors = list(zip(problem.parameters, values, strict=True))
     slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
@@ -203,7 +203,7 @@ def _prior(problem: Problem, values: FloatArray) -> Told:
     return np.diag(slope**2), -slope * off
 
 
-def _likely_root(linear: Linearised, lacks: Lacks) -> Root:
+def _likely_root(linear: Linearised, lacks: Discrepancy) -> Root:
     """Of the most probable covariance; in units of the stated noise at least, where it was stated."""
     return linear.best_root(size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0)
 

@@ -1,4 +1,4 @@
-"""The record of a user's own curve, fitted (`estim.curve_fit.fit_curve` makes it): values, intervals, status, and how a person reads them."""
+"""The record of a user's own curve, fitted (`fit_curve` makes it): values, intervals, status, and how a person reads them."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.checks import P_FLOOR, Goodness
 from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, phrase, signed, table
-from estim.curve_figures import Prediction as Prediction
-from estim.curve_figures import Region, curve_figure, region_of
+from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
 from estim.curves import refuse_quantities
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile

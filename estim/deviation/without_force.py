@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Shape, diagonalise
-from estim.deviation.course import Course
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
 from estim.deviation.joint import Sharing, Together
@@ -26,8 +25,9 @@ from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
-from estim.deviation.posing import as_prior, likely_root, priors_at, told_beyond, told_by
+from estim.deviation.posing import as_prior, information_of_run, likelihood_information, likely_root, priors_at
 from estim.deviation.residuals import Residuals, stacked
+from estim.deviation.trajectory import Trajectory
 from estim.problem import Named, Noise, Observations, Points, Problem, StackedPoints, Wording, stacked_root
 
 
@@ -57,8 +57,8 @@ class _Stacked:
         return linearise(self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)])
 
 
-def pose_alike(
-    groups: Sequence[Sequence[Observations]], courses: Mapping[str, Course], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
+def pose_without_force(
+    groups: Sequence[Sequence[Observations]], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
 ) -> tuple[Mapping[str, Noise], tuple[Together, ...]]:
     """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit with the stated noise.
 
@@ -68,8 +68,8 @@ def pose_alike(
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     posed = {run.name for group in groups_stacked for run in group.runs}
-    others = [told_by(run, problem, values) for run in problem.runs if run.name not in posed]
-    told = [told_beyond(group.beside(precision, pull), prior) for group in groups_stacked]
+    others = [information_of_run(run, problem, values) for run in problem.runs if run.name not in posed]
+    told = [likelihood_information(group.beside(precision, pull), prior) for group in groups_stacked]
     noises: dict[str, Noise] = {}
     shared = []
     for i, group in enumerate(groups_stacked):
@@ -86,7 +86,7 @@ def pose_alike(
 
 
 def _stack(
-    runs: tuple[Observations, ...], courses: Mapping[str, Course], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]
+    runs: tuple[Observations, ...], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]
 ) -> _Stacked:
     named = problem.named(values)
     own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
@@ -101,7 +101,7 @@ def _stack(
     )
 
 
-def _formed(course: Course | None, noise: Noise, points: Points, named: Named) -> tuple[Residuals, StatedErrors]:
+def _formed(course: Trajectory | None, noise: Noise, points: Points, named: Named) -> tuple[Residuals, StatedErrors]:
     """As beside a force, where the points are a body's."""
     if course is not None:
         return formed_about(course, noise, points, named, scale=1.0)

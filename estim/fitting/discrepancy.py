@@ -14,7 +14,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem import Problem
 
 
-def fit_lacking(white: Fit, *, rng: np.random.Generator) -> Fit:
+def fit_discrepancy(white: Fit, *, rng: np.random.Generator) -> Fit:
     """The fit `white`, and then with a deviation in every run that may have one."""
     problem = white.problem
     posed = {run.name: pose_deviation(run, problem, white.values) for run in problem.runs if run.lacks is not None}
@@ -28,7 +28,7 @@ def fit_lacking(white: Fit, *, rng: np.random.Generator) -> Fit:
     )
 
 
-def sds_beside_limits(found: FoundDeviation, problem: Problem) -> tuple[FloatArray, tuple[Finding, ...]]:
+def sds_near_limits(found: FoundDeviation, problem: Problem) -> tuple[FloatArray, tuple[Finding, ...]]:
     """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one from a limit, and why."""
     sds, notes = np.sqrt(np.diag(found.cov)), []
     for i, parameter in enumerate(problem.parameters):
