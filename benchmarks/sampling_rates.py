@@ -25,23 +25,22 @@ def rates(seed: int) -> tuple[float, float]:
     from estim.sampling import Target
     from estim.sampling.certificate import certify
     from estim.sampling.chain import sample_posterior
-    from estim.sampling.exploration import ridge_proposal
     from estim.sampling.independent_check import both, second_opinion
     from estim.sampling.proposal import adapt_proposal
+    from estim.sampling.ridges import ridge_proposal
 
     fit = posed()
     density, optima, support = fit.posterior, _optima_of(fit), fit.problem.support()
     rng = stream(seed, Stream.PROPOSAL)
-    place = {"rng": rng, "support": support}
-    adapted = adapt_proposal(density, optima.value, optima.cov, starts=optima.starts, covs=optima.covs, **place)
-    _, proposal = second_opinion(density, optima.value, optima.cov, adapted, starts=optima.heavy, **place)
+    adapted = adapt_proposal(density, optima.value, optima.cov, starts=optima.starts, covs=optima.covs, rng=rng)
+    _, proposal = second_opinion(density, optima.value, optima.cov, adapted, starts=optima.modes, rng=rng, support=support)
     began = time.process_time()
     target = Target(ess=_TIMES * ESS)
     chain = sample_posterior(density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), proposal=proposal)
     spent = time.process_time() - began
     draws = np.moveaxis(chain.draws, 1, 2)
     ess = described(draws.reshape(-1, *draws.shape[2:]))[0]
-    mixed = both(adapted, ridge_proposal(density, optima.value, optima.cov, starts=optima.heavy, support=support))
+    mixed = both(adapted, ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support))
     began = time.process_time()
     certificate = certify(density, mixed, rng=rng, least_ess=_TIMES * ESS)
     return ess / spent, certificate.ess / (time.process_time() - began)

@@ -81,7 +81,7 @@ _OUTLIER_DRAWS = 1000
 _ROLLING_DRAWS = 400
 _A_FEW = 60  # steps, where data and stated values contradict each other: for figures alone
 _FEW_RUNS = 4  # whose candidates are refit without being asked
-_NEGLIGIBLE = 1e-3  # share of an optimum that quadrature has no part for: the border of a light one may cut a heavy one beside it
+_NEGLIGIBLE = 1e-3  # share of an optimum whose ridges are not followed
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +238,7 @@ def _drawn(
         return Certified(chain, None, comparison)
     if problem.n_par <= most:
         return certified_chain(
-            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), n_obs=problem.n_obs, progress=progress
+            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), progress=progress
         )
     chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress)
     return Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
@@ -246,9 +246,9 @@ def _drawn(
 
 def _optima_of(fit: Fit) -> Optima:
     ends = optima(fit)
-    heavy = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
+    modes = tuple(ends.values[1:][ends.shares[1:] > _NEGLIGIBLE])
     starts, covs = (*ends.values[1:], *fit.further_starts), (*ends.covs[1:], *fit.further_covs)
-    return Optima(fit.values, fit.cov, starts, covs, heavy, fit.parts)
+    return Optima(fit.values, fit.cov, starts, covs, modes, fit.parts)
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:

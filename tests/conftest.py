@@ -136,13 +136,7 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
 
 
 @pytest.fixture
-def sampled_opinion(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The second opinion by importance sampling, as of five parameters or more, without quadrature, half of the time of an analysis of few."""
-    monkeypatch.setattr("estim.sampling.independent_check.MOST_DIMENSIONS", 0)
-
-
-@pytest.fixture
-def few_draws(monkeypatch: pytest.MonkeyPatch, sampled_opinion: None) -> None:
+def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
     """A quarter of the effective draws in every command: for tests of statuses, files and words, not of numbers."""
     from estim.sampling import Target
 

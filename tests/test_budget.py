@@ -18,7 +18,6 @@ from estim.problem.roots import covariance_of
 from estim.sampling import Target
 from estim.studies import Budget, uncertainty_budget
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 1.0, 12)
 U, U_CLOCK, U_B = 0.05, 0.02, 0.03
 

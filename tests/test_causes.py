@@ -25,7 +25,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from causes import CASES, named
 from truth.recordings import SIGMA, Camera, Disturbance, write_campaign
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 QUICK = ("start", "length_scale", "tilt", "sag")  # a few seconds less than all
 
 

@@ -18,7 +18,6 @@ from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
 from estim.studies.comparison import compare_noise
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 QUICK = Target(ess=300.0, max_step=400)
 RADIUS = 0.15
 

@@ -28,7 +28,6 @@ from estim.problem.priors import LogNormal, Normal, Uniform
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.recordings import DISTURBANCES, write_campaign
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 5.0, 20)
 U = 0.1
 

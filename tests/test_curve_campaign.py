@@ -20,7 +20,6 @@ from estim.pipeline import analyse
 from estim.sampling.chain import Target
 from estim.words import tell
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 CAMPAIGN = """title = "Discharge of a capacitor"
 kind = "synthetic"
 [curve]

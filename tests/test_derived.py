@@ -19,7 +19,6 @@ from estim.reports.derived import derived_facts
 from estim.reports.result import result_lines, result_of
 from estim.sampling import Target
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 CURVE = """title = "Two pendulums"
 kind = "synthetic"
 [curve]

@@ -24,7 +24,6 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import HalfNormal, Normal, Prior, Uniform
 from estim.sampling.summary import summarise_parameter
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 1.0, 12)
 U = 0.3
 

@@ -15,7 +15,6 @@ from estim.studies.energy import drift_of, energy_along
 from model import Body, trajectory
 from model.energy import kinetic_energy, potential_energy
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 BODY = Body(radius=0.15, gamma=0.187, kappa=0.45)
 MOTION = {"phi": np.radians(4.0), "theta0": np.radians(60.0)}
 

@@ -14,7 +14,6 @@ from estim.cli.commands import cli
 from estim.reports.energy import drift_words, summarise_drift
 from estim.studies.energy import Drift
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 SEEN = Drift(free=True, narrowing=0.48, gain=15.0, p_value=1e-4, limit=0.012)
 
 

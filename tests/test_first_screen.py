@@ -32,7 +32,6 @@ from estim.sampling.summary import Summary, summarise
 from estim.words import first_step
 from estim.words.telling import ADVICE
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 PROJECT = Path(__file__).parents[1]
 REPLICA = PROJECT / "data" / "replica" / "campaign.toml"
 PLAIN = Notation("c_rr").label("1")

@@ -16,7 +16,6 @@ from estim.problem.priors import Flat, Normal, Uniform
 from estim.reports.curve import curve_report
 from estim.sampling.chain import Target
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 LINE = "a + b*x"
 T = np.linspace(0.0, 10.0, 41)
 

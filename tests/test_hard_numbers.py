@@ -39,7 +39,7 @@ def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.campaign.bodies.check_speeds", lambda *arguments, **named: None)
 
 
-@pytest.mark.usefixtures("any_speed", "sampled_opinion")
+@pytest.mark.usefixtures("any_speed")
 def test_positions_in_a_wrong_unit_end_in_words(tmp_path: Path) -> None:
     """Every parameter is pressed against a limit, a hundred thousand standard deviations from what was stated: there is nothing to sample."""
     with pytest.raises(NumericalError, match="the posterior density is zero or not finite everywhere around the fit"):

@@ -19,7 +19,6 @@ from estim.problem.priors import Normal, Uniform
 from estim.reports.identifiability import IdentifySection, direction_figure, identify_section, profile_figure
 from estim.reports.rendering import render
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 2.0, 12)
 
 

@@ -19,7 +19,6 @@ from estim.deviation.jumps import MOST, PRIOR, BadFrames, Frames, find_bad_frame
 from estim.problem.differences import Differences
 from estim.words import tell
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 N, SD = 24, 0.5
 T = np.arange(N) * 0.1
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"

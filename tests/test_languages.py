@@ -26,7 +26,6 @@ from estim.reports.curve import curve_report
 from estim.reports.rendering import _environment, sentences
 from estim.sampling import Target
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 ROOT = Path(__file__).parent.parent
 ESTIM = ROOT / "estim"
 TEMPLATES = sorted((ESTIM / "reports" / "templates").glob("*.j2"))

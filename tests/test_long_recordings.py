@@ -21,7 +21,6 @@ from estim.problem.roots import LowRankRoot
 from estim.reports.curve_figures import residual_figure
 from model import Body, positions_at
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 NOISES = {
     "speeds": 'derivative = "central"',
     "wider speeds": 'derivative = "five-point"',

@@ -14,8 +14,6 @@ from estim.curves.formula import read_formula
 from estim.curves.models import MODELS, read_model
 from estim.curves.starts import find_starts
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
-
 
 @pytest.mark.parametrize(("sigma", "gamma"), [(1.0, 0.5), (0.3, 0.1), (0.05, 0.4), (2.0, 0.2), (0.004, 1.0), (0.0, 0.7)])
 def test_the_voigt_profile_and_its_derivatives_are_those_of_the_convolution(sigma: float, gamma: float) -> None:

@@ -31,7 +31,6 @@ def swing(**choices: object) -> CurveFit:
 # aliases: the same at every measured point, another curve between them
 
 
-@pytest.mark.usefixtures("sampled_opinion")
 def test_aliases_within_the_bounds_are_several_solutions() -> None:
     fit = swing(bounds={"f": (0.0, 2.0)})
     assert fit.status == "multimodal"
@@ -158,7 +157,6 @@ def test_exchange_of_two_exponentials_is_named_and_no_second_solution() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("sampled_opinion")
 def test_draws_of_two_exponentials_describe_one_label() -> None:
     """Badly separated rates: without folding the draws wander from one label to the other and their means mean nothing."""
     y = 2.0 * np.exp(-0.5 * T) + 3.0 * np.exp(-1.0 * T) + 0.06 * np.random.default_rng(4).standard_normal(T.size)

@@ -27,7 +27,6 @@ from estim.reading.tracker.importing import stated_tilt
 from estim.reports.derived import origin_facts, origin_warnings, speed_facts
 from estim.reports.rendering import p_words
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 SPEEDS = "{sigma_x_m = 0.001}"
 
 

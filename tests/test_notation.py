@@ -31,7 +31,6 @@ from estim.reports.result import Result
 from estim.sampling.chain import Target
 from estim.studies import determine
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 UNITS = {"slope": "m/s", "offset": "m", "phi": "rad", "g": "1", "kappa": "V", "theta0": "rad"}  # names that the rolling body has too
 TRUE = dict(zip(UNITS, (1.0, 0.5, 0.3, 2.0, -1.0, 0.2), strict=True))
 CURVE = "slope*x + offset + phi*sin(x) + g*cos(x) + kappa*sin(2*x) + theta0*cos(2*x)"

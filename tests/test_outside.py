@@ -22,7 +22,6 @@ from estim.common.storage import read_file, write_whole
 from estim.line.series import read_theta_min
 from estim.studies.reanalysis import _published
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 SECRET = "hunterpassword"
 HEAD = 'title = "x"\nkind = "measured"\n'
 BODY = '[shared]\nnoise = {sigma_x_m = 0.001}\n[bodies.b]\nradius_m = 0.15\ngamma = 0.2\nkappa = 0.5\n'

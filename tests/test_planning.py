@@ -24,9 +24,6 @@ from estim.planning.rolling import RollingBasis, rolling_basis
 from estim.planning.suggestions import more_runs
 from estim.reports.plan import plan_answers, plan_status, shown_options, value_alone
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
-
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 NOTHING = Wish("as things are", OTHERWISE)

@@ -20,7 +20,6 @@ from estim.fitting.profile_search import search_of
 from estim.problem.posterior import Posterior, Problem
 from estim.problem.priors import HalfNormal, Normal, Uniform
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 X = np.linspace(0.0, 2.0, 12)
 
 

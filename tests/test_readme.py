@@ -16,8 +16,6 @@ from pages import blocks, run_page
 import estim
 from estim.cli.commands import cli
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
-
 
 def test_six_lines_of_python_say_what_the_readme_says(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project)

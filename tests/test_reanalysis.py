@@ -89,8 +89,7 @@ def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.r
 
 def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
     """Every byte, so that nothing depends on who did what, or when: a run by itself, and all runs of its body."""
-    five = Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}')  # unknowns: of four, quadrature would take most of the time
-    campaign = load_campaign(five.write(tmp_path))
+    campaign = load_campaign(Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path))
     told: list[tuple[int, str]] = []
 
     @contextmanager

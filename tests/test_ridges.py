@@ -1,4 +1,4 @@
-"""Ridges followed all at once are those that are followed one by one, each in its own frame and each sense for itself."""
+"""Ways along the ridges of a density, and the proposal that is made of them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,9 @@ from targets import COV, banana, bimodal, half_normal, normal
 from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
 from estim.problem import folded
-from estim.sampling.exploration import along_ridges, ridge_proposal
-from estim.sampling.factors import lower_factor
-from estim.sampling.protocol import Density
-from estim.sampling.ridge import Frame, Support, climb, framed, reordered, rescaled, separate_modes
-from estim.sampling.ridge_paths import Rule, follow, walk
+from estim.sampling.protocol import Density, Support
+from estim.sampling.ridges import along_ridges, followed, measured, ridge_proposal, ridges
 
-RULE = Rule(depth=10.0, fall=2.0, tolerance=1e-2, least=1e-2, quick=True)
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
 Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | None]
@@ -42,50 +38,62 @@ CASES: dict[str, Callable[[Path], Case]] = {
 }
 
 
-def frame_alone(frame: Frame, mode: np.ndarray, axis: int) -> Frame:
-    """A stack of one."""
-    order = np.array([axis, *(i for i in range(frame.n_par) if i != axis)])
-    factor = lower_factor((frame.factor @ frame.factor.T)[np.ix_(order, order)])
-    own = frame.order[order]
-    return rescaled(Frame(frame.density, own[None], mode[None, order], factor[None], frame.low[None, order], frame.high[None, order]))
-
-
-def ridge_alone(one: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """Points and log masses from end to end, one sense after the other."""
-    top = climb(one, one.centre[None], 1, n_step=0)
-    highest = float(top.log_masses[0])
-    down, _ = walk(one, 0, top.points, top.log_masses, highest, -1.0, RULE)
-    up, _ = walk(one, 0, top.points, top.log_masses, highest, 1.0, RULE)
-    points = [*(panel.left for panel in reversed(down)), top.points, *(panel.right for panel in up)]
-    masses = [*(panel.left_mass for panel in reversed(down)), top.log_masses, *(panel.right_mass for panel in up)]
-    return np.vstack(points), np.concatenate(masses) - highest
-
-
 @pytest.mark.parametrize("name", CASES)
 def test_ridges_followed_together_are_those_followed_one_by_one(name: str, replica: Path) -> None:
     density, start, cov, starts, support = CASES[name](replica)
+    frames, centres = ridges(density, np.vstack([start, *starts]), cov, support)
+    assert len(centres) == (2 if name == "two modes" else 1) * start.size
+    row, places, log_masses = followed(frames, centres)
+    together = along_ridges(frames, centres)
     sds = np.sqrt(np.diag(cov))
-    frame = framed(density, start, cov, support)
-    modes = separate_modes(frame, starts)
-    assert len(modes) == (2 if name == "two modes" else 1)
-    row, points, log_masses, _ = follow(reordered(frame, modes), RULE)
-    together = ridge_proposal(density, start, cov, starts=starts, support=support)
-    assert row.size == len(together.weights) > 3 * len(modes) * frame.n_par
-    singles = [frame_alone(frame, mode, axis) for mode in modes for axis in range(frame.n_par)]
-    for i, single in enumerate(singles):
-        of_ridge, one = row == i, single.rows(0)
-        way, masses = ridge_alone(one)
-        np.testing.assert_allclose(points[of_ridge] / sds[one.order], way / sds[one.order], rtol=0.0, atol=ROUNDING)
+    for i in range(len(centres)):
+        only = np.array([i])
+        one, of_ridge = frames.rows(only), row == i
+        assert np.sum(of_ridge) > 2
+        _, alone, masses = followed(one, centres[only])
+        scale = sds[frames.order[i]]
+        np.testing.assert_allclose(places.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING)
         slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))  # of a normal log density where it lies so deep, per standard deviation
         assert np.all(np.abs(log_masses[of_ridge] - masses) < ROUNDING * slope)
-        alone = along_ridges(single)
-        np.testing.assert_allclose(together.means[of_ridge] / sds, one.original(way) / sds, rtol=0.0, atol=ROUNDING)
-        np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], alone.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)
-        shares = together.weights[of_ridge] / np.sum(together.weights[of_ridge])
-        assert np.all(np.abs(shares / alone.weights - 1.0) < ROUNDING * (1.0 + slope))  # the root of a mass, times the way to its neighbours
+        of_one = along_ridges(one, centres[only])
+        np.testing.assert_allclose(together.means[of_ridge] / sds, of_one.means / sds, rtol=0.0, atol=10.0 * ROUNDING)
+        np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], of_one.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)
 
 
-def test_ridges_are_weighted_by_the_root_of_their_masses_and_their_steps() -> None:
+def test_a_way_along_a_normal_density_is_its_regression() -> None:
+    """The others are where they are expected given the first, and the density falls by half the square of its standard deviations."""
+    frames, centres = ridges(normal(COV), np.zeros((1, 4)), COV, None)
+    row, places, log_masses = followed(frames, centres)
+    for axis in range(4):
+        points = places.points[row == axis]
+        order = frames.order[axis]
+        expected = points[:, :1] * COV[axis, order] / COV[axis, axis]
+        np.testing.assert_allclose(points, expected, atol=1e-6)
+        np.testing.assert_allclose(log_masses[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6)
+        assert np.max(np.abs(points[:, 0])) > 4.0 * np.sqrt(COV[axis, axis])
+
+
+def test_a_ridge_that_bends_is_followed() -> None:
+    """Given x, y is most probable at bend (x^2 - 1)."""
+    frames, centres = ridges(banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None)
+    row, places, _ = followed(frames, centres)
+    x, y = places.points[row == 0].T
+    np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=1e-5)
+    assert np.ptp(x) > 8.0
+
+
+def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> None:
+    """exp(-3 x - y^2/2), x > 0: an exponential distribution of standard deviation 1/3."""
+    falling = dataclasses.replace(normal(np.eye(2)), function=lambda x: np.where(x[:, 0] >= 0.0, -3.0 * x[:, 0] - 0.5 * x[:, 1] ** 2, -np.inf))
+    frames, centres = ridges(falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf)))
+    np.testing.assert_allclose(centres, 0.0, atol=1e-6)
+    places = measured(frames, centres, 0)
+    assert places.pressed[0].tolist() == [True, False]
+    sds = np.sqrt(np.diag(np.linalg.inv(places.precisions[0])))
+    assert sds == pytest.approx([1.0 / 3.0, 1.0], rel=0.01)
+
+
+def test_ridges_are_weighted_alike_in_any_units() -> None:
     """Two parameters that do not know of each other, in other units: ridges of the same shape weigh the same."""
     together = ridge_proposal(normal(np.diag([1.0, 1e-6])), np.zeros(2), np.diag([1.0, 1e-6]))
     first = np.isclose(together.means[:, 1], 0.0, atol=1e-9) & (together.means[:, 0] != 0.0)

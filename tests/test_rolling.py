@@ -23,7 +23,6 @@ from estim.sampling import Target
 from estim.words import tell
 from model import Body, trajectory
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 BODY = {
     "radius": 0.15, "gamma": 0.187, "kappa": 0.45, "rho": 1.0, "trailing_fraction": 0.0, "particle_gyration": 0.0, "phi": 0.07, "theta0": 1.05,
     "rolling_resistance": 0.0, "g": 9.81,

@@ -19,7 +19,6 @@ from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
 from estim.fitting.optimum import fit_optimum
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 FORMULA = "a*exp(-x/tau) + c"
 
 

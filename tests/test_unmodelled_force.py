@@ -27,7 +27,6 @@ from estim.reports.result import result_of
 from estim.sampling.chain import Target
 from estim.words import tell
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 WHEEL = Path(__file__).resolve().parents[1] / "data" / "wheel"
 KEY, OFF = "unmodelled_force = 0.02\n", "unmodelled_force = 0\n"
 

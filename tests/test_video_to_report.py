@@ -21,7 +21,6 @@ from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 PAGE = Path(__file__).parents[1] / "docs" / "from-video-to-report.md"
 FALL, SWING, WHOLE_FALLS, WHOLE_SWING = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
 WHOLE = FALL.replace("x0 + v*(x - 1.5)", "x0 + v*(x - 1.5) + 0.5*a*(x - 1.5)**2").replace(

@@ -13,7 +13,6 @@ from estim.pipeline import analyse
 from estim.reports.result import Result, result_of
 from estim.sampling.chain import Target
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 RUNS = ["class-balanced_1", "class-unbalanced_1", "mixed-balanced_1", "mixed-unbalanced_1"]
 FURTHER = [*(f"class-balanced_{i}" for i in (2, 3, 4)), "class-unbalanced_2", "class-unbalanced_3", "mixed-balanced_2", "mixed-unbalanced_2"]
 FEW = ["class-unbalanced_1", "mixed-unbalanced_1"]

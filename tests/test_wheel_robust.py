@@ -22,7 +22,6 @@ from estim.sampling.certificate import certify
 from estim.sampling.proposal import adapt_proposal
 from estim.words import tell
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 RUNS = ["class-balanced_1", "class-unbalanced_1"]
 COUNTS = {"class-balanced": 4, "class-unbalanced": 3, "mixed-balanced": 2, "mixed-unbalanced": 2}
 FURTHER = [f"{kind}_{i}" for kind, count in COUNTS.items() for i in range(1, count + 1)]

@@ -18,7 +18,6 @@ from estim.words import residuals
 from estim.words.statuses import STATUS_WORDS
 from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
 
-pytestmark = pytest.mark.usefixtures("sampled_opinion")
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
     Kind.CHAIN_SHORT: Kind.RHAT_HIGH, Kind.METHODS_DIFFER: Kind.CHAIN_DIFFERS, Kind.CHAIN_DIFFERS: Kind.DIFFERENCE,

@@ -51,15 +51,7 @@ def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator, n_draw: int 
 def sample(
     posterior: ReleasePosterior, *, rng: np.random.Generator, seed: int, target: Target, progress: Progress | None
 ) -> tuple[Chain, Agreement]:
-    """A chain of the posterior, and how it compares with quadrature or importance sampling.  rng : of the start.  seed : of the draws."""
+    """A chain of the posterior, and how it compares with importance sampling.  rng : of the start.  seed : of the draws."""
     optima = Optima(*rough_start(posterior, rng))
-    support, n_obs = posterior.support, _cost(posterior)
-    found = certified_chain(
-        posterior, optima, target=target, seed=seed, most=MAX_PARAMETERS, support=support, n_obs=n_obs, progress=progress
-    )
+    found = certified_chain(posterior, optima, target=target, seed=seed, most=MAX_PARAMETERS, support=posterior.support, progress=progress)
     return found.chain, found.comparison
-
-
-def _cost(posterior: ReleasePosterior) -> int:
-    """Evaluations of the curve in one of the density."""
-    return posterior.trials.n_trial * posterior.nodes.size

@@ -26,7 +26,7 @@ class CertificateSummary(msgspec.Struct, frozen=True):
 
     verdict: str
     reason: str
-    method: str | None  # "quadrature" (n_draw: nodes; no k_hat, no ess) or "importance sampling"
+    method: str | None  # "importance sampling"
     k_hat: float | None
     ess: float | None
     n_draw: int | None

@@ -241,7 +241,7 @@ def _certificate(analysis: Analysis) -> CertificateSummary:
     complete = not (analysis.fit.forces or analysis.fit.deviations)
     evidence = certificate.reliable and complete and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
     return CertificateSummary(
-        comparison.verdict, comparison.reason, certificate.method, number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
+        comparison.verdict, comparison.reason, "importance sampling", number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
         number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
         number(comparison.largest_difference) if comparison.verdict != "missing" else None,
     )

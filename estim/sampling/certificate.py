@@ -1,11 +1,9 @@
-"""A posterior computed a second time, without a Markov chain, and compared with the chain.  `estim.sampling.independent_check` says by which method.
+"""A posterior computed a second time, without a Markov chain, and compared with the chain (`estim.sampling.independent_check`: from which proposal).
 
 Pareto-smoothed importance sampling from a proposal that was adapted to the posterior (`estim.sampling.proposal`): weights
 density/proposal, their largest replaced by quantiles of a fitted generalised Pareto distribution, whose shape k-hat says
 whether the weights can be trusted (below 0.7) (Vehtari, Simpson, Gelman, Yao, Gabry, J. Mach. Learn. Res. 25 (2024) 72).
 It gives means, standard deviations, quantiles and the evidence, each with its Monte-Carlo error.
-
-Quadrature (`estim.sampling.quadrature`) fills the same record.
 
 What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds; beyond, weights degenerate and the
 comparison says "missing" instead of a verdict.
@@ -35,7 +33,7 @@ __all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", 
 
 MAX_PARAMETERS = 14
 MAX_TIED = 20  # of runs that share a force: a chain is all that they have beside importance sampling, no marginal over runs
-IMPORTANCE = later("importance sampling")
+_IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
@@ -43,7 +41,7 @@ _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
 _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
 _COARSE, _COARSE_END = 0.25, 0.5  # posterior sds: errors that hide larger differences prove nothing
 _UNSURE_END = 0.07  # posterior sds: error of an end of the 95 % interval that more draws are taken for
-_LEAST_INSIDE = 0.25  # share of the draws that is taken to lie inside the support where fewer do
+_LEAST_INSIDE = 0.25  # share of the draws, of which fewer may lie inside the support
 _FEWEST = 400.0  # effective draws, of fewer of which the errors are as unsure as the values
 _MARGIN = 1.2  # more draws than are lacking, since what lacks them moves with them
 ENDS = (0.025, 0.975)  # quantiles that are compared
@@ -54,9 +52,7 @@ _N_RESAMPLED = 4000
 class Certificate:
     """A posterior without a chain.
 
-    method : "importance sampling" or "quadrature".  k_hat : shape of the tail of the weights; above 0.7 nothing here is reliable.
-    n_draw : draws taken, or nodes.  ess : effective size (sum w)^2/sum w^2.  By quadrature k_hat and ess are nan, the errors below are
-    differences of two rules, and draws are nodes.
+    k_hat : shape of the tail of the weights; above 0.7 nothing here is reliable.  n_draw : draws taken.  ess : effective size (sum w)^2/sum w^2.
     log_evidence, u_log_evidence : log of the integral of exp(log_density), and its Monte-Carlo standard error.
     mean, sd, mcse_mean, mcse_sd : (n_par,) with the Monte-Carlo standard errors of both.
     quantiles : probability -> (n_par,).  mcse_shares : of the share of the posterior below each of them; as an error of the quantile itself
@@ -65,7 +61,6 @@ class Certificate:
     """
 
     names: tuple[str, ...]
-    method: str
     k_hat: float
     n_draw: int
     ess: float
@@ -122,26 +117,25 @@ def certify(
 ) -> Certificate:
     """The posterior by Pareto-smoothed importance sampling from `proposal.widened()`.
 
-    n_draw : draws inside the support to begin with.  More are taken, up to `max_draw`, while k-hat is above 0.7, the effective size below
+    n_draw : draws to begin with.  More are taken, up to `max_draw` inside the support, while k-hat is above 0.7, the effective size below
         `least_ess`, or an end of a 95 % interval uncertain by 0.07 standard deviations: twice as many, or as many as the latter two lack.
 
     Raises NumericalError where the density is not a number.
     """
     proposal = proposal.widened()
     draws, log_ratio = np.zeros((0, proposal.n_par)), np.zeros(0)
-    wanted, inside, share = n_draw, 0, 1.0
+    wanted = n_draw
     while True:
-        more = proposal.draw(rng, math.ceil(max(wanted - inside, 1) / share))
+        more = proposal.draw(rng, wanted - len(draws))
         draws = np.vstack([draws, more])
         log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
-        inside = int(np.count_nonzero(np.isfinite(log_ratio)))
-        share = max(inside / len(draws), _LEAST_INSIDE)
+        most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), _LEAST_INSIDE))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
         lacking = max(least_ess / kish_size(log_weights), _lacking_for_ends(columns)) if k_hat <= K_HAT_LIMIT else 2.0
-        if lacking <= 1.0 or wanted >= max_draw:
+        if lacking <= 1.0 or wanted >= most:
             break
-        wanted = min(int(min(_MARGIN * lacking, 2.0) * wanted), max_draw)
+        wanted = min(int(min(_MARGIN * lacking, 2.0) * wanted), most)
     return _summarise(density.names, draws, columns, log_weights, k_hat, log_mean, rng)
 
 
@@ -169,7 +163,7 @@ def _summarise(
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
     resampled.flags.writeable = False
     return Certificate(
-        names=names, method=IMPORTANCE, k_hat=k_hat, n_draw=weights.size, ess=kish_size(log_weights),
+        names=names, k_hat=k_hat, n_draw=weights.size, ess=kish_size(log_weights),
         log_evidence=log_mean, u_log_evidence=u_log_mean(log_weights),
         mean=mean, sd=sd, mcse_mean=np.sqrt(squares @ deviation**2),
         mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * np.where(sd > 0.0, sd, np.nan)),  # 0: all weight on one draw
@@ -290,11 +284,11 @@ def _verdict(
                 errors = {"errors": float(abs(one))}
                 called.append(Finding(Kind.DIFFERENCE, test=what, size=float(d), numbers=errors, parameters=(Amount(name),)))
         hidden += [float(one) for one in limit * u if one > coarse]
-    if certificate.ess < _FEWEST:  # by quadrature there is none
+    if certificate.ess < _FEWEST:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(one) for one in us])))
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
-        return "disagree", Finding(Kind.CHAIN_DIFFERS, test=certificate.method, parts=tuple(called[:3]))
+        return "disagree", Finding(Kind.CHAIN_DIFFERS, test=_IMPORTANCE, parts=tuple(called[:3]))
     if hidden:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=max(hidden))
     largest = max(float(np.max(np.abs(d))) for d in differences)

@@ -31,7 +31,7 @@ _MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accep
 class Optima:
     """Where a density is known to be high: the fit, its covariance, and further optima.
 
-    starts, covs : of the further ones, for the proposal.  heavy : those of a share that quadrature has to look at.
+    starts, covs : of the further ones, for the proposal.  modes : those of a share that counts, whose ridges are followed.
     parts : normal distributions that the density is nearly made of, where they are known.
     """
 
@@ -39,7 +39,7 @@ class Optima:
     cov: FloatArray
     starts: Sequence[FloatArray] = ()
     covs: Sequence[FloatArray] = ()
-    heavy: Sequence[FloatArray] = ()
+    modes: Sequence[FloatArray] = ()
     parts: NormalParts | None = None
 
 
@@ -53,12 +53,11 @@ class Certified:
 
 
 def certified_chain(
-    density: Density, optima: Optima, *, target: Target, seed: int, most: int, support: Support | None, n_obs: int,
-    progress: Progress | None = None,
+    density: Density, optima: Optima, *, target: Target, seed: int, most: int, support: Support | None, progress: Progress | None = None,
 ) -> Certified:
     """Draws of `density` with a second opinion.
 
-    most : parameters beyond which there is no verdict.  n_obs : observations, which say what one evaluation of the density costs.
+    most : parameters beyond which there is no verdict.
 
     Raises NumericalError where the density is not a number.
     """
@@ -68,9 +67,7 @@ def certified_chain(
             progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion: both are repeated"))
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
         adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
-        certificate, proposal = second_opinion(
-            density, optima.value, optima.cov, adapted, rng=rng, starts=optima.heavy, support=support, n_obs=n_obs
-        )
+        certificate, proposal = second_opinion(density, optima.value, optima.cov, adapted, rng=rng, starts=optima.modes, support=support)
         chain = sample_posterior(
             density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))), progress=progress,
             proposal=proposal,
