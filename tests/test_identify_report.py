@@ -106,3 +106,13 @@ def test_a_conflict_says_how_far_the_posterior_lies_from_the_prior(rng: np.rando
     assert f"{pull:+.1f} prior sd" in told
     (said,) = section(fit, draws).rows
     assert ("prior sd" in said.verdict) == (leaning.verdict == CONFLICT)
+
+
+def test_what_is_hardly_better_known_goes_by_the_draws_as_the_table_does(replica: Path, rng: np.random.Generator) -> None:
+    fit = heavy_04(replica)
+    shown = section(fit, posterior_draws(fit, rng))
+    (said,) = (sentence for sentence in shown.sentences if "hardly better known" in sentence)
+    assert {row.symbol for row in shown.rows if float(row.ratio) > 0.8} == set(said.partition(" are ")[0].replace(" and ", ", ").split(", "))
+    sds = np.array([p.prior.sd for p in fit.problem.parameters])
+    narrow = fit.values + 0.1 * sds * rng.standard_normal((4000, sds.size))
+    assert not any("hardly better known" in sentence for sentence in section(fit, narrow).sentences)

@@ -23,7 +23,6 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, InputError, Kind, phrase
 from estim.fitting import Fit, prior_sds
-from estim.problem import Problem
 from estim.words import tell
 
 PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
@@ -63,7 +62,7 @@ class Identifiability:
 
     names : (n_par,).  directions : n_par of them, that of least information first.
     prior_sds : (n_par,).  posterior_sds : (n_par,) of the Gaussian at the fit, uniform priors counted with their sd.
-    ratios : (n_par,) posterior_sds/prior_sds.  prior_dominated : names with a ratio above 0.8.
+    ratios : (n_par,) posterior_sds/prior_sds; most of what is known comes from the prior above `PRIOR_DOMINATED`.
     n_learnt : sum lambda/(1 + lambda).
     sentences : the findings in words, gravest first.
     """
@@ -73,7 +72,6 @@ class Identifiability:
     prior_sds: FloatArray
     posterior_sds: FloatArray
     ratios: FloatArray
-    prior_dominated: tuple[str, ...]
     n_learnt: float
     sentences: tuple[str, ...]
 
@@ -96,12 +94,11 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
         _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds) for value, vector in zip(values, vectors.T, strict=True)
     )
     ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
-    dominated = tuple(name for name, ratio in zip(fit.names, ratios, strict=True) if ratio > PRIOR_DOMINATED)
     n_learnt = float(np.sum(values / (1.0 + values)))
-    sentences = _sentences(problem, directions, dominated, n_learnt, _recognised(known or {}, directions, sds))
+    sentences = _sentences(directions, n_learnt, _recognised(known or {}, directions, sds))
     return Identifiability(
-        names=fit.names, directions=directions, prior_sds=sds, posterior_sds=ratios * sds, ratios=ratios, prior_dominated=dominated,
-        n_learnt=n_learnt, sentences=sentences,
+        names=fit.names, directions=directions, prior_sds=sds, posterior_sds=ratios * sds, ratios=ratios, n_learnt=n_learnt,
+        sentences=sentences,
     )
 
 
@@ -140,7 +137,7 @@ def _recognised(known: Mapping[str, FloatArray], directions: tuple[Direction, ..
 
 
 def _sentences(
-    problem: Problem, directions: tuple[Direction, ...], dominated: tuple[str, ...], n_learnt: float, recognised: list[str]
+    directions: tuple[Direction, ...], n_learnt: float, recognised: list[str]
 ) -> tuple[str, ...]:
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
@@ -155,16 +152,4 @@ def _sentences(
                            "the data.", **count))
     said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
     said += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
-    if dominated:
-        parameters = {p.name: p for p in problem.parameters}
-        symbols = [parameters[name].label.symbol for name in dominated]
-        named = {"symbols": _listed(symbols), "share": PRIOR_DOMINATED}
-        if len(symbols) == 1:
-            said.append(phrase("{symbols} is hardly better known than before the data (posterior sd above {share} of the prior's).", **named))
-        else:
-            said.append(phrase("{symbols} are hardly better known than before the data (posterior sd above {share} of the prior's).", **named))
     return tuple(said)
-
-
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else phrase("{names} and {last}", names=", ".join(words[:-1]), last=words[-1])

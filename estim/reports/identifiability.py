@@ -84,7 +84,22 @@ def identify_section(
         doubts.append(phrase("the importance weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column is "
                              "not informative", k_hat=k_hat))
     flat = any(not np.isfinite(p.prior.sd) for p in problem.parameters)
-    return IdentifySection(found.sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
+    sentences = (*found.sentences, *_hardly_better_known(problem, posterior_sds))
+    return IdentifySection(sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
+
+
+def _hardly_better_known(problem: Problem, posterior_sds: FloatArray) -> list[str]:
+    """Which parameters the data leave nearly as uncertain as they were, by the ratios of the table: one sentence, or none."""
+    of_draws = zip(problem.parameters, posterior_sds, strict=True)
+    symbols = [p.label.symbol for p, sd in of_draws if np.isfinite(p.prior.sd) and sd > PRIOR_DOMINATED * p.prior.sd]
+    if not symbols:
+        return []
+    if len(symbols) == 1:
+        return [phrase("{symbols} is hardly better known than before the data (posterior sd above {share} of the prior's).",
+                       symbols=symbols[0], share=PRIOR_DOMINATED)]
+    listed = phrase("{names} and {last}", names=", ".join(symbols[:-1]), last=symbols[-1])
+    return [phrase("{symbols} are hardly better known than before the data (posterior sd above {share} of the prior's).",
+                   symbols=listed, share=PRIOR_DOMINATED)]
 
 
 def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -> str:
