@@ -14,7 +14,7 @@ from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
 from estim.problem import folded
 from estim.sampling.protocol import Density, Support
-from estim.sampling.ridges import along_ridges, followed, measured, ridge_proposal, ridges
+from estim.sampling.ridges import coordinates_at_modes, expanded, path_proposal, profile_paths, ridge_proposal
 
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
@@ -41,43 +41,43 @@ CASES: dict[str, Callable[[Path], Case]] = {
 @pytest.mark.parametrize("name", CASES)
 def test_ridges_followed_together_are_those_followed_one_by_one(name: str, replica: Path) -> None:
     density, start, cov, starts, support = CASES[name](replica)
-    frames, centres = ridges(density, np.vstack([start, *starts]), cov, support)
+    coordinates, centres = coordinates_at_modes(density, np.vstack([start, *starts]), cov, support)
     assert len(centres) == (2 if name == "two modes" else 1) * start.size
-    row, places, log_masses = followed(frames, centres)
-    together = along_ridges(frames, centres)
+    row, expansions, log_marginals = profile_paths(coordinates, centres)
+    together = path_proposal(coordinates, centres)
     sds = np.sqrt(np.diag(cov))
     for i in range(len(centres)):
         only = np.array([i])
-        one, of_ridge = frames.rows(only), row == i
+        one, of_ridge = coordinates.rows(only), row == i
         assert np.sum(of_ridge) > 2
-        _, alone, masses = followed(one, centres[only])
-        scale = sds[frames.order[i]]
-        np.testing.assert_allclose(places.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING)
+        _, alone, masses = profile_paths(one, centres[only])
+        scale = sds[coordinates.order[i]]
+        np.testing.assert_allclose(expansions.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING)
         slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))  # of a normal log density where it lies so deep, per standard deviation
-        assert np.all(np.abs(log_masses[of_ridge] - masses) < ROUNDING * slope)
-        of_one = along_ridges(one, centres[only])
+        assert np.all(np.abs(log_marginals[of_ridge] - masses) < ROUNDING * slope)
+        of_one = path_proposal(one, centres[only])
         np.testing.assert_allclose(together.means[of_ridge] / sds, of_one.means / sds, rtol=0.0, atol=10.0 * ROUNDING)
         np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], of_one.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)
 
 
 def test_a_way_along_a_normal_density_is_its_regression() -> None:
     """The others are where they are expected given the first, and the density falls by half the square of its standard deviations."""
-    frames, centres = ridges(normal(COV), np.zeros((1, 4)), COV, None)
-    row, places, log_masses = followed(frames, centres)
+    coordinates, centres = coordinates_at_modes(normal(COV), np.zeros((1, 4)), COV, None)
+    row, expansions, log_marginals = profile_paths(coordinates, centres)
     for axis in range(4):
-        points = places.points[row == axis]
-        order = frames.order[axis]
+        points = expansions.points[row == axis]
+        order = coordinates.order[axis]
         expected = points[:, :1] * COV[axis, order] / COV[axis, axis]
         np.testing.assert_allclose(points, expected, atol=1e-6)
-        np.testing.assert_allclose(log_masses[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6)
+        np.testing.assert_allclose(log_marginals[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6)
         assert np.max(np.abs(points[:, 0])) > 4.0 * np.sqrt(COV[axis, axis])
 
 
 def test_a_ridge_that_bends_is_followed() -> None:
     """Given x, y is most probable at bend (x^2 - 1)."""
-    frames, centres = ridges(banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None)
-    row, places, _ = followed(frames, centres)
-    x, y = places.points[row == 0].T
+    coordinates, centres = coordinates_at_modes(banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None)
+    row, expansions, _ = profile_paths(coordinates, centres)
+    x, y = expansions.points[row == 0].T
     np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=1e-5)
     assert np.ptp(x) > 8.0
 
@@ -85,11 +85,11 @@ def test_a_ridge_that_bends_is_followed() -> None:
 def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> None:
     """exp(-3 x - y^2/2), x > 0: an exponential distribution of standard deviation 1/3."""
     falling = dataclasses.replace(normal(np.eye(2)), function=lambda x: np.where(x[:, 0] >= 0.0, -3.0 * x[:, 0] - 0.5 * x[:, 1] ** 2, -np.inf))
-    frames, centres = ridges(falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf)))
+    coordinates, centres = coordinates_at_modes(falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf)))
     np.testing.assert_allclose(centres, 0.0, atol=1e-6)
-    places = measured(frames, centres, 0)
-    assert places.pressed[0].tolist() == [True, False]
-    sds = np.sqrt(np.diag(np.linalg.inv(places.precisions[0])))
+    expansions = expanded(coordinates, centres, 0)
+    assert expansions.at_bound[0].tolist() == [True, False]
+    sds = np.sqrt(np.diag(np.linalg.inv(expansions.precisions[0])))
     assert sds == pytest.approx([1.0 / 3.0, 1.0], rel=0.01)
 
 
