@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.line.evidence import sample_line
 from estim.line.interval import slope_interval
-from estim.line.least_squares import coverage_factor, fit_line
 from estim.line.posterior import line_mode, line_posterior
+from estim.line.regression import coverage_factor, fit_line
 
 FloatArray = NDArray[np.float64]
 PROBABILITIES = (float(stats.chi2.cdf(1.0, 1)), 0.95)

@@ -19,12 +19,12 @@ from estim.curves.shared_errors import Component as Component
 from estim.fitting.least_squares import fit_least_squares as fit_least_squares
 from estim.line.analysis import analyse_line as analyse_line
 from estim.line.interval import slope_interval as slope_interval
-from estim.line.least_squares import LineFit as LineFit
-from estim.line.least_squares import confidence_band as confidence_band
-from estim.line.least_squares import fit_line as fit_line
-from estim.line.least_squares import inverse_prediction as inverse_prediction
-from estim.line.least_squares import prediction_band as prediction_band
 from estim.line.posterior import line_posterior as line_posterior
+from estim.line.regression import LineFit as LineFit
+from estim.line.regression import confidence_band as confidence_band
+from estim.line.regression import fit_line as fit_line
+from estim.line.regression import inverse_prediction as inverse_prediction
+from estim.line.regression import prediction_band as prediction_band
 from estim.line.series import read_theta_min as read_theta_min
 from estim.pipeline import Analysis as Analysis
 from estim.pipeline import analyse as analyse

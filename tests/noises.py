@@ -10,16 +10,16 @@ from scipy import stats
 
 from estim.curves.counting import EventTimes, counted_points
 from estim.curves.formula import read_formula
+from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
-from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
+from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.counts import Counts
 from estim.problem.derivative import STENCILS, differentiate
-from estim.problem.laws import BINOMIAL, POISSON
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.normal import GaussianErrors

@@ -80,7 +80,7 @@ def test_the_command_line_alone_knows_click():
 
 def test_inference_meets_physics_in_eight_files():
     found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
-    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling", "estim.line.release"}
+    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling", "estim.line.release_likelihood"}
     assert {m for m in importers("model") if m in ESTIM} == found
 
 

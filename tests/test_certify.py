@@ -361,7 +361,7 @@ def assert_agree(certificate: Certificate, chain: Chain) -> None:
 
 @pytest.mark.slow
 def test_chain_and_certificate_agree_for_the_runs_of_the_replica_one_by_one_and_together(reanalysed: Reanalysis) -> None:
-    for analysis in (*reanalysed.singles.values(), *(body.joint for body in reanalysed.bodies)):
+    for analysis in (*reanalysed.single_runs.values(), *(body.joint for body in reanalysed.bodies)):
         assert analysis.certificate is not None
         assert_agree(analysis.certificate, analysis.chain)
 

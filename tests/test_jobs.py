@@ -20,7 +20,7 @@ import pytest
 
 from estim.common.errors import Interrupted, NumericalError
 from estim.common.interruption import STOPPING, ended_by_signals
-from estim.common.jobs import spread
+from estim.common.jobs import run_parallel
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
 PATIENCE = 120.0  # s, for what happens at once unless it never does
@@ -40,7 +40,7 @@ def square_or_die(folder: Path, once: bool, n: int) -> int:
 
 def test_what_a_killed_worker_left_is_done_again(tmp_path: Path) -> None:
     seen: list[int] = []
-    assert spread(partial(square_or_die, tmp_path, True), range(12), jobs=2, progress=seen.append) == [n * n for n in range(12)]
+    assert run_parallel(partial(square_or_die, tmp_path, True), range(12), jobs=2, progress=seen.append) == [n * n for n in range(12)]
     assert seen == list(range(1, 13))
     done = [int(n) for n in (tmp_path / "done").read_text().split()]
     assert 2 <= done.count(3) <= 3
@@ -49,14 +49,14 @@ def test_what_a_killed_worker_left_is_done_again(tmp_path: Path) -> None:
 
 def test_a_second_killed_worker_ends_the_work_in_words(tmp_path: Path) -> None:
     with pytest.raises(NumericalError, match="worker process was killed, twice"):
-        spread(partial(square_or_die, tmp_path, False), range(12), jobs=2)
+        run_parallel(partial(square_or_die, tmp_path, False), range(12), jobs=2)
 
 
 HOLDING = """
 import os, sys, time
 sys.path.insert(0, os.path.dirname(__file__))
 from functools import partial
-from estim.common.jobs import spread
+from estim.common.jobs import run_parallel
 
 def hold(fifo, n):
     with open(fifo, "w") as file:
@@ -64,7 +64,7 @@ def hold(fifo, n):
         time.sleep(3600)
 
 if __name__ == "__main__":
-    spread(partial(hold, sys.argv[1]), range(2), jobs=2)
+    run_parallel(partial(hold, sys.argv[1]), range(2), jobs=2)
 """
 
 
@@ -108,14 +108,14 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path, project: Path)
 def test_the_work_is_taken_up_again_by_half_as_many(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[int], int]] = []
 
-    def by_workers(task: object, numbers: list[int], jobs: int, patient: bool) -> Iterator[tuple[int, int]]:
+    def by_workers(task: object, numbers: list[int], jobs: int, wait_on_error: bool) -> Iterator[tuple[int, int]]:
         asked.append((numbers, jobs))
         yield numbers[0], -numbers[0]
         raise BrokenProcessPool
 
     monkeypatch.setattr("estim.common.jobs._by_workers", by_workers)
     with pytest.raises(NumericalError, match="is there memory for 5 processes"):
-        spread(abs, range(1, 9), jobs=5)
+        run_parallel(abs, range(1, 9), jobs=5)
     assert asked == [(list(range(1, 9)), 5), (list(range(2, 9)), 2)]
 
 
@@ -133,7 +133,7 @@ def test_an_impatient_caller_that_is_interrupted_waits_for_no_call(tmp_path: Pat
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        spread(partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, patient=False)
+        run_parallel(partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, wait_on_error=False)
     assert not (tmp_path / "finished").exists()
 
 
@@ -145,7 +145,7 @@ class Held:
 
 
 def test_results_may_hold_read_only_mappings() -> None:
-    assert [dict(held.values) for held in spread(Held, range(2), jobs=2)] == [{0: 0.0}, {1: np.float64(1.0) / 3.0}]
+    assert [dict(held.values) for held in run_parallel(Held, range(2), jobs=2)] == [{0: 0.0}, {1: np.float64(1.0) / 3.0}]
 
 
 def inherited(name: str) -> tuple[str | None, set[int]]:
@@ -154,7 +154,7 @@ def inherited(name: str) -> tuple[str | None, set[int]]:
 
 def test_workers_compute_with_one_thread_and_leave_signals_to_the_parent(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    ((threads, held),) = spread(inherited, ["OMP_NUM_THREADS"], jobs=2)
+    ((threads, held),) = run_parallel(inherited, ["OMP_NUM_THREADS"], jobs=2)
     assert threads == "1"
     assert held & set(STOPPING) == set(STOPPING) - {signal.SIGTERM}  # by which the parent ends them
     assert os.environ["OMP_NUM_THREADS"] == "7"
@@ -163,10 +163,10 @@ def test_workers_compute_with_one_thread_and_leave_signals_to_the_parent(monkeyp
 
 SPREADING = """
 from math import factorial
-from estim.common.jobs import spread
+from estim.common.jobs import run_parallel
 
 if __name__ == "__main__":
-    print(spread(factorial, range(4), jobs=2))
+    print(run_parallel(factorial, range(4), jobs=2))
 """
 
 

@@ -18,7 +18,7 @@ from scipy import optimize, stats
 from estim.common.errors import InputError
 from estim.line.conventions import CONVENTIONS
 from estim.line.interval import slope_interval
-from estim.line.least_squares import confidence_band, coverage_factor, fit_line, inverse_prediction, line_values, prediction_band
+from estim.line.regression import confidence_band, coverage_factor, fit_line, inverse_prediction, line_values, prediction_band
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "reference"

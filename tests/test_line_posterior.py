@@ -8,8 +8,8 @@ from scipy import integrate, optimize, stats
 
 from estim.common.errors import InputError
 from estim.line.evidence import intercept_evidence, sample_line
-from estim.line.least_squares import fit_line
 from estim.line.posterior import line_mode, line_posterior, without_intercept
+from estim.line.regression import fit_line
 
 
 @pytest.fixture

@@ -134,7 +134,7 @@ def test_a_file_outside_the_folder_is_allowed_and_named(home: Path) -> None:
         assert told(home, "curve", file) == ""
         campaign = load_campaign(home / "c.toml")
         said[file] = campaign.tables["a"].facts
-        assert campaign.source.outside() == said[file]
+        assert campaign.source.files_outside() == said[file]
     assert said.pop("../f.csv") == ("../f.csv lies outside the folder of the campaign",)
     assert said.pop("link.csv") == ("link.csv lies outside the folder of the campaign: a link leads to ../f.csv",)
     assert set(said.values()) == {()}
@@ -144,7 +144,7 @@ def test_a_link_to_the_folder_is_the_folder(home: Path) -> None:
     (home / "in.csv").write_text(f"t_s,x_m\n{ROWS}")
     assert told(home, "curve", "in.csv") == ""
     (home.parent / "other").symlink_to(home)
-    assert load_campaign(home.parent / "other" / "c.toml").source.outside() == ()
+    assert load_campaign(home.parent / "other" / "c.toml").source.files_outside() == ()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -82,7 +82,7 @@ def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.r
     first = SimpleNamespace(fit=fit_least_squares(campaign.problem(["r"]), rng=rng, n_start=1))
     assert joint.restricted(joint.runs[1:]).names == ("gamma[heavy]", "kappa[heavy]", "theta0[s]", "scatter[s]", "sigma_x[s]")
     # of the second alone nothing is asked
-    found = narrowing(fit_least_squares(joint, rng=rng, n_start=1), [first, first], ["gamma[heavy]", "kappa[heavy]"], firsts=())
+    found = narrowing(fit_least_squares(joint, rng=rng, n_start=1), [first, first], ["gamma[heavy]", "kappa[heavy]"], first_runs=())
     assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)  # the first of them is the first alone
     assert np.all(found.u[1] < found.u[0])
 

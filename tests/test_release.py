@@ -15,10 +15,10 @@ from click.testing import CliRunner, Result
 from estim import InputError
 from estim.campaign import load_campaign, load_design, simulate_campaign
 from estim.cli.commands import cli
-from estim.line.release import effective_start, release_posterior
 from estim.line.release_draws import weigh
+from estim.line.release_likelihood import effective_start, release_posterior
 from estim.line.thresholds import thresholds
-from estim.line.trials import HIGH, LOW, Trials, by_tilt, read_trials
+from estim.line.trial_data import HIGH, LOW, Trials, by_tilt, read_trials
 from estim.problem import HalfNormal, Uniform
 from model import theta_min
 from model.simulate import simulate_trials

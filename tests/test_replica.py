@@ -17,8 +17,8 @@ RUNS = [f"heavy-0{i}" for i in (2, 4, 6, 8)] + [f"light-0{i}" for i in (1, 2, 3,
 @pytest.mark.slow
 def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reanalysis) -> None:
     truth = tomllib.loads((replica / "truth.toml").read_text())
-    assert len(reanalysed.singles) in (4, len(RUNS))
-    for run, analysis in reanalysed.singles.items():
+    assert len(reanalysed.single_runs) in (4, len(RUNS))
+    for run, analysis in reanalysed.single_runs.items():
         found = result_of(reanalysed.campaign, analysis)
         assert found.status == "ok", run
         for name, parameter in found.parameters.items():

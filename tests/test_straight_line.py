@@ -20,7 +20,7 @@ from estim.cli.commands import cli
 from estim.common.errors import InputError
 from estim.common.kinds import Status
 from estim.common.quantity import Quantity
-from estim.line.straight import Columns, straight_line
+from estim.line.table_line import Columns, straight_line
 
 REFERENCE = Path(__file__).resolve().parent / "reference"
 LINES = REFERENCE / "lines"

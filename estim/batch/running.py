@@ -13,7 +13,7 @@ import msgspec
 from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, require_places, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, inputs_read, key_of, language, phrase, plain, spread
+from estim.common import EstimError, InputError, inputs_read, key_of, language, phrase, plain, run_parallel
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -39,7 +39,7 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _Work:
+class _TaskRunner:
     folder: Path
     settings: Settings
     report: Report
@@ -92,4 +92,4 @@ def run_batch(
     processes of this machine are killed twice.
     """
     require_places(folder, units)
-    return spread(_Work(folder, settings or Settings(), report, resume), units, jobs=jobs, executor=executor, progress=progress)
+    return run_parallel(_TaskRunner(folder, settings or Settings(), report, resume), units, jobs=jobs, executor=executor, progress=progress)

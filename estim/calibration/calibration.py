@@ -49,7 +49,7 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Amount, Finding, Kind, Label, PieceStore, Stream, phrase, spread, stream
+from estim.common import Amount, Finding, Kind, Label, PieceStore, Stream, phrase, run_parallel, stream
 from estim.fitting import Fit
 
 IntArray = NDArray[np.int64]
@@ -162,7 +162,7 @@ def _varying(fit: Fit) -> dict[str, str]:
 
 def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None, store: PieceStore | None) -> Calibration:
     trial = partial(run_trial, plan) if store is None else partial(_kept_trial, plan, store.given(*plan.inputs))
-    trials = spread(trial, range(n_trial), jobs=jobs, progress=progress)
+    trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
         what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
         labels=reported_labels(fit.problem, fit.values),

@@ -213,7 +213,7 @@ class CampaignFile:
         link = phrase(": a link leads to {place}", place=os.path.relpath(end, home))
         return phrase("{file} lies outside the folder of the campaign", file=written) + link * (os.path.normpath(os.path.join(home, written)) != end)
 
-    def outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
+    def files_outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
         """Such a sentence for each of these files."""
         written = list(self.files.values()) if runs else []
         written += [table.file for table in (self.line, self.trials) if line and table is not None]

@@ -17,7 +17,7 @@ from estim.cli.formats import FORMAT, chosen
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, claim, counted, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, counted, report_at, reserve_output, say, write_report
 from estim.common import EstimError, InputError, held, phrase
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def batch(
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
-    claim(place, "summary.csv", "summary.json", "times.csv", within=out)
+    reserve_output(place, "summary.csv", "summary.json", "times.csv", within=out)
     with held(out / lock / ".lock", within=out), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
         rows = run_batch(
             units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,

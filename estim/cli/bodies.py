@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from estim.cli.terminal import claim, report_at, say, write_report
+from estim.cli.terminal import report_at, reserve_output, say, write_report
 from estim.common import Stream, stream
 
 
@@ -15,7 +15,7 @@ def report_bodies(campaign: Path, folder: Path, *, seed: int) -> None:
     from estim.studies import weigh
 
     source = read_campaign_file(campaign, measured=False)
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     weighing = weigh(source, rng=stream(seed, Stream.PARTS))
     write_report(folder, body_report(source, weighing, seed=seed))
     for line in body_lines(weighing):

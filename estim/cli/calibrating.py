@@ -12,7 +12,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, counted, finished_pieces, groups_of, report_at, write_report
+from estim.cli.terminal import NOT_OK, conclude, counted, finished_pieces, groups_of, report_at, reserve_output, write_report
 from estim.common import Stream, decide, stream
 
 
@@ -64,7 +64,7 @@ def run_calibrations(
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
     chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
-    claim(folder, "calibration.json", groups=groups)
+    reserve_output(folder, "calibration.json", groups=groups)
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
@@ -87,5 +87,5 @@ def run_calibrations(
                 trusted = trusted and decide(found).ok
                 said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
                 conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said], [unlike] if unlike else [])
-            report_at(place / "report.md", loaded.source.outside())
+            report_at(place / "report.md", loaded.source.files_outside())
     return trusted

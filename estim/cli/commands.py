@@ -37,13 +37,13 @@ from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     NOT_OK,
     announced,
-    claim,
     conclude,
     exit_code,
     finished_pieces,
     groups_of,
     progress_bar,
     report_at,
+    reserve_output,
     say,
     together,
     write_report,
@@ -114,7 +114,7 @@ def fit(
         raise InputError("needs --joint: a single run has no shared parameters", field="--marginal")
     if compare and (explain or marginal is not None):
         raise InputError("cannot be combined with --explain, --marginal or --full", field="--compare")
-    claim(folder, "comparison.json" if compare else "result.json", groups=groups)
+    reserve_output(folder, "comparison.json" if compare else "result.json", groups=groups)
     with finished_pieces(folder, resume=resume) as store:
         if compare:
             all_ok = compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=not no_figures)
@@ -156,7 +156,7 @@ def _fit_groups(
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
         write_report(folder, index_report(campaign, results, explanations))
-    report_at(folder / "report.md", campaign.source.outside())
+    report_at(folder / "report.md", campaign.source.files_outside())
     if not can_write_netcdf():
         say(phrase("draws.nc (the draws, for ArviZ and xarray) was not written: {how}", how=HOW_TO_GET))
     return all(result.status == "ok" for result in results.values())
@@ -193,7 +193,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     loaded.study.require_speeds(names, "estim energy")
     loaded.study.require_complete(names, "estim energy")
     folder = out or out_folder(campaign, "energy")
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     for group in groups:
         with progress_bar(together(group)) as progress:
             analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
@@ -201,7 +201,7 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
         conclude(together(group), energy_status(analyses[-1], drifts[-1]), energy_lines(analyses[-1], drifts[-1]))
     write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
-    report_at(folder / "report.md", loaded.source.outside())
+    report_at(folder / "report.md", loaded.source.files_outside())
     _exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
 
 
@@ -231,14 +231,14 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     loaded.study.require_body()
     folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
     loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     with finished_pieces(folder, resume=resume) as store:
         result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes, store=store)
         write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(result, what), status, said.get(what, ()))
-    report_at(folder / "report.md", loaded.source.outside(line=True, published=True))
+    report_at(folder / "report.md", loaded.source.files_outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 
 

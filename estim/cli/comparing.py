@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from estim.cli.terminal import claim, conclude, progress_bar, report_at, write_report
+from estim.cli.terminal import conclude, progress_bar, report_at, reserve_output, write_report
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -26,13 +26,13 @@ def compare(
     for group in groups:
         place = folder if len(groups) == 1 else folder / group[0]
         for candidate in campaign.noise_models(group[0]):
-            claim(place / folder_of(candidate.name), "result.json", within=folder)
+            reserve_output(place / folder_of(candidate.name), "result.json", within=folder)
         compared = compare_noise(campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=progress_bar, store=store)
         for model in compared:
             report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False)
             write_report(place / folder_of(model.candidate.name), report, within=folder)
             conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
         write_report(place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder)
-        report_at(place / "report.md", campaign.source.outside())
+        report_at(place / "report.md", campaign.source.files_outside())
         all_ok = all_ok and any(model.analysis.diagnosis.ok for model in compared)
     return all_ok

@@ -11,7 +11,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, conclude, report_at, reserve_output, say, write_report
 from estim.common import decide
 
 if TYPE_CHECKING:
@@ -50,14 +50,14 @@ def map_motions(
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
     values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
     write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))
     for found in maps:
         conclude(found.body, decide(found.findings), map(tell, found.findings))
         for said in map_lines(found):
             say(f"  {said}")
-    report_at(folder / "report.md", loaded.source.outside(line=line is not None))
+    report_at(folder / "report.md", loaded.source.files_outside(line=line is not None))
     if not decide(finding for found in maps for finding in found.findings).ok:
         sys.exit(NOT_OK)
 

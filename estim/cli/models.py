@@ -12,7 +12,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, finished_pieces, groups_of, progress_bar, report_at, say, write_report
+from estim.cli.terminal import NOT_OK, conclude, finished_pieces, groups_of, progress_bar, report_at, reserve_output, say, write_report
 from estim.common import phrase
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def compare_models(
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "models")
     groups = groups_of(loaded, runs, joint=joint)
-    claim(folder, "models.json", groups=groups)
+    reserve_output(folder, "models.json", groups=groups)
     recommended = True
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
@@ -73,7 +73,7 @@ def compare_models(
                 say(phrase("  not {name}: {why}", name=name, why=why))
             if price := price_words(comparison):
                 say(f"  {price}")
-            report_at(place / "report.md", loaded.source.outside())
+            report_at(place / "report.md", loaded.source.files_outside())
             recommended = recommended and bool(comparison.recommended)
     if not recommended:
         sys.exit(NOT_OK)

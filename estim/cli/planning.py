@@ -10,7 +10,7 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, claim, conclude, groups_of, pieces, report_at, write_report
+from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, reserve_output, write_report
 from estim.common import phrase
 
 
@@ -40,12 +40,12 @@ def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], ou
     loaded = load_campaign(campaign)
     (names,) = groups_of(loaded, runs, joint=True)
     folder = out or out_folder(campaign, "plan")
-    claim(folder, "plan.json")
+    reserve_output(folder, "plan.json")
     with pieces(phrase("plan"), phrase("option")) as progress:
         found = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
     write_report(folder, plan_report(found, figures=not no_figures))
     status, reasons = plan_status(found)
     conclude(phrase("plan"), status, [*plan_answers(found), *reasons])
-    report_at(folder / "report.md", loaded.source.outside())
+    report_at(folder / "report.md", loaded.source.files_outside())
     if not status.ok:
         sys.exit(NOT_OK)

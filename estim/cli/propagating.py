@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from estim.cli.terminal import claim, conclude, pieces, report_at, say, write_report
+from estim.cli.terminal import conclude, pieces, report_at, reserve_output, say, write_report
 from estim.common import Stream, phrase, stream
 
 
@@ -14,7 +14,7 @@ def say_propagated(file: Path, folder: Path, *, seed: int, figures: bool) -> boo
     from estim.reports import measurement_lines, measurement_report
 
     model = read_model(file)
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     with pieces("Monte Carlo", phrase("draw")) as progress:
         propagation = propagate(model, rng=stream(seed, Stream.MEASUREMENT), progress=progress)
     write_report(folder, measurement_report(propagation, seed=seed, figures=figures))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from estim.cli.options import out_folder
-from estim.cli.terminal import claim, conclude, progress_bar, report_at, write_report
+from estim.cli.terminal import conclude, progress_bar, report_at, reserve_output, write_report
 from estim.common import phrase
 
 
@@ -23,7 +23,7 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     trials = None if source.trials is None else read_trials(source)
     series = read_theta_min(source) if trials is None or source.line is not None else None
     folder = out or out_folder(campaign, "line")
-    claim(folder, "result.json", "trials.json")
+    reserve_output(folder, "result.json", "trials.json")
     line = released = None
     if series is not None:
         with progress_bar(phrase("line")) as progress:
@@ -44,5 +44,5 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     if released is not None:
         told = trials_lines(loaded, released) if released.status.ok else released.reasons
         conclude(phrase("trials"), released.status, [*told, *released.disagreements])
-    report_at(folder / "report.md", source.outside(runs=False, line=True))
+    report_at(folder / "report.md", source.files_outside(runs=False, line=True))
     return all(found.status.ok for found in (line, released) if found is not None)

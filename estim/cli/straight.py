@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from estim.cli.terminal import claim, conclude, report_at, say, write_report
+from estim.cli.terminal import conclude, report_at, reserve_output, say, write_report
 from estim.common import phrase, read_quantity
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def say_straight_line(
     at = [read_quantity(text, field="--predict") for text in predict]
     back = [read_quantity(text, field="--inverse") for text in inverse]
     shared = Correlated(errors.cov, errors.cov_x, errors.cov_y, commons(errors.common_x, errors.common_y))
-    claim(folder, "result.json")
+    reserve_output(folder, "result.json")
     line = straight_line(file, columns, predict=at, inverse=back, dialect=dialect, correlated=shared)
     write_report(folder, straight_line_report(line, figures=figures))
     say(line.told)

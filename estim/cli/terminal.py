@@ -146,7 +146,7 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
         write_whole(folder / name, data, within=folder)
 
 
-def claim(folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None) -> None:
+def reserve_output(folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None) -> None:
     """Raises EstimError, before anything is computed, where a report in `folder` would replace what estim did not write, or what somebody changed.
 
     names : of what a report has beside `report.md`.  groups : of runs, each of which has a report in the folder of its first run if they are several.

@@ -2,7 +2,7 @@
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
 from estim.common.escaping import Markdown, as_json, code, destination, json_of, markdown, mathtext, one_line, plain, unescaped
 from estim.common.interruption import ended_by_signals
-from estim.common.jobs import spread
+from estim.common.jobs import run_parallel
 from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
 from estim.common.labels import in_unit, is_angle, is_in_degrees, is_unit, powers_in, same_unit
 from estim.common.lookalikes import first_alike, forms, same_looks

@@ -1,4 +1,4 @@
-"""The same function for many numbers (or other small things), spread over processes.
+"""The same function for many numbers (or other small things), by several processes.
 
 Workers are spawned (no state is inherited by chance), compute with one thread each, and leave Ctrl-C and the end of a terminal to
 the parent, which waits for the calls under way and raises it.  They end with their parent, however it ends.  Where one of them is
@@ -36,14 +36,14 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLI
 _task: Callable[[Any], Any] | None = None  # of a worker process
 
 
-def spread(
+def run_parallel(
     task: Callable[[K], T], numbers: Sequence[K], *, jobs: int, executor: Executor | None = None, progress: Callable[[int], None] | None = None,
-    tell: Callable[[K], None] | None = None, patient: bool = True,
+    tell: Callable[[K], None] | None = None, wait_on_error: bool = True,
 ) -> list[T]:
     """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by `executor`, which takes care of its own workers.
 
     progress : called with how many are done.  tell : called with each that is done.
-    `task` must be picklable, read-only mappings included; so must what it returns.  patient : whether an error or an interrupt
+    `task` must be picklable, read-only mappings included; so must what it returns.  wait_on_error : whether an error or an interrupt
     waits for the calls that are under way, which may keep what they find; else they are given up.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
@@ -53,7 +53,7 @@ def spread(
     if executor is not None:
         results = _through(executor, task, numbers)
     else:
-        results = _in_process(task, numbers) if jobs <= 1 or not numbers else _in_pool(task, numbers, min(jobs, len(numbers)), patient)
+        results = _in_process(task, numbers) if jobs <= 1 or not numbers else _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
     for n, result in results:
         done[n] = result
         if tell is not None:
@@ -87,13 +87,13 @@ def _through(executor: Executor, task: Callable[[K], T], numbers: Sequence[K]) -
             future.cancel()
 
 
-def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient: bool) -> Iterator[tuple[K, T]]:
+def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool) -> Iterator[tuple[K, T]]:
     from concurrent.futures.process import BrokenProcessPool
 
     missing = dict.fromkeys(numbers)
     for n_worker in (jobs, max(jobs // 2, 1)):
         try:
-            for n, result in _by_workers(task, list(missing), n_worker, patient):
+            for n, result in _by_workers(task, list(missing), n_worker, wait_on_error):
                 del missing[n]
                 yield n, result
         except BrokenProcessPool:
@@ -102,7 +102,7 @@ def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient: b
     raise NumericalError(f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer take less ('jobs')")
 
 
-def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient: bool) -> Iterator[tuple[K, T]]:
+def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool) -> Iterator[tuple[K, T]]:
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
@@ -126,7 +126,7 @@ def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, patient
                     yield futures.pop(future), pickle.loads(future.result())
                     submit(pool, 1)
         except BaseException:  # where the caller was interrupted between two results this is GeneratorExit
-            if not patient:
+            if not wait_on_error:
                 _end(pool)
             raise
         finally:

@@ -16,13 +16,13 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
+from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Deviation, diagonalise
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
-from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, WithForce, formed_about

@@ -11,8 +11,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
+from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.errors import MixtureErrors
-from estim.deviation.jumps import BadFrames
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
 from estim.deviation.trajectory import Trajectory

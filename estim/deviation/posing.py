@@ -12,13 +12,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
+from estim.deviation.bad_frame_search import BadFrames, find_bad_frames
 from estim.deviation.completed import Completed
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.force import force_shapes
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, prior_grid
 from estim.deviation.inferred_force import Force, OwnForce, find_force
-from estim.deviation.jumps import BadFrames, find_bad_frames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, formed_about

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
+from estim.deviation.bad_frame_search import Frames
 from estim.deviation.force import Response, Track, speed_response, track
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
-from estim.deviation.jumps import Frames
 from estim.deviation.smoothing import settled
 from estim.problem import Differences, Motion, Named, Noise, Points, PositionCurve
 

@@ -17,11 +17,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
+from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
 from estim.deviation.joint import Sharing, Together
-from estim.deviation.jumps import BadFrames
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance

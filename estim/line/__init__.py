@@ -4,10 +4,10 @@ Read `least_squares` first, `analysis` for the theta_min line, `release` for tri
 
 from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.conventions import CONVENTIONS
-from estim.line.least_squares import confidence_band
+from estim.line.regression import confidence_band
 from estim.line.series import ThetaMinSeries, read_theta_min
 from estim.line.stated_errors import Correlated, commons
-from estim.line.straight import Columns, StraightLine, straight_line
-from estim.line.release import effective_start
+from estim.line.table_line import Columns, StraightLine, straight_line
+from estim.line.release_likelihood import effective_start
 from estim.line.release_analysis import UNKNOWNS, WAYS, TrialsAnalysis, analyse_trials
-from estim.line.trials import HIGH, LOW, read_trials
+from estim.line.trial_data import HIGH, LOW, read_trials

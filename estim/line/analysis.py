@@ -18,8 +18,8 @@ from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, deci
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
-from estim.line.least_squares import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
 from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
+from estim.line.regression import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
 from estim.line.series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell

@@ -10,7 +10,7 @@ from estim.checks import Goodness, check_linear, failed_tests, sampling_findings
 from estim.common import Finding, Kind, Stream, stream, wrong
 from estim.line.interval import SlopeInterval
 from estim.line.joint_errors import joint_covariance
-from estim.line.least_squares import LineFit
+from estim.line.regression import LineFit
 from estim.sampling import Chain
 
 

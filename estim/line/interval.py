@@ -16,7 +16,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import phrase
 from estim.line.angle import profile, scaled_points
-from estim.line.least_squares import LineFit, coverage_factor
+from estim.line.regression import LineFit, coverage_factor
 
 
 class SlopeInterval(NamedTuple):

@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.line.angle import LineData, line_data, scaled_points
-from estim.line.least_squares import fit_line
+from estim.line.regression import fit_line
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
 from estim.common import Finding, Kind, Notation, PhraseTable, Quantity, Status, Stream, decide, e_n, later, phrase, stream, wrong
-from estim.line.release import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
 from estim.line.release_draws import sample, weigh
+from estim.line.release_likelihood import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
 from estim.line.thresholds import Threshold, thresholds
-from estim.line.trials import HIGH, LOW, Trials
+from estim.line.trial_data import HIGH, LOW, Trials
 from estim.problem import Prior
 from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
 from estim.words import advice_for, tell

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.line.release import ReleasePosterior, rough_gamma
+from estim.line.release_likelihood import ReleasePosterior, rough_gamma
 from estim.sampling import MAX_PARAMETERS, Agreement, Certificate, Chain, Optima, Progress, Target, adapt_proposal, certified_chain, certify
 
 _N_ROUGH = 2000

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.line.release import outcomes
-from estim.line.trials import HIGH, LOW, Trials
+from estim.line.release_likelihood import outcomes
+from estim.line.trial_data import HIGH, LOW, Trials
 
 _N_SCATTER = 40  # values of the scatter, equally probable
 _STEP, _SHARE = math.radians(0.1), 0.1  # of the grid of angles: this, or this share of u_theta where that is smaller

@@ -1,9 +1,9 @@
 """Counted readings: how many events fell into each bin, or what fraction of trials succeeded.
 
-`Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations (`estim.problem.laws` says which y and which law).
-Residuals are signed roots of the deviance, so that least squares on them are the maximum of the likelihood; where counts are few they are far from
-linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted least squares (McCullagh and Nelder, Generalized Linear Models,
-2nd ed., 1989, section 2.5).  Tests see the same residuals against counts that are drawn at the fit.
+`Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations (`estim.problem.count_distributions` says which y
+and which law).  Residuals are signed roots of the deviance, so that least squares on them are the maximum of the likelihood; where counts are few
+they are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted least squares (McCullagh and Nelder,
+Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests see the same residuals against counts that are drawn at the fit.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
+from estim.problem.count_distributions import Counted, Law, deviance_residual
 from estim.problem.curve import POINTS, Wording
-from estim.problem.laws import Counted, Law, deviance_residual
 from estim.problem.likelihood import Ends, Likelihood, Noise, Points
 from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size

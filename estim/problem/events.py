@@ -19,15 +19,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
+from estim.problem.count_distributions import BINOMIAL as BINOMIAL
+from estim.problem.count_distributions import POISSON as POISSON
+from estim.problem.count_distributions import Counted as Counted
+from estim.problem.count_distributions import Law as Law
 from estim.problem.counts import CountErrors
 from estim.problem.counts import Counts as Counts
 from estim.problem.counts import counted_words as counted_words
 from estim.problem.curve import Curve, LocalCurve, Wording
 from estim.problem.latent import rooted
-from estim.problem.laws import BINOMIAL as BINOMIAL
-from estim.problem.laws import POISSON as POISSON
-from estim.problem.laws import Counted as Counted
-from estim.problem.laws import Law as Law
 from estim.problem.likelihood import Likelihood, Points, n_draws
 from estim.problem.size import Named
 

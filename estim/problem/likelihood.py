@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.problem.count_distributions import Counted
 from estim.problem.curve import Curve, LocalCurve, SquaredCurve, Wording
 from estim.problem.differences import Differences
-from estim.problem.laws import Counted
 from estim.problem.roots import Root
 from estim.problem.size import Named, Size
 from estim.problem.whitened import Linear

@@ -107,7 +107,7 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
     return ReanalysisResult(
         schema_=REANALYSIS_SCHEMA, title=r.campaign.title, kind=r.campaign.kind, statuses=dict(r.statuses),
         line=None if r.line is None else line_result(r.campaign, r.line, voice=voice),
-        runs={name: result_of(r.campaign, analysis, voice=voice) for name, analysis in r.singles.items()},
+        runs={name: result_of(r.campaign, analysis, voice=voice) for name, analysis in r.single_runs.items()},
         bodies={body.body: _body(r, body, voice) for body in r.bodies}, paper=r.paper,
         published=[
             PublishedRow(c.published.name, c.published.section, Value(c.published.value, c.published.u), to_value(c.value), c.how, number(c.e_n))
@@ -188,7 +188,7 @@ def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], p
         "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=kind_words(result.kind),
         line=None if result.line is None else line_values(result.line), shown=shown,
         prior=prior_cell, value=value_cell, interval=interval_cell,
-        trusted=any(body.joint.status == "ok" for body in result.bodies.values()), singles=_singles(result),
+        trusted=any(body.joint.status == "ok" for body in result.bodies.values()), single_runs=_singles(result),
         limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
         forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
         complete=complete_runs(result.runs.values()),
@@ -280,7 +280,7 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
 
 def called(r: Reanalysis, what: str) -> str:
     """A key of the statuses as a reader calls it."""
-    return _called(what, r.singles, [body.body for body in r.bodies])
+    return _called(what, r.single_runs, [body.body for body in r.bodies])
 
 
 def _called(what: str, runs: Iterable[str], bodies: Iterable[str]) -> str:

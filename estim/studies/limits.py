@@ -72,15 +72,15 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
     return tuple(sorted(found, key=lambda limit: -limit.share))
 
 
-def narrowing(joint: Fit, singles: Sequence[Analysis], names: Sequence[str], *, firsts: Sequence[Fit]) -> Narrowing:
+def narrowing(joint: Fit, single_runs: Sequence[Analysis], names: Sequence[str], *, first_runs: Sequence[Fit]) -> Narrowing:
     """How u of the shared parameters `names` falls as the runs of a joint fit are added one by one.
 
-    firsts : the fits of its first two, three, ... runs together, without that of all.
+    first_runs : the fits of its first two, three, ... runs together, without that of all.
     """
     problem = joint.problem
-    fits = [singles[0].fit, *firsts, joint][-len(problem.runs) :]
+    fits = [single_runs[0].fit, *first_runs, joint][-len(problem.runs) :]
     rows = [[float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names] for fit in fits]
-    alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in singles]
+    alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in single_runs]
     labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)
     return Narrowing(tuple(names), labels, tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
 

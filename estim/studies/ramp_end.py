@@ -1,4 +1,4 @@
-"""Where the ramp ends, from the release: as asked for, as a campaign says, or as far as the runs were recorded."""
+"""The distance from the release to the end of the ramp: from the command line, from the campaign, or the longest recording."""
 
 from __future__ import annotations
 

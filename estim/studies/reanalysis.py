@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
-from estim.common import PieceStore, Quantity, Status, Stream, phrase, spread, stream
+from estim.common import PieceStore, Quantity, Status, Stream, phrase, run_parallel, stream
 from estim.fitting import Fit
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
@@ -55,7 +55,7 @@ class Reanalysis:
 
     campaign: Campaign
     line: LineAnalysis | None
-    singles: Mapping[str, Analysis]
+    single_runs: Mapping[str, Analysis]
     bodies: tuple[BodyAnalysis, ...]
     paper: str
     published: tuple[PublishedValue, ...]
@@ -64,28 +64,28 @@ class Reanalysis:
     @property
     def statuses(self) -> dict[str, Status]:
         """What was analysed -> its status."""
-        found = {f"run {name}": analysis.diagnosis.status for name, analysis in self.singles.items()}
+        found = {f"run {name}": analysis.diagnosis.status for name, analysis in self.single_runs.items()}
         found |= {f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies}
         return found | ({} if self.line is None else {"line": self.line.status})
 
 
 @dataclass(frozen=True, eq=False)
-class _Together:
-    """Of the runs of a body, what needs no other fit.  firsts : the first two, three, ... of them, without all."""
+class _JointResult:
+    """Of the runs of a body, what needs no other fit.  first_runs : the first two, three, ... of them, without all."""
 
     joint: Analysis
     energies: tuple[EnergyRecord, ...]
     drift: Drift
     propagated: tuple[PropagatedBand, ...]
-    firsts: tuple[Fit, ...]
+    first_runs: tuple[Fit, ...]
 
 
-_Piece = tuple[str, str]
+_TaskKey = tuple[str, str]
 """What is done by itself: ("line", ""), ("run", its name) or ("body", its name)."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
+class _TaskRunner:
     """What becomes of a piece; the same whichever process does it."""
 
     campaign: Campaign
@@ -96,7 +96,7 @@ class _Work:
     store: PieceStore | None
 
     @property
-    def pieces(self) -> tuple[_Piece, ...]:
+    def pieces(self) -> tuple[_TaskKey, ...]:
         bodies = dict.fromkeys(run.body for run in self.campaign.source.runs)
         runs = tuple(("run", name) for name in self.campaign.run_names)
         return (*((("line", ""),) if self.series is not None else ()), *runs, *(("body", body) for body in bodies))
@@ -104,7 +104,7 @@ class _Work:
     def runs_of(self, body: str) -> list[str]:
         return [run.name for run in self.campaign.source.runs if run.body == body]
 
-    def __call__(self, piece: _Piece, progress: Progress | None = None) -> LineAnalysis | Analysis | _Together:
+    def __call__(self, piece: _TaskKey, progress: Progress | None = None) -> LineAnalysis | Analysis | _JointResult:
         kind, name = piece
         if kind == "line":
             assert self.series is not None
@@ -116,12 +116,13 @@ class _Work:
             return alone
         return self._together(self.runs_of(name), progress)
 
-    def _together(self, runs: Sequence[str], progress: Progress | None) -> _Together:
+    def _together(self, runs: Sequence[str], progress: Progress | None) -> _JointResult:
         joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress, store=self.store)
-        firsts = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
-        return _Together(
+        first_runs = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
+        return _JointResult(
             joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
-            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published), firsts=tuple(firsts),
+            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published),
+            first_runs=tuple(first_runs),
         )
 
     def _first(self, runs: Sequence[str], together: Fit) -> Fit:
@@ -143,15 +144,17 @@ def reanalyse(
     """
     campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
-    work = _Work(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target, store)
-    done = _one_by_one(work, progress_of) if jobs == 1 else _at_once(work, progress_of, jobs)
+    work = _TaskRunner(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target, store)
+    done = _serially(work, progress_of) if jobs == 1 else _in_parallel(work, progress_of, jobs)
     line = done.get(("line", ""))
-    singles = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
-    bodies = [_body(campaign, name, done[kind, name], [singles[run] for run in work.runs_of(name)]) for kind, name in work.pieces if kind == "body"]
-    return Reanalysis(campaign, line, singles, tuple(bodies), paper, compare_published(numbers, _found(campaign, line, bodies)), seed)
+    single_runs = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
+    bodies = [
+        _body(campaign, name, done[kind, name], [single_runs[run] for run in work.runs_of(name)]) for kind, name in work.pieces if kind == "body"
+    ]
+    return Reanalysis(campaign, line, single_runs, tuple(bodies), paper, compare_published(numbers, _found(campaign, line, bodies)), seed)
 
 
-def _one_by_one(work: _Work, progress_of: ProgressOf) -> dict[_Piece, Any]:
+def _serially(work: _TaskRunner, progress_of: ProgressOf) -> dict[_TaskKey, Any]:
     done = {}
     for piece in work.pieces:
         with progress_of(_shown(piece)) as progress:
@@ -159,22 +162,22 @@ def _one_by_one(work: _Work, progress_of: ProgressOf) -> dict[_Piece, Any]:
     return done
 
 
-def _at_once(work: _Work, progress_of: ProgressOf, jobs: int) -> dict[_Piece, Any]:
+def _in_parallel(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[_TaskKey, Any]:
     """Those that take longest first: the runs that are many together."""
     pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
     with progress_of(phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))) as progress:
         n_done = 0
 
-        def tell(piece: _Piece) -> None:
+        def tell(piece: _TaskKey) -> None:
             nonlocal n_done
             n_done += 1
             progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
 
-        found = spread(work, pieces, jobs=jobs, tell=tell, patient=False)
+        found = run_parallel(work, pieces, jobs=jobs, tell=tell, wait_on_error=False)
     return dict(zip(pieces, found, strict=True))
 
 
-def _shown(piece: _Piece) -> str:
+def _shown(piece: _TaskKey) -> str:
     kind, name = piece
     return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[kind]
 
@@ -187,13 +190,13 @@ def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
         return read_published(campaign.published)
 
 
-def _body(campaign: Campaign, body: str, together: _Together, singles: Sequence[Analysis]) -> BodyAnalysis:
+def _body(campaign: Campaign, body: str, together: _JointResult, single_runs: Sequence[Analysis]) -> BodyAnalysis:
     joint = together.joint
     # a quantity stated for each run has no common value to narrow
-    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in single.problem.names for single in singles)]
+    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in single.problem.names for single in single_runs)]
     return BodyAnalysis(
         body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=together.energies, drift=together.drift,
-        propagated=together.propagated, narrowing=narrowing(joint.fit, singles, shared, firsts=together.firsts),
+        propagated=together.propagated, narrowing=narrowing(joint.fit, single_runs, shared, first_runs=together.first_runs),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 

@@ -1,4 +1,4 @@
-"""Trials of release: a body set at an angle, let go, and whether it climbed.  What `estim.line.release` makes a likelihood of."""
+"""Trials of release: a body set at an angle, let go, and whether it climbed.  What `estim.line.release_likelihood` makes a likelihood of."""
 
 from __future__ import annotations
 

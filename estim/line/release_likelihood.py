@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.line.trials import HIGH, LOW, Tilt, Trials
+from estim.line.trial_data import HIGH, LOW, Tilt, Trials
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
 from model.phase import effective_slope
 

@@ -13,7 +13,7 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
 from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
-from estim.line.least_squares import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
+from estim.line.regression import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
 from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import (
     Dialect,
