@@ -1,4 +1,6 @@
-"""The samplers that `bench.py` compares, each from the same fit to effective draws, in a process of its own."""
+"""The samplers that `bench.py` compares, each from the same fit to effective draws, in a process of
+its own.
+"""
 
 from __future__ import annotations
 
@@ -32,18 +34,27 @@ def posed() -> Any:
 
 
 def described(draws: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Effective draws of the worst parameter, means, sds and their errors; draws (n_chain, n_step, n_par)."""
+    """Effective draws of the worst parameter, means, sds and their errors; draws (n_chain, n_step,
+    n_par).
+    """
     from arviz_stats.base import array_stats
 
     chains = [draws[:, :, i] for i in range(draws.shape[2])]
     ess = min(float(array_stats.ess(c, chain_axis=0, draw_axis=1, method="bulk")) for c in chains)
-    errors = [[float(array_stats.mcse(c, chain_axis=0, draw_axis=1, method=m)) for c in chains] for m in ("mean", "sd")]
+    errors = [
+        [float(array_stats.mcse(c, chain_axis=0, draw_axis=1, method=m)) for c in chains]
+        for m in ("mean", "sd")
+    ]
     flat = draws.reshape(-1, draws.shape[2])
     return ess, flat.mean(axis=0), flat.std(axis=0), np.array(errors[0]), np.array(errors[1])
 
 
-def nested(results: Any, rng: np.random.Generator) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The same of a nested run.  Errors from runs resampled by their live points: the weights alone do not know how the volume shrank."""
+def nested(
+    results: Any, rng: np.random.Generator
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The same of a nested run.  Errors from runs resampled by their live points: the weights alone
+    do not know how the volume shrank.
+    """
     from dynesty.utils import resample_run
 
     mean, sd = _moments(results)
@@ -82,7 +93,11 @@ def by_emcee(fit: Any, most: float, *, wanted: float = ESS, seed: int = SEED) ->
         found = described(np.swapaxes(kept, 0, 1))
         if found[0] >= wanted or time.process_time() - began > most:
             return found
-        steps = int(min(4.0, 1.1 * wanted / max(found[0], 1.0)) * sampler.iteration) - sampler.iteration + 200
+        steps = (
+            int(min(4.0, 1.1 * wanted / max(found[0], 1.0)) * sampler.iteration)
+            - sampler.iteration
+            + 200
+        )
 
 
 def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
@@ -95,15 +110,25 @@ def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
         table.add(f"p{i}", value=value, min=prior.low, max=prior.high)
 
     def density(parameters: Any) -> float:
-        return float(fit.posterior.log_density(np.array([[p.value for p in parameters.values()]]))[0])
+        return float(
+            fit.posterior.log_density(np.array([[p.value for p in parameters.values()]]))[0]
+        )
 
     rng, n = np.random.default_rng(SEED), 64
     fitter = lmfit.Minimizer(density, table, nan_policy="omit")
     position, began, steps, done = scattered(fit, n, rng), time.process_time(), 400, 0
     while True:
         result = fitter.emcee(
-            table, steps=steps, nwalkers=n, burn=0, pos=position if done == 0 else None, reuse_sampler=done > 0, float_behavior="posterior",
-            progress=False, is_weighted=True, seed=SEED,
+            table,
+            steps=steps,
+            nwalkers=n,
+            burn=0,
+            pos=position if done == 0 else None,
+            reuse_sampler=done > 0,
+            float_behavior="posterior",
+            progress=False,
+            is_weighted=True,
+            seed=SEED,
         )
         chain = result.chain
         done = chain.shape[0]
@@ -111,7 +136,9 @@ def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
         used = time.process_time() - began
         if found[0] >= ESS or used > most:
             return found
-        steps = max(200, int(min(2.0, 1.1 * ESS / max(found[0], 1.0) - 1.0, (most - used) / used) * done))
+        steps = max(
+            200, int(min(2.0, 1.1 * ESS / max(found[0], 1.0) - 1.0, (most - used) / used) * done)
+        )
 
 
 def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
@@ -131,8 +158,11 @@ def by_dynesty(fit: Any, _: float) -> tuple[Any, ...]:
     def of_cube(u: np.ndarray) -> np.ndarray:
         return np.array([np.interp(a, at, g) for a, g in zip(u, grids, strict=True)])
 
-    # uniform proposals, its choice in six dimensions, accept one point in a hundred along the ridge; its 26 steps of a walk are too few there
-    sampler = dynesty.NestedSampler(likelihood, of_cube, len(grids), nlive=_LIVE, sample="rwalk", walks=_WALK, rstate=rng)
+    # uniform proposals, its choice in six dimensions, accept one point in a hundred along the
+    # ridge; its 26 steps of a walk are too few there
+    sampler = dynesty.NestedSampler(
+        likelihood, of_cube, len(grids), nlive=_LIVE, sample="rwalk", walks=_WALK, rstate=rng
+    )
     sampler.run_nested(print_progress=False, dlogz=0.1, maxcall=_MOST_CALLS)
     return nested(sampler.results, rng)
 
@@ -147,9 +177,16 @@ def by_bumps(fit: Any, _: float) -> tuple[Any, ...]:
         return -found if math.isfinite(found) else 1e300
 
     scale = np.sqrt(np.diag(fit.cov))
-    model = VectorPDF(lambda z: minus(fit.values + scale * z), p=np.zeros(len(scale)), dof=len(scale))
-    for parameter, prior, value, s in zip(model.parameters().values() if isinstance(model.parameters(), dict) else model.parameters(),
-                                          [p.prior for p in fit.problem.parameters], fit.values, scale, strict=True):
+    model = VectorPDF(
+        lambda z: minus(fit.values + scale * z), p=np.zeros(len(scale)), dof=len(scale)
+    )
+    for parameter, prior, value, s in zip(
+        model.parameters().values() if isinstance(model.parameters(), dict) else model.parameters(),
+        [p.prior for p in fit.problem.parameters],
+        fit.values,
+        scale,
+        strict=True,
+    ):
         parameter.range(max((prior.low - value) / s, -12.0), min((prior.high - value) / s, 12.0))
     result = run(FitProblem(model), method="dream", samples=60_000, burn=300, pop=10, verbose=False)
     _, points, _ = result.state.chains()
@@ -177,9 +214,15 @@ def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
 
 
 METHODS: dict[str, Callable[[Any, float], tuple[Any, ...]]] = {
-    "estim": by_estim, "emcee": by_emcee, "lmfit": by_lmfit, "dynesty": by_dynesty, "bumps": by_bumps, "pymc": by_pymc,
+    "estim": by_estim,
+    "emcee": by_emcee,
+    "lmfit": by_lmfit,
+    "dynesty": by_dynesty,
+    "bumps": by_bumps,
+    "pymc": by_pymc,
 }
-PREPARED: dict[str, Callable[[Any], Any]] = {"pymc": for_pymc}  # what a method makes of the fit once, however many draws are wanted
+# what a method makes of the fit once, however many draws are wanted
+PREPARED: dict[str, Callable[[Any], Any]] = {"pymc": for_pymc}
 
 
 def one(name: str) -> Measured:
@@ -189,5 +232,11 @@ def one(name: str) -> Measured:
     ess, mean, sd, u_mean, u_sd = METHODS[name](fit, MOST_SECONDS)
     sampling, cpu = time.perf_counter() - began, time.process_time() - cpu
     return {
-        "ess": ess, "mean": list(mean), "sd": list(sd), "u_mean": list(u_mean), "u_sd": list(u_sd), "sampling": sampling, "sampling_cpu": cpu,
+        "ess": ess,
+        "mean": list(mean),
+        "sd": list(sd),
+        "u_mean": list(u_mean),
+        "u_sd": list(u_sd),
+        "sampling": sampling,
+        "sampling_cpu": cpu,
     }

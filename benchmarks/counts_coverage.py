@@ -1,10 +1,14 @@
-"""How often intervals of a mean lifetime hold the truth where events are counted, and where their square roots pass for errors.
+"""How often intervals of a mean lifetime hold the truth where events are counted, and where their
+square roots pass for errors.
 
-    nice python benchmarks/counts_coverage.py            # 1000 simulated experiments of 30, 300 and 3000 events: about ten minutes
+    nice python benchmarks/counts_coverage.py            # 1000 simulated experiments of 30, 300 and
+    3000 events: about ten minutes
 
-Times of decay (mean 2.2 µs) in a window of 10 µs are simulated, and fit one by one, in 20 bins, and in the same bins as readings with u_y = sqrt(y),
-empty bins left out.  Intervals: profiles of the likelihood, the posterior with flat priors by sums over a grid, and value ± z standard deviations
-for readings.  The table says in how many per cent they hold 2.2 µs, and how far the fit lies off on average, in standard deviations.
+Times of decay (mean 2.2 µs) in a window of 10 µs are simulated, and fit one by one, in 20 bins, and
+in the same bins as readings with u_y = sqrt(y), empty bins left out.  Intervals: profiles of the
+likelihood, the posterior with flat priors by sums over a grid, and value ± z standard deviations
+for readings.  The table says in how many per cent they hold 2.2 µs, and how far the fit lies off on
+average, in standard deviations.
 """
 
 from __future__ import annotations
@@ -32,12 +36,27 @@ def times_of(n: int, rng: np.random.Generator) -> np.ndarray:
     return -TRUTH * np.log1p(-rng.random(n) * -math.expm1(-END / TRUTH))
 
 
-def fitted(curve: str, x: np.ndarray, y: np.ndarray | None, start: dict[str, float], **errors: object) -> Fit:
+def fitted(
+    curve: str, x: np.ndarray, y: np.ndarray | None, start: dict[str, float], **errors: object
+) -> Fit:
     bounds = {name: LIMITS[name] for name in start}
     given = {"u_y": None, "cov_y": None, "u_x": None} | errors
-    posed = pose_curve(curve, x, y, start=start, bounds=bounds, priors={}, errors=(), units={}, axes=AxisNames(), **given)
+    posed = pose_curve(
+        curve,
+        x,
+        y,
+        start=start,
+        bounds=bounds,
+        priors={},
+        errors=(),
+        units={},
+        axes=AxisNames(),
+        **given,
+    )
     problem = posed.with_sigma(1.0)
-    return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1, start=problem.start())
+    return fit_least_squares(
+        problem, rng=np.random.default_rng(0), n_start=1, start=problem.start()
+    )
 
 
 def by_profile(fit: Fit) -> Held:
@@ -48,11 +67,23 @@ def by_profile(fit: Fit) -> Held:
 def by_posterior(fit: Fit) -> Held:
     """Central intervals under flat priors, by sums over a grid in all parameters."""
     sds, i = np.sqrt(np.diag(fit.cov)), fit.names.index("tau")
-    ends = [(max(value - 6.0 * sd, 0.02), value + 9.0 * sd) for value, sd in zip(fit.values, sds, strict=True)]
+    ends = [
+        (max(value - 6.0 * sd, 0.02), value + 9.0 * sd)
+        for value, sd in zip(fit.values, sds, strict=True)
+    ]
     axes = [np.linspace(low, high, 200 if k == i else 40) for k, (low, high) in enumerate(ends)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, fit.values.size)
-    height = np.concatenate([fit.posterior.log_density(part) for part in np.array_split(grid, max(1, grid.shape[0] * 3000 // 10_000_000 + 1))])
-    weight = np.exp(height - height.max()).reshape([axis.size for axis in axes]).sum(axis=tuple(k for k in range(len(axes)) if k != i))
+    height = np.concatenate(
+        [
+            fit.posterior.log_density(part)
+            for part in np.array_split(grid, max(1, grid.shape[0] * 3000 // 10_000_000 + 1))
+        ]
+    )
+    weight = (
+        np.exp(height - height.max())
+        .reshape([axis.size for axis in axes])
+        .sum(axis=tuple(k for k in range(len(axes)) if k != i))
+    )
     below = np.interp(TRUTH, axes[i], (np.cumsum(weight) - 0.5 * weight) / weight.sum())
     return tuple(bool(0.5 - 0.5 * p < below < 0.5 + 0.5 * p) for p in LEVELS)
 
@@ -66,11 +97,24 @@ def experiment(n: int, rng: np.random.Generator) -> dict[str, tuple[Held, float]
     start = {"N": n * 1.01, "tau": TRUTH}
     binned = fitted(DENSITY, middles, counts, start, noise=Poisson(WIDTH))
     some = counts > 0.0
-    student = fitted(f"{WIDTH}*{DENSITY}", middles[some], counts[some], start, u_y=np.sqrt(counts[some]))
-    found = {"single times, profile": (by_profile(single), off(single)), "single times, posterior": (by_posterior(single), off(single))}
-    found |= {"bins, profile": (by_profile(binned), off(binned)), "bins, posterior": (by_posterior(binned), off(binned))}
+    student = fitted(
+        f"{WIDTH}*{DENSITY}", middles[some], counts[some], start, u_y=np.sqrt(counts[some])
+    )
+    found = {
+        "single times, profile": (by_profile(single), off(single)),
+        "single times, posterior": (by_posterior(single), off(single)),
+    }
+    found |= {
+        "bins, profile": (by_profile(binned), off(binned)),
+        "bins, posterior": (by_posterior(binned), off(binned)),
+    }
     half = [float(normal_quantile(0.5 - 0.5 * p)) for p in LEVELS]
-    return found | {"sqrt(y), empty bins left out": (tuple(abs(off(student)) < abs(z) for z in half), off(student))}
+    return found | {
+        "sqrt(y), empty bins left out": (
+            tuple(abs(off(student)) < abs(z) for z in half),
+            off(student),
+        )
+    }
 
 
 def off(fit: Fit) -> float:
@@ -80,20 +124,32 @@ def off(fit: Fit) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--trials", type=int, default=1000)
     parser.add_argument("--events", type=int, nargs="+", default=[30, 300, 3000])
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     errors = [100.0 * math.sqrt(p * (1.0 - p) / given.trials) for p in LEVELS]
-    print(f"{given.trials} experiments; Monte-Carlo standard deviations {errors[0]:.1f} and {errors[1]:.1f} %\n")
-    print("| events | fit | 68 % interval holds | 95 % interval holds | mean of (tau - truth)/sd |\n|---|---|---|---|---|")
+    print(
+        f"{given.trials} experiments; Monte-Carlo standard deviations {errors[0]:.1f} and "
+        f"{errors[1]:.1f} %\n"
+    )
+    print(
+        "| events | fit | 68 % interval holds | 95 % interval holds | mean of (tau - "
+        "truth)/sd |\n|---|---|---|---|---|"
+    )
     for n in given.events:
         rng = np.random.default_rng([given.seed, n])
         every = [experiment(n, rng) for _ in range(given.trials)]
         for name in every[0]:
             shares = 100.0 * np.mean([one[name][0] for one in every], axis=0)
-            print(f"| {n} | {name} | {shares[0]:.1f} % | {shares[1]:.1f} % | {np.mean([one[name][1] for one in every]):+.2f} |", flush=True)
+            print(
+                f"| {n} | {name} | {shares[0]:.1f} % | {shares[1]:.1f} % | "
+                f"{np.mean([one[name][1] for one in every]):+.2f} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

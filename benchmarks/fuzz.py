@@ -1,9 +1,11 @@
-"""Damaged files of every kind, read one after the other; prints what was refused, what raised anything else, and the slowest.
+"""Damaged files of every kind, read one after the other; prints what was refused, what raised
+anything else, and the slowest.
 
     python benchmarks/fuzz.py 100000 [--seed 1] [--kind csv ...]
 
-The inputs are shared out among the kinds of files (tests/fuzzing.py).  Each failure is printed with its seed:
-`sample(kind, random.Random(seed))` makes the bytes again.  100,000 inputs take about 4 minutes on one core.
+The inputs are shared out among the kinds of files (tests/fuzzing.py).  Each failure is printed with
+its seed: `sample(kind, random.Random(seed))` makes the bytes again.  100,000 inputs take about 4
+minutes on one core.
 """
 
 from __future__ import annotations
@@ -47,8 +49,13 @@ def main() -> int:
                     raise ValueError("a message of several lines")
             except Exception as error:  # whatever else it is, it is what this command looks for
                 last = traceback.extract_tb(error.__traceback__)[-1]
-                own = [f for f in traceback.extract_tb(error.__traceback__) if "estim" in f.filename]
-                where = f"{own[-1].name if own else ''} ({last.filename.rpartition('/')[2]}:{last.lineno})"
+                own = [
+                    f for f in traceback.extract_tb(error.__traceback__) if "estim" in f.filename
+                ]
+                where = (
+                    f"{own[-1].name if own else ''} "
+                    f"({last.filename.rpartition('/')[2]}:{last.lineno})"
+                )
                 place = f"{kind}: {type(error).__name__}: {str(error)[:80]} at {where}"
                 count[kind, "failed"] += 1
                 places[place] += 1

@@ -1,10 +1,12 @@
-"""The gallery: real experiments with published results, each analysed by the ordinary command, and an index of what came out.
+"""The gallery: real experiments with published results, each analysed by the ordinary command, and
+an index of what came out.
 
     python benchmarks/gallery.py [--only muon,hubble,es/filament] [--index]
 
-`data/gallery/gallery.toml` names the experiments; reports go to reports/gallery/NAME, the index to reports/gallery/README.md, samples in Spanish to
-reports/es/NAME.  Every number of the index is read from a result.json.  --index: nothing is computed anew.  Figures are made smaller (fewer points
-and colours), so that all reports together stay below 3 MB.
+`data/gallery/gallery.toml` names the experiments; reports go to reports/gallery/NAME, the index to
+reports/gallery/README.md, samples in Spanish to reports/es/NAME.  Every number of the index is read
+from a result.json.  --index: nothing is computed anew.  Figures are made smaller (fewer points and
+colours), so that all reports together stay below 3 MB.
 """
 
 from __future__ import annotations
@@ -61,16 +63,27 @@ def run(experiment: Mapping[str, Any]) -> None:
 
 
 def make(command: str, folder: Path) -> None:
-    """The report of a command, small; exit code 3, a result that is not to be trusted, is a result."""
+    """The report of a command, small; exit code 3, a result that is not to be trusted, is a
+    result.
+    """
     shutil.rmtree(folder, ignore_errors=True)  # its figures are no longer as they were written
-    words = [sys.executable, "-m", "estim", *command.split(), "--out", str(folder.relative_to(PROJECT))]
+    words = [
+        sys.executable,
+        "-m",
+        "estim",
+        *command.split(),
+        "--out",
+        str(folder.relative_to(PROJECT)),
+    ]
     code = subprocess.run(words, cwd=PROJECT, check=False).returncode
     if code not in (0, 3):
         raise SystemExit(f"{command}: exit code {code}")
     for draws in folder.rglob("draws.nc"):
         draws.unlink()
     for figure in folder.rglob("*.png"):
-        figure.write_bytes(smaller(figure.read_bytes(), _SHRUNK_TRACES if figure.stem == "traces" else _SHRUNK))
+        figure.write_bytes(
+            smaller(figure.read_bytes(), _SHRUNK_TRACES if figure.stem == "traces" else _SHRUNK)
+        )
     for origin in folder.rglob("origin.json"):
         describe_anew(origin.parent)
 
@@ -80,9 +93,15 @@ def folder_of(step: Mapping[str, Any]) -> Path:
 
 
 def describe_anew(folder: Path) -> None:
-    """The files that describe a report, after its figures were made smaller: `estim verify` compares text and numbers only."""
+    """The files that describe a report, after its figures were made smaller: `estim verify`
+    compares text and numbers only.
+    """
     origin = read_origin(folder)
-    outputs = {name: digest for name, digest in origin.outputs.items() if name != "draws.nc" and not name.endswith(".png")}
+    outputs = {
+        name: digest
+        for name, digest in origin.outputs.items()
+        if name != "draws.nc" and not name.endswith(".png")
+    }
     (folder / ORIGIN).write_bytes(as_json(replace(origin, outputs=outputs)))
 
 
@@ -91,9 +110,13 @@ def smaller(png: bytes, scale: float) -> bytes:
     from PIL import Image
 
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    picture = picture.resize((round(scale * picture.width), round(scale * picture.height)), Image.Resampling.LANCZOS)
+    picture = picture.resize(
+        (round(scale * picture.width), round(scale * picture.height)), Image.Resampling.LANCZOS
+    )
     buffer = io.BytesIO()
-    picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(buffer, "PNG", optimize=True)
+    picture.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        buffer, "PNG", optimize=True
+    )
     return buffer.getvalue()
 
 
@@ -103,21 +126,34 @@ def result_of(step: str, run: str = "") -> dict[str, Any]:
 
 
 def found(step: str, place: str) -> tuple[str, Quantity | None, str]:
-    """Status, value and unit of "parameter", "run:parameter" (a report of its own) or "run/parameter" (a run of a joint fit, derived).
+    """Status, value and unit of "parameter", "run:parameter" (a report of its own) or
+    "run/parameter" (a run of a joint fit, derived).
 
     The value is None where the status allows none.
     """
     run, _, name = place.rpartition(":")
     result = result_of(step, run)
     inside, _, name = name.rpartition("/")
-    tables = [result["runs"][inside]["derived"]] if inside else [result["parameters"], *(r["derived"] for r in result["runs"].values())]
-    entry = next(table[key] for table in tables for key in table if name in (key, key.partition("[")[0]))
+    tables = (
+        [result["runs"][inside]["derived"]]
+        if inside
+        else [result["parameters"], *(r["derived"] for r in result["runs"].values())]
+    )
+    entry = next(
+        table[key] for table in tables for key in table if name in (key, key.partition("[")[0])
+    )
     mean = entry["mean"]
-    return result["status"], None if mean is None else Quantity(mean, entry["sd"]), "" if entry["unit"] == "1" else entry["unit"]
+    return (
+        result["status"],
+        None if mean is None else Quantity(mean, entry["sd"]),
+        "" if entry["unit"] == "1" else entry["unit"],
+    )
 
 
 def published(number: Mapping[str, Any], value: Quantity) -> Quantity:
-    """The published value with the standard uncertainty on the side of `value`; 0 where none is stated."""
+    """The published value with the standard uncertainty on the side of `value`; 0 where none is
+    stated.
+    """
     sides = number.get("u", 0.0)
     if isinstance(sides, list):
         sides = sides[1] if value.value > number["value"] else sides[0]
@@ -142,7 +178,13 @@ def cells(step: str, number: Mapping[str, Any]) -> tuple[str, str, str, str, str
         theirs = shown_published(number, unit)
     difference = math.nan if value is None or other is None else e_n(value, other)
     ours = f"— ({status})" if value is None else shown(value, unit)
-    return number["name"], ours, theirs, number["source"], signed(f"{difference:+.2f}") if math.isfinite(difference) else ""
+    return (
+        number["name"],
+        ours,
+        theirs,
+        number["source"],
+        signed(f"{difference:+.2f}") if math.isfinite(difference) else "",
+    )
 
 
 def shown(value: Quantity, unit: str) -> str:
@@ -159,7 +201,9 @@ def filled(text: str) -> str:
         status, quantity, unit = found(match[1], match[2])
         return f"— ({status})" if quantity is None else shown(quantity, unit)
 
-    return textwrap.fill(re.sub(r"\{([^|}]+)\|([^}]+)\}", value, " ".join(text.split())), 150, break_on_hyphens=False)
+    return textwrap.fill(
+        re.sub(r"\{([^|}]+)\|([^}]+)\}", value, " ".join(text.split())), 150, break_on_hyphens=False
+    )
 
 
 def section(experiment: Mapping[str, Any]) -> list[str]:
@@ -167,11 +211,25 @@ def section(experiment: Mapping[str, Any]) -> list[str]:
     steps = experiment["step"]
     commands = [f"    estim {step['command']}" for step in steps]
     reports = ", ".join(f"[{step['name']}]({step['name']}/report.md)" for step in steps)
-    caption, numbers = experiment["caption"], [cells(steps[-1]["name"], number) for number in experiment["number"]]
+    caption = experiment["caption"]
+    numbers = [cells(steps[-1]["name"], number) for number in experiment["number"]]
     return [
-        f"## {experiment['title']}", "", *commands, "", f"![{caption}]({experiment['figure']})", "", f"*{caption}*", "",
-        "| quantity | reanalysed | published | source | E_n |", "|---|---|---|---|---|", *(f"| {' | '.join(number)} |" for number in numbers), "",
-        filled(experiment["teaches"]), "", f"Reports: {reports}.", "",
+        f"## {experiment['title']}",
+        "",
+        *commands,
+        "",
+        f"![{caption}]({experiment['figure']})",
+        "",
+        f"*{caption}*",
+        "",
+        "| quantity | reanalysed | published | source | E_n |",
+        "|---|---|---|---|---|",
+        *(f"| {' | '.join(number)} |" for number in numbers),
+        "",
+        filled(experiment["teaches"]),
+        "",
+        f"Reports: {reports}.",
+        "",
     ]
 
 
@@ -185,7 +243,15 @@ def overview(names: Mapping[str, str]) -> bytes:
     figure = Figure(figsize=(7.2, 3.6), layout="constrained")
     axes = figure.subplots()
     axes.plot(x, y, color="#0072B2", lw=1.2, label="recorded")
-    axes.plot(places, np.interp(places, x, y), "v", color="#E69F00", mec="#222222", ms=7, label="peaks found")
+    axes.plot(
+        places,
+        np.interp(places, x, y),
+        "v",
+        color="#E69F00",
+        mec="#222222",
+        ms=7,
+        label="peaks found",
+    )
     axes.set(xlabel=names["x"], ylabel=names["y"])
     axes.legend(frameon=False)
     buffer = io.BytesIO()
@@ -197,13 +263,23 @@ def index() -> str:
     """reports/gallery/README.md."""
     entries = experiments()
     lines = [
-        "# Gallery: real experiments, published and reanalysed", "", HEAD, "",
-        "| experiment | quantity | reanalysed | published | E_n |", "|---|---|---|---|---|",
+        "# Gallery: real experiments, published and reanalysed",
+        "",
+        HEAD,
+        "",
+        "| experiment | quantity | reanalysed | published | E_n |",
+        "|---|---|---|---|---|",
     ]
     for entry in entries:
         what, ours, theirs, _, difference = cells(entry["step"][-1]["name"], entry["number"][0])
-        lines.append(f"| [{entry['title']}](#{anchor(entry['title'])}) | {what} | {ours} | {theirs} | {difference} |")
-    return "\n".join([*lines, "", *(line for entry in entries for line in section(entry))]).rstrip() + "\n"
+        lines.append(
+            f"| [{entry['title']}](#{anchor(entry['title'])}) | {what} | {ours} | {theirs} "
+            f"| {difference} |"
+        )
+    return (
+        "\n".join([*lines, "", *(line for entry in entries for line in section(entry))]).rstrip()
+        + "\n"
+    )
 
 
 def anchor(title: str) -> str:
@@ -212,7 +288,9 @@ def anchor(title: str) -> str:
 
 
 def collected(step: Mapping[str, Any]) -> str:
-    """A table of one parameter of all runs that are ok: number of the run, value, standard deviation."""
+    """A table of one parameter of all runs that are ok: number of the run, value, standard
+    deviation.
+    """
     names = step["collect"]
     lines = [f"{names['x']},{names['y']},{names['u']}"]
     for number, folder in enumerate(step["collect"]["runs"], 1):
@@ -229,7 +307,9 @@ def main() -> None:
     options = parser.parse_args()
     wanted = set(filter(None, options.only.split(",")))
     for experiment in experiments():
-        if not options.index and (not wanted or wanted & {step["name"] for step in experiment["step"]}):
+        if not options.index and (
+            not wanted or wanted & {step["name"] for step in experiment["step"]}
+        ):
             run(experiment)
     for name, command in IN_SPANISH.items():
         if not options.index and (not wanted or f"es/{name}" in wanted):

@@ -1,19 +1,25 @@
-"""Effective draws per second of a joint fit of N runs of one body, and whether the draws were right; prints a Markdown table.
+"""Effective draws per second of a joint fit of N runs of one body, and whether the draws were
+right; prints a Markdown table.
 
-    OMP_NUM_THREADS=1 python benchmarks/marginal_speed.py [--runs 1 4 16 64] [--seconds 30] [--seed 1]
+    OMP_NUM_THREADS=1 python benchmarks/marginal_speed.py [--runs 1 4 16 64] [--seconds 30] [--seed
+    1]
 
-Synthetic runs (video at 30 frames/s, sigma_x = 1 mm) of one body, gamma stated as 0.187(10), kappa uniform in [0, 1], tilt and angle of release
-of every run stated to 0.4 and 1.5 degrees: 2 + 2 N parameters.
+Synthetic runs (video at 30 frames/s, sigma_x = 1 mm) of one body, gamma stated as 0.187(10), kappa
+uniform in [0, 1], tilt and angle of release of every run stated to 0.4 and 1.5 degrees: 2 + 2 N
+parameters.
 
 Seconds are those of the processor.
 
-- marginal: `sample_marginal`, 20,000 draws, with its check in all dimensions, start-up included; effective size of Kish.
-- full sampler: `sample_posterior`, up to 16 runs, for at most the given seconds; stretch: emcee's default move, 4 walkers a parameter, for the same
-  time, a third of it discarded.  Effective size: the smallest rank-normalised bulk ESS of gamma and kappa.
+- marginal: `sample_marginal`, 20,000 draws, with its check in all dimensions, start-up included;
+  effective size of Kish.
+- full sampler: `sample_posterior`, up to 16 runs, for at most the given seconds; stretch: emcee's
+  default move, 4 walkers a parameter, for the same time, a third of it discarded.  Effective size:
+  the smallest rank-normalised bulk ESS of gamma and kappa.
 
-Right: the means of gamma and kappa against a reference that approximates nothing, exact importance weights in all dimensions of 60,000 other
-draws (200,000 for a single run); the larger distance in posterior standard deviations, and in Monte-Carlo errors (both sides) as z.  |z| < 3.5
-counts as right, if the Monte-Carlo error is below 0.2 standard deviations: else nothing can be said.
+Right: the means of gamma and kappa against a reference that approximates nothing, exact importance
+weights in all dimensions of 60,000 other draws (200,000 for a single run); the larger distance in
+posterior standard deviations, and in Monte-Carlo errors (both sides) as z.  |z| < 3.5 counts as
+right, if the Monte-Carlo error is below 0.2 standard deviations: else nothing can be said.
 """
 
 from __future__ import annotations
@@ -54,14 +60,15 @@ kappa = {prior = "uniform", low = 0.0, high = 1.0}
 
 
 class Moments(NamedTuple):
-    """Means, their Monte-Carlo errors and posterior sds of (gamma, kappa); effective size and seconds it took."""
+    """Means, their Monte-Carlo errors and posterior sds of (gamma, kappa); effective size and
+    seconds it took.
+    """
 
     mean: FloatArray
     error: FloatArray
     sd: FloatArray
     ess: float
     seconds: float
-
 
 
 def simulated_fit(n_run: int, rng: np.random.Generator, folder: Path) -> Fit:
@@ -72,8 +79,13 @@ def simulated_fit(n_run: int, rng: np.random.Generator, folder: Path) -> Fit:
         motion = {"phi": float(np.radians(tilt)), "theta0": float(np.radians(release)), "g": 9.81}
         t = frame_times(body, **motion, interval=1.0 / 30.0, x_end=0.877, rng=rng)
         x = simulate_positions(t, body, **motion, sigma_x=0.001, rng=rng)
-        (folder / f"{i}.csv").write_text("t_s,x_m\n" + "".join(f"{a:.5f},{b:.6f}\n" for a, b in zip(t - t[0], x, strict=True)))
-        stated = f'phi_deg = "{tilt + 0.4 * rng.standard_normal():.2f}(40)"\ntheta0_deg = "{release + 1.5 * rng.standard_normal():.1f}(1.5)"'
+        (folder / f"{i}.csv").write_text(
+            "t_s,x_m\n" + "".join(f"{a:.5f},{b:.6f}\n" for a, b in zip(t - t[0], x, strict=True))
+        )
+        stated = (
+            f'phi_deg = "{tilt + 0.4 * rng.standard_normal():.2f}(40)"\ntheta0_deg = '
+            f'"{release + 1.5 * rng.standard_normal():.1f}(1.5)"'
+        )
         text += f'[[runs]]\nname = "r{i}"\nbody = "b"\nfile = "{i}.csv"\n{stated}\n'
     (folder / "c.toml").write_text(text)
     campaign = load_campaign(folder / "c.toml")
@@ -85,22 +97,38 @@ def weighted(draws: FloatArray, log_weights: FloatArray, seconds: float) -> Mome
     w = np.exp(log_weights - np.max(log_weights))
     w /= w.sum()
     mean = w @ draws
-    return Moments(mean, np.sqrt(w**2 @ (draws - mean) ** 2), np.sqrt(w @ (draws - mean) ** 2), float(1.0 / np.sum(w**2)), seconds)
+    return Moments(
+        mean,
+        np.sqrt(w**2 @ (draws - mean) ** 2),
+        np.sqrt(w @ (draws - mean) ** 2),
+        float(1.0 / np.sum(w**2)),
+        seconds,
+    )
 
 
 def chained(draws: FloatArray, seconds: float) -> Moments:
     """Moments of chains (n_ensemble, n_step, n_walker, 2)."""
     size, flat = effective_size(draws, "bulk"), draws.reshape(-1, draws.shape[-1])
-    return Moments(flat.mean(axis=0), flat.std(axis=0) / np.sqrt(size), flat.std(axis=0), float(np.min(size)), seconds)
+    return Moments(
+        flat.mean(axis=0),
+        flat.std(axis=0) / np.sqrt(size),
+        flat.std(axis=0),
+        float(np.min(size)),
+        seconds,
+    )
 
 
 def by_marginal(fit: Fit, columns: list[int], rng: np.random.Generator) -> Moments:
     started = time.process_time()
     posterior = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
-    return weighted(posterior.draws[:, columns], posterior.log_weights, time.process_time() - started)
+    return weighted(
+        posterior.draws[:, columns], posterior.log_weights, time.process_time() - started
+    )
 
 
-def by_full_sampler(fit: Fit, columns: list[int], rng: np.random.Generator, seconds: float) -> Moments:
+def by_full_sampler(
+    fit: Fit, columns: list[int], rng: np.random.Generator, seconds: float
+) -> Moments:
     """`sample_posterior` as long as asked for, or a shorter chain where its steps are slow."""
     probe = time.process_time()
     n_walker = max(32, 4 * fit.problem.n_par)
@@ -108,7 +136,9 @@ def by_full_sampler(fit: Fit, columns: list[int], rng: np.random.Generator, seco
     a_step = 8.0 * (time.process_time() - probe)  # four ensembles of two halves
     steps = int(np.clip(seconds / a_step, 200, 20_000))
     started = time.process_time()
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(max_step=steps), rng=rng)
+    chain = sample_posterior(
+        fit.posterior, fit.values, fit.cov, target=Target(max_step=steps), rng=rng
+    )
     return chained(chain.draws[..., columns], time.process_time() - started)
 
 
@@ -140,9 +170,19 @@ def cells(found: Moments, truth: Moments) -> str:
     """The cells of one method: speed, distance, z, verdict."""
     error = np.hypot(found.error, truth.error)
     worst = int(np.argmax(np.abs(found.mean - truth.mean) / error))
-    distance, z = (found.mean - truth.mean)[worst] / truth.sd[worst], (found.mean - truth.mean)[worst] / error[worst]
-    verdict = "cannot tell" if np.max(found.error / truth.sd) > 0.2 else "right" if abs(z) < 3.5 else "WRONG"
-    return f"{found.ess / found.seconds:,.0f} | {found.ess:,.0f} | {found.seconds:.1f} | {distance:+.3f} | {z:+.1f} | {verdict}"
+    distance = (found.mean - truth.mean)[worst] / truth.sd[worst]
+    z = (found.mean - truth.mean)[worst] / error[worst]
+    verdict = (
+        "cannot tell"
+        if np.max(found.error / truth.sd) > 0.2
+        else "right"
+        if abs(z) < 3.5
+        else "WRONG"
+    )
+    return (
+        f"{found.ess / found.seconds:,.0f} | {found.ess:,.0f} | {found.seconds:.1f} | "
+        f"{distance:+.3f} | {z:+.1f} | {verdict}"
+    )
 
 
 def main() -> None:
@@ -151,7 +191,10 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    print("| N | parameters | method | effective draws/s | effective draws | s | distance (sd) | z | |")
+    print(
+        "| N | parameters | method | effective draws/s | effective draws | s | distance "
+        "(sd) | z | |"
+    )
     print("|---|---|---|---|---|---|---|---|---|")
     for n_run in options.runs:
         rng = np.random.default_rng([options.seed, n_run])
@@ -159,9 +202,13 @@ def main() -> None:
             fit = simulated_fit(n_run, rng, Path(folder))
         columns = [fit.names.index("gamma[b]"), fit.names.index("kappa[b]")]
         truth = reference(fit, columns, rng)
-        methods: dict[str, Callable[[], Moments]] = {"marginal": lambda f=fit, c=columns, r=rng: by_marginal(f, c, r)}
+        methods: dict[str, Callable[[], Moments]] = {
+            "marginal": lambda f=fit, c=columns, r=rng: by_marginal(f, c, r)
+        }
         if n_run <= 16:
-            methods["full sampler"] = lambda f=fit, c=columns, r=rng: by_full_sampler(f, c, r, options.seconds)
+            methods["full sampler"] = lambda f=fit, c=columns, r=rng: by_full_sampler(
+                f, c, r, options.seconds
+            )
         methods["stretch"] = lambda f=fit, c=columns, r=rng: by_stretch(f, c, r, options.seconds)
         for name, run in methods.items():
             print(f"| {n_run} | {fit.problem.n_par} | {name} | {cells(run(), truth)} |", flush=True)

@@ -1,17 +1,22 @@
-"""What the choice of the noise model does to widths and coverage, and what gross outliers do; prints Markdown tables.
+"""What the choice of the noise model does to widths and coverage, and what gross outliers do;
+prints Markdown tables.
 
     python benchmarks/noise_models.py [--campaigns 200] [--spoiled 100] [--seed 1]
 
-All data are SYNTHETIC.  Three experiments, least squares only (value +- standard deviation of the fit):
+All data are SYNTHETIC.  Three experiments, least squares only (value +- standard deviation of the
+fit):
 
-1. The eight runs of data/replica, each by itself with the campaign's priors, against data/replica/truth.toml.
-2. Fresh runs on a ramp of known tilt (4 degrees, R = 0.15 m, no resistance, 30 frames/s, 1 mm): gamma, kappa and theta0 drawn from
-   their priors, the first frame at a random moment, new errors.  Once with positions counted exactly from the release, once
-   with a zero that is wrong by a normal error of 1 mm, as large as that of a reading.
-3. Fresh runs as in 2 with an exact zero, 5 % of the frames (at least two) moved by 20 to 60 standard deviations either way.
+1. The eight runs of data/replica, each by itself with the campaign's priors, against
+data/replica/truth.toml.
+2. Fresh runs on a ramp of known tilt (4 degrees, R = 0.15 m, no resistance, 30 frames/s, 1 mm):
+gamma, kappa and theta0 drawn from their priors, the first frame at a random moment, new errors.
+Once with positions counted exactly from the release, once with a zero that is wrong by a normal
+error of 1 mm, as large as that of a reading.
+3. Fresh runs as in 2 with an exact zero, 5 % of the frames (at least two) moved by 20 to 60
+standard deviations either way.
 
-Every model sees the same files.  Speeds are fit between five standard deviations from the release and from the farthest point;
-positions are all fit.  Takes about 8 minutes on one core.
+Every model sees the same files.  Speeds are fit between five standard deviations from the release
+and from the farthest point; positions are all fit.  Takes about 8 minutes on one core.
 """
 
 from __future__ import annotations
@@ -48,8 +53,14 @@ MODELS = {
     "positions, zero known": ("offset_m = 0.0", 'model = "positions", sigma_x_m = 0.001'),
     "positions, zero uncertain": ("", 'model = "positions", sigma_x_m = 0.001'),
     "differentiated": ("", 'model = "differentiated", sigma_x_m = 0.001, derivative = "central"'),
-    "differentiated, zero uncertain": ('offset_m = "0.0000(10)"', 'model = "differentiated", sigma_x_m = 0.001, derivative = "central"'),
-    "independent": ("", f'model = "independent", sigma_v_m_s = {SIGMA_V:.9f}, derivative = "central"'),
+    "differentiated, zero uncertain": (
+        'offset_m = "0.0000(10)"',
+        'model = "differentiated", sigma_x_m = 0.001, derivative = "central"',
+    ),
+    "independent": (
+        "",
+        f'model = "independent", sigma_v_m_s = {SIGMA_V:.9f}, derivative = "central"',
+    ),
 }
 TAILS = {"none": "", "student-t": ', robust = "student-t"', "mixture": ', robust = "mixture"'}
 BY_HAND = "none, the bad frames left out by hand"
@@ -65,20 +76,28 @@ class Experiment:
 
 
 def simulate(rng: np.random.Generator) -> Experiment:
-    """A run whose gamma, kappa and theta0 are drawn from the priors (again where the body would not ascend for half a second)."""
+    """A run whose gamma, kappa and theta0 are drawn from the priors (again where the body would not
+    ascend for half a second).
+    """
     while True:
         truth = {name: float(rng.normal(mean, sd)) for name, (mean, sd) in PRIORS.items()}
-        body, motion = Body(radius=RADIUS, gamma=truth["gamma"], kappa=truth["kappa"]), {"phi": np.radians(TILT), "theta0": truth["theta0"]}
+        body = Body(radius=RADIUS, gamma=truth["gamma"], kappa=truth["kappa"])
+        motion = {"phi": np.radians(TILT), "theta0": truth["theta0"]}
         if not ascends(body, **motion):
             continue
         t = frame_times(body, **motion, g=9.81, interval=INTERVAL, x_end=RAMP, rng=rng)
         if t.size >= 15:
-            return Experiment(t, simulate_positions(t, body, **motion, g=9.81, sigma_x=SIGMA, rng=rng), truth)
+            return Experiment(
+                t, simulate_positions(t, body, **motion, g=9.81, sigma_x=SIGMA, rng=rng), truth
+            )
 
 
 def pattern(folder: Path, zero: str, noise: str) -> Campaign:
     """A campaign with one run that stands for all simulated ones."""
-    priors = {name: f'{{prior = "normal", mean = {mean}, sd = {sd}}}' for name, (mean, sd) in PRIORS.items()}
+    priors = {
+        name: f'{{prior = "normal", mean = {mean}, sd = {sd}}}'
+        for name, (mean, sd) in PRIORS.items()
+    }
     (folder / "c.toml").write_text(f"""title = "simulated runs"
 kind = "synthetic"
 [shared]
@@ -96,13 +115,21 @@ theta0_rad = {priors["theta0"]}
 {zero}
 noise = {{{noise}}}
 """)
-    (folder / "r.csv").write_text("t_s,x_m\n" + "".join(f"{INTERVAL * i},{0.02 * i}\n" for i in range(30)))
+    (folder / "r.csv").write_text(
+        "t_s,x_m\n" + "".join(f"{INTERVAL * i},{0.02 * i}\n" for i in range(30))
+    )
     return load_campaign(folder / "c.toml")
 
 
 def fit(campaign: Campaign, t: FloatArray, x: FloatArray, rng: np.random.Generator) -> Fit:
-    """The fit of other data in the place of the campaign's run; one start, four where that ends with too many outliers."""
-    table = replace(campaign.tables["r"], columns=MappingProxyType({"t_s": t, "x_m": x}), lines=np.arange(t.size))
+    """The fit of other data in the place of the campaign's run; one start, four where that ends
+    with too many outliers.
+    """
+    table = replace(
+        campaign.tables["r"],
+        columns=MappingProxyType({"t_s": t, "x_m": x}),
+        lines=np.arange(t.size),
+    )
     problem = replace(campaign, tables=MappingProxyType({"r": table})).problem(["r"])
     start = problem.start()
     if "release_time[r]" in problem.names:
@@ -110,13 +137,20 @@ def fit(campaign: Campaign, t: FloatArray, x: FloatArray, rng: np.random.Generat
     if "outlier_fraction[r]" in problem.names:
         start[problem.names.index("outlier_fraction[r]")] = 0.05
     found = fit_least_squares(problem, rng=rng, n_start=1, start=start)
-    return fit_least_squares(problem, rng=rng, n_start=4, start=start) if too_many_outliers(found) else found
+    return (
+        fit_least_squares(problem, rng=rng, n_start=4, start=start)
+        if too_many_outliers(found)
+        else found
+    )
 
 
 def estimates(found: Fit) -> dict[str, tuple[float, float]]:
     """Quantity -> value and standard deviation."""
     sd = np.sqrt(np.diag(found.cov))
-    return {name.split("[")[0]: (float(v), float(u)) for name, v, u in zip(found.names, found.values, sd, strict=True)}
+    return {
+        name.split("[")[0]: (float(v), float(u))
+        for name, v, u in zip(found.names, found.values, sd, strict=True)
+    }
 
 
 def on_replica(rng: np.random.Generator) -> list[str]:
@@ -124,11 +158,17 @@ def on_replica(rng: np.random.Generator) -> list[str]:
     import tomllib
 
     replica = PROJECT / "data" / "replica"
-    source = (replica / "campaign.toml").read_text(encoding="utf-8").replace('file = "', f'file = "{replica.as_posix()}/')
+    source = (
+        (replica / "campaign.toml")
+        .read_text(encoding="utf-8")
+        .replace('file = "', f'file = "{replica.as_posix()}/')
+    )
     truth = tomllib.loads((replica / "truth.toml").read_text(encoding="utf-8"))
     rows = []
     for name, (zero, noise) in MODELS.items():
-        text = source.replace('noise = {sigma_x_m = 0.001, derivative = "central"}', f"noise = {{{noise}}}\n{zero}")
+        text = source.replace(
+            'noise = {sigma_x_m = 0.001, derivative = "central"}', f"noise = {{{noise}}}\n{zero}"
+        )
         with tempfile.TemporaryDirectory() as folder:
             (Path(folder) / "c.toml").write_text(text, encoding="utf-8")
             campaign = load_campaign(Path(folder) / "c.toml")
@@ -143,7 +183,10 @@ def on_replica(rng: np.random.Generator) -> list[str]:
             pulls.append((found.values[chosen] - [truth[n] for n in names]) / sds[-1])
         inside = [f"{int(np.sum(np.abs(pulls) < k))} of {np.size(pulls)}" for k in (1.0, 1.96)]
         rows.append(_row(name, *[f"{u:.4f}" for u in np.mean(sds, axis=0)], *inside))
-    return _table(["model", *[f"u({SYMBOLS[q]})" for q in QUANTITIES], "truth within 1 sd", "within 1.96 sd"], rows)
+    return _table(
+        ["model", *[f"u({SYMBOLS[q]})" for q in QUANTITIES], "truth within 1 sd", "within 1.96 sd"],
+        rows,
+    )
 
 
 def on_fresh_runs(n: int, rng: np.random.Generator) -> list[str]:
@@ -155,21 +198,35 @@ def on_fresh_runs(n: int, rng: np.random.Generator) -> list[str]:
         with tempfile.TemporaryDirectory() as folder:
             campaign = pattern(Path(folder), zero, noise)
         for words, wrong in (("exact", 0.0), ("off by 1 mm (sd)", 1.0)):
-            found = [estimates(fit(campaign, run.t, run.x + wrong * z, rng)) for run, z in zip(runs, zeros, strict=True)]
+            found = [
+                estimates(fit(campaign, run.t, run.x + wrong * z, rng))
+                for run, z in zip(runs, zeros, strict=True)
+            ]
             cells = []
             for q in QUANTITIES:
-                pulls = np.array([(e[q][0] - run.truth[q]) / e[q][1] for e, run in zip(found, runs, strict=True)])
-                cells.append(" / ".join(_share(np.mean(np.abs(pulls) < k), p, n) for k, p in ((0.9944579, 0.68), (1.959964, 0.95))))
+                pulls = np.array(
+                    [(e[q][0] - run.truth[q]) / e[q][1] for e, run in zip(found, runs, strict=True)]
+                )
+                cells.append(
+                    " / ".join(
+                        _share(np.mean(np.abs(pulls) < k), p, n)
+                        for k, p in ((0.9944579, 0.68), (1.959964, 0.95))
+                    )
+                )
             widths = [f"{np.median([e[q][1] for e in found]):.4f}" for q in QUANTITIES]
             rows.append(_row(name, words, *widths, *cells))
             print(".", end="", file=sys.stderr, flush=True)
-    heads = [f"u({SYMBOLS[q]})" for q in QUANTITIES] + [f"{SYMBOLS[q].split()[0]}: 68 / 95 %" for q in QUANTITIES]
+    heads = [f"u({SYMBOLS[q]})" for q in QUANTITIES] + [
+        f"{SYMBOLS[q].split()[0]}: 68 / 95 %" for q in QUANTITIES
+    ]
     return _table(["model", "zero of x", *heads], rows)
 
 
 @dataclass(frozen=True, eq=False)
 class Spoiled:
-    """What outliers did to one fit: |shift of gamma| and its sd, both in sds of the clean fit; (4,) found, outliers, false alarms, good frames."""
+    """What outliers did to one fit: |shift of gamma| and its sd, both in sds of the clean fit; (4,)
+    found, outliers, false alarms, good frames.
+    """
 
     shift: float
     width: float
@@ -184,7 +241,12 @@ def with_outliers(n: int, rng: np.random.Generator) -> list[str]:
 def spoil(rng: np.random.Generator) -> dict[str, Spoiled]:
     """Shape of the errors -> what it makes of one spoiled run."""
     with tempfile.TemporaryDirectory() as folder:
-        campaigns = {name: pattern(Path(folder), "offset_m = 0.0", f'model = "positions", sigma_x_m = 0.001{tails}') for name, tails in TAILS.items()}
+        campaigns = {
+            name: pattern(
+                Path(folder), "offset_m = 0.0", f'model = "positions", sigma_x_m = 0.001{tails}'
+            )
+            for name, tails in TAILS.items()
+        }
     run = simulate(rng)
     clean, u = estimates(fit(campaigns["none"], run.t, run.x, rng))["gamma"]
     bad = rng.choice(run.t.size, max(2, round(0.05 * run.t.size)), replace=False)
@@ -213,12 +275,23 @@ def outlier_table(spoiled: list[dict[str, Spoiled]]) -> list[str]:
         told = [f"{found:.0f} of {total:.0f}", f"{false:.0f} of {good:.0f}"] if total else ["", ""]
         width = np.median([one[name].width for one in spoiled])
         rows.append(_row(name, *quantiles, f"{np.mean(size < 0.5):.0%}", f"{width:.2f}", *told))
-    heads = ["`robust`", "median shift", "90 %", "largest", "below 0.5 sd", "u(γ) / u(γ) without outliers", "outliers named", "false alarms"]
+    heads = [
+        "`robust`",
+        "median shift",
+        "90 %",
+        "largest",
+        "below 0.5 sd",
+        "u(γ) / u(γ) without outliers",
+        "outliers named",
+        "false alarms",
+    ]
     return _table(heads, rows)
 
 
 def _share(share: float, claimed: float, n: int) -> str:
-    """A share of `n` in per cent, bold where more than 3 Monte-Carlo standard deviations from what is claimed."""
+    """A share of `n` in per cent, bold where more than 3 Monte-Carlo standard deviations from what
+    is claimed.
+    """
     off = abs(share - claimed) > 3.0 * np.sqrt(claimed * (1.0 - claimed) / n)
     return f"**{100 * share:.0f}**" if off else f"{100 * share:.0f}"
 
@@ -238,9 +311,24 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     replica, fresh, spoiled = np.random.default_rng(chosen.seed).spawn(3)
-    print("The eight runs of data/replica, each by itself (mean widths):\n", *on_replica(replica), sep="\n", flush=True)
-    print(f"{chosen.campaigns} fresh runs (median widths; coverage in %):\n", *on_fresh_runs(chosen.campaigns, fresh), sep="\n", flush=True)
-    print(f"{chosen.spoiled} runs, 5 % of the frames gross outliers (|shift of γ| in sd of the clean fit):\n", sep="\n", flush=True)
+    print(
+        "The eight runs of data/replica, each by itself (mean widths):\n",
+        *on_replica(replica),
+        sep="\n",
+        flush=True,
+    )
+    print(
+        f"{chosen.campaigns} fresh runs (median widths; coverage in %):\n",
+        *on_fresh_runs(chosen.campaigns, fresh),
+        sep="\n",
+        flush=True,
+    )
+    print(
+        f"{chosen.spoiled} runs, 5 % of the frames gross outliers (|shift of γ| in sd of "
+        "the clean fit):\n",
+        sep="\n",
+        flush=True,
+    )
     print(*with_outliers(chosen.spoiled, spoiled), sep="\n")
 
 

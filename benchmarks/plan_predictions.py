@@ -1,11 +1,15 @@
-"""Do plans come true?  Simulated campaigns with what a plan proposes, analysed as real ones, against its predictions; prints a Markdown table.
+"""Do plans come true?  Simulated campaigns with what a plan proposes, analysed as real ones,
+against its predictions; prints a Markdown table.
 
-    python benchmarks/plan_predictions.py [--campaign data/replica/campaign.toml] [--runs heavy-02,heavy-04] [--for kappa] [--trials 200]
+    python benchmarks/plan_predictions.py [--campaign data/replica/campaign.toml] [--runs
+    heavy-02,heavy-04] [--for kappa] [--trials 200]
         [--wishes phi,gamma,...] [--seed 1]
 
-The truth of every trial is the fit of the real data; every trial draws anew what was stated (the centres of the priors) and all readings, and is
-fit with free start and unmodelled force as by default.  `sd`: the root mean square of the posterior standard deviations (importance sampling) over
-the predicted one.  `scatter`: the root mean square of posterior mean minus truth over the predicted one.  After each its Monte-Carlo error.
+The truth of every trial is the fit of the real data; every trial draws anew what was stated (the
+centres of the priors) and all readings, and is fit with free start and unmodelled force as by
+default.  `sd`: the root mean square of the posterior standard deviations (importance sampling) over
+the predicted one.  `scatter`: the root mean square of posterior mean minus truth over the predicted
+one.  After each its Monte-Carlo error.
 """
 
 from __future__ import annotations
@@ -41,7 +45,8 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Achieved:
-    """Over the predicted standard deviation (n_target,): posterior sd, scatter of the posterior means, and how many trials there were.
+    """Over the predicted standard deviation (n_target,): posterior sd, scatter of the posterior
+    means, and how many trials there were.
 
     predicted : (n_target,).
     """
@@ -89,7 +94,9 @@ def simulated(there: Outlook, wish: Wish, rng: np.random.Generator) -> tuple[Cam
     return campaign, replace(posed, parameters=parameters)
 
 
-def fitted(campaign: Campaign, problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
+def fitted(
+    campaign: Campaign, problem: Problem, start: FloatArray, rng: np.random.Generator
+) -> Fit:
     """As a campaign fits, from the truth."""
     white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
     if not any(run.force for run in problem.runs):
@@ -102,7 +109,15 @@ def rms(rows: list[FloatArray]) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(np.square(rows), axis=0)))
 
 
-def achieved(basis: RollingBasis | CurveBasis, wish: Wish, targets: Sequence[Parameter], *, trials: int, seed: int, ess: float = 400.0) -> Achieved:
+def achieved(
+    basis: RollingBasis | CurveBasis,
+    wish: Wish,
+    targets: Sequence[Parameter],
+    *,
+    trials: int,
+    seed: int,
+    ess: float = 400.0,
+) -> Achieved:
     """Trials of what a wish proposes."""
     there = basis.outlook(wish)
     predicted = sds_with(there, wish.u, targets)
@@ -112,39 +127,69 @@ def achieved(basis: RollingBasis | CurveBasis, wish: Wish, targets: Sequence[Par
         rng = np.random.default_rng([seed, trial])
         campaign, problem = simulated(there, wish, rng)
         try:
-            draws, _, _ = posterior_draws(fitted(campaign, problem, there.values, rng), Engine(ess=ess, n_round=500), rng)
+            draws, _, _ = posterior_draws(
+                fitted(campaign, problem, there.values, rng), Engine(ess=ess, n_round=500), rng
+            )
         except NumericalError:
             failed += 1
             continue
         sds.append(np.std(draws[:, columns], axis=0))
         off.append(np.mean(draws[:, columns], axis=0) - there.values[columns])
         if len(sds) % 20 == 0:
-            print(f"  {wish.words}, {len(sds)}: {rms(sds) / predicted} {rms(off) / predicted}", file=sys.stderr, flush=True)
+            print(
+                f"  {wish.words}, {len(sds)}: {rms(sds) / predicted} {rms(off) / predicted}",
+                file=sys.stderr,
+                flush=True,
+            )
     return Achieved(predicted, rms(sds) / predicted, rms(off) / predicted, len(sds), failed)
 
 
 def wishes_of(basis: RollingBasis | CurveBasis) -> dict[str, Wish]:
     """What is tried, by a short name."""
     found = {"as is": Wish("as things are", OTHERWISE)}
-    found |= {next(iter(wish.u)).partition("[")[0]: wish for wish in measured_better(basis.fit.problem)}
+    found |= {
+        next(iter(wish.u)).partition("[")[0]: wish for wish in measured_better(basis.fit.problem)
+    }
     found |= {"frames": Wish("twice as many frames or readings", OTHERWISE, frames=2.0)}
     found |= {"error": Wish("half the error of a reading", OTHERWISE, error=0.5)}
     if isinstance(basis, CurveBasis):
         run = basis.fit.problem.runs[0]
-        return found | {"reading": Wish("ten readings more", MORE, readings=(Readings(run.name, float(np.quantile(run.x, 0.2)), 10),))}
+        return found | {
+            "reading": Wish(
+                "ten readings more",
+                MORE,
+                readings=(Readings(run.name, float(np.quantile(run.x, 0.2)), 10),),
+            )
+        }
     like, name = basis.names[-1], "new"
     u = float(np.radians(0.4))
-    steep = {"phi": Quantity(float(np.radians(8.0)), u), "theta0": Quantity(float(np.radians(75.0)), float(np.radians(1.5)))}
+    steep = {
+        "phi": Quantity(float(np.radians(8.0)), u),
+        "theta0": Quantity(float(np.radians(75.0)), float(np.radians(1.5))),
+    }
     found["run"] = Wish("a run at 8°, 75°", MORE, runs=(NewRun(name, like, steep),))
     heavier = {"gamma": Quantity(0.28, 0.01), "phi": Quantity(0.105, u)}
-    found["heavier"] = Wish("the disk with γ = 0.28(1), at 6°", MORE, runs=(NewRun(name, like, heavier),))
-    found["together"] = replace(found["run"], group=BETTER, words="a run at 8°, 75°, and φ of the others to half")
-    return found | {"together": replace(found["together"], u=dict(found["phi"].u))} if "phi" in found else found
+    found["heavier"] = Wish(
+        "the disk with γ = 0.28(1), at 6°", MORE, runs=(NewRun(name, like, heavier),)
+    )
+    found["together"] = replace(
+        found["run"], group=BETTER, words="a run at 8°, 75°, and φ of the others to half"
+    )
+    return (
+        found | {"together": replace(found["together"], u=dict(found["phi"].u))}
+        if "phi" in found
+        else found
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--campaign", default=str(Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml"))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--campaign",
+        default=str(Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml"),
+    )
     parser.add_argument("--runs", default="heavy-02,heavy-04")
     parser.add_argument("--for", dest="wanted", default="kappa")
     parser.add_argument("--wishes", default="as is,phi,gamma,frames,error,run,heavier,together")
@@ -155,18 +200,33 @@ def main() -> None:
     names = tuple(chosen.runs.split(","))
     problem = campaign.problem(names)
     fit = campaign.fit(problem, rng=np.random.default_rng(chosen.seed))
-    basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, names, fit)
+    basis = (
+        rolling_basis(campaign, names, fit)
+        if campaign.formula is None
+        else CurveBasis(campaign, names, fit)
+    )
     targets = targets_of(campaign, problem, [chosen.wanted])
     print(f"{chosen.trials} trials of each, runs {', '.join(names)}, seed {chosen.seed}\n")
-    print("| what is measured | quantity | predicted u | sd | scatter | trials |\n|---|---|---|---|---|---|")
+    print(
+        "| what is measured | quantity | predicted u | sd | scatter | trials "
+        "|\n|---|---|---|---|---|---|"
+    )
     for name, wish in wishes_of(basis).items():
         if name in chosen.wishes.split(","):
             start = time.process_time()
             a = achieved(basis, wish, targets, trials=chosen.trials, seed=chosen.seed)
             mc = 1.0 / np.sqrt(2.0 * a.n)
             for target, u, sd, scatter in zip(targets, a.predicted, a.sd, a.scatter, strict=True):
-                print(f"| {wish.words} | {target.name} | {u:.3g} | {sd:.3f} | {scatter:.3f} ± {mc * scatter:.3f} | {a.n} |", flush=True)
-            print(f"{name}: {time.process_time() - start:.0f} s, {a.failed} failed", file=sys.stderr, flush=True)
+                print(
+                    f"| {wish.words} | {target.name} | {u:.3g} | {sd:.3f} | {scatter:.3f} ± "
+                    f"{mc * scatter:.3f} | {a.n} |",
+                    flush=True,
+                )
+            print(
+                f"{name}: {time.process_time() - start:.0f} s, {a.failed} failed",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""Positions in machine code (the extra `fast`) against NumPy, and what that does to whole commands; a section of RESULTS.md.
+"""Positions in machine code (the extra `fast`) against NumPy, and what that does to whole commands;
+a section of RESULTS.md.
 
     OMP_NUM_THREADS=1 python benchmarks/positions_speed.py [--commands]
 
-42 positions in 1.4 s of draws about the paper's heavy disk, by both ways in turn, the quicker of seven each.  `--commands`: processor seconds of
-three commands, twice each way in turn; what is compiled once has been compiled before.
+42 positions in 1.4 s of draws about the paper's heavy disk, by both ways in turn, the quicker of
+seven each.  `--commands`: processor seconds of three commands, twice each way in turn; what is
+compiled once has been compiled before.
 """
 
 from __future__ import annotations
@@ -40,7 +42,12 @@ def draws(n_draw: int) -> tuple[Body, dict[str, Any]]:
         return mean + sd * rng.standard_normal((n_draw, 1))
 
     body = Body(radius=normal(0.15, 0.0005), gamma=normal(0.187, 0.005), kappa=normal(0.45, 0.05))
-    return body, {"phi": normal(0.07, 0.005), "theta0": normal(1.05, 0.02), "rolling_resistance": abs(normal(0.0, 0.003)), "g": 9.81}
+    return body, {
+        "phi": normal(0.07, 0.005),
+        "theta0": normal(1.05, 0.02),
+        "rolling_resistance": abs(normal(0.0, 0.003)),
+        "g": 9.81,
+    }
 
 
 def microseconds(n_draw: int) -> tuple[float, float, float]:
@@ -65,8 +72,20 @@ def seconds(noise: str, arguments: tuple[str, ...], fast: bool) -> float:
         replica = shutil.copytree(PROJECT / "data" / "replica", Path(folder) / "replica")
         if noise == "positions":
             text = (replica / "campaign.toml").read_text()
-            (replica / "campaign.toml").write_text(text.replace('derivative = "central"', 'model = "positions"'))
-        command = [sys.executable, "-m", "estim", "fit", str(replica / "campaign.toml"), "--no-figures", "--out", f"{folder}/out", *arguments]
+            (replica / "campaign.toml").write_text(
+                text.replace('derivative = "central"', 'model = "positions"')
+            )
+        command = [
+            sys.executable,
+            "-m",
+            "estim",
+            "fit",
+            str(replica / "campaign.toml"),
+            "--no-figures",
+            "--out",
+            f"{folder}/out",
+            *arguments,
+        ]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(command, env=environment, cwd=PROJECT, capture_output=True, check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -76,20 +95,30 @@ def seconds(noise: str, arguments: tuple[str, ...], fast: bool) -> float:
 def table(commands: bool = True) -> list[str]:
     if motion._compiled() is None:
         return ["not run: numba is not installed"]
-    lines = ["| draws at once | NumPy, µs a draw | machine code | ratio | largest difference |", "|---|---|---|---|---|"]
+    lines = [
+        "| draws at once | NumPy, µs a draw | machine code | ratio | largest difference |",
+        "|---|---|---|---|---|",
+    ]
     for n_draw in (1, 30, 300, 3000):
         numpy, machine, apart = microseconds(n_draw)
-        lines.append(f"| {n_draw} | {numpy:.1f} | {machine:.1f} | {numpy / machine:.1f} | {apart:.0e} m |")
+        lines.append(
+            f"| {n_draw} | {numpy:.1f} | {machine:.1f} | {numpy / machine:.1f} | {apart:.0e} m |"
+        )
     lines += ["", "| command | NumPy, CPU s | machine code, CPU s | ratio |", "|---|---|---|---|"]
     for words, (noise, arguments) in COMMANDS.items() if commands else ():
         pairs = [[seconds(noise, arguments, fast) for fast in (False, True)] for _ in range(2)]
         slow, fast = (" ".join(f"{pair[i]:.1f}" for pair in pairs) for i in (0, 1))
-        lines.append(f"| {words} | {slow} | {fast} | {sum(p[0] for p in pairs) / sum(p[1] for p in pairs):.2f} |")
+        lines.append(
+            f"| {words} | {slow} | {fast} | "
+            f"{sum(p[0] for p in pairs) / sum(p[1] for p in pairs):.2f} |"
+        )
         print(lines[-1], flush=True)
     return lines
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--commands", action="store_true")
     print("\n".join(table(parser.parse_args().commands)))

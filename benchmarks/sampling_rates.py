@@ -1,10 +1,13 @@
-"""Effective draws per processor second while sampling: the chain and importance sampling of `estim fit`, six parameters; a section of RESULTS.md.
+"""Effective draws per processor second while sampling: the chain and importance sampling of `estim
+fit`, six parameters; a section of RESULTS.md.
 
     OMP_NUM_THREADS=1 python benchmarks/sampling_rates.py
 
-The posterior of `bench.py`, from three seeds.  The fit, the adapted proposals and the second opinion that chooses between them are made before the
-clock starts: they are part of "To 4,000 effective draws".  Ten times as many effective draws as a fit asks for, so that what is done once weighs
-little.  Of the chain: rank-normalised bulk size of the worst parameter by arviz-stats; of importance sampling: Kish's size of the weights.
+The posterior of `bench.py`, from three seeds.  The fit, the adapted proposals and the second
+opinion that chooses between them are made before the clock starts: they are part of "To 4,000
+effective draws".  Ten times as many effective draws as a fit asks for, so that what is done once
+weighs little.  Of the chain: rank-normalised bulk size of the worst parameter by arviz-stats; of
+importance sampling: Kish's size of the weights.
 """
 
 from __future__ import annotations
@@ -32,15 +35,29 @@ def rates(seed: int) -> tuple[float, float]:
     fit = posed()
     density, optima, support = fit.posterior, _optima_of(fit), fit.problem.support()
     rng = stream(seed, Stream.PROPOSAL)
-    adapted = adapt_proposal(density, optima.value, optima.cov, starts=optima.starts, covs=optima.covs, rng=rng)
-    _, proposal = second_opinion(density, optima.value, optima.cov, adapted, starts=optima.modes, rng=rng, support=support)
+    adapted = adapt_proposal(
+        density, optima.value, optima.cov, starts=optima.starts, covs=optima.covs, rng=rng
+    )
+    _, proposal = second_opinion(
+        density, optima.value, optima.cov, adapted, starts=optima.modes, rng=rng, support=support
+    )
     began = time.process_time()
     target = Target(ess=_TIMES * ESS)
-    chain = sample_posterior(density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), proposal=proposal)
+    chain = sample_posterior(
+        density,
+        optima.value,
+        optima.cov,
+        target=target,
+        rng=stream(seed, Stream.CHAIN),
+        proposal=proposal,
+    )
     spent = time.process_time() - began
     draws = np.moveaxis(chain.draws, 1, 2)
     ess = described(draws.reshape(-1, *draws.shape[2:]))[0]
-    mixed = both(adapted, ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support))
+    mixed = both(
+        adapted,
+        ridge_proposal(density, optima.value, optima.cov, starts=optima.modes, support=support),
+    )
     began = time.process_time()
     certificate = certify(density, mixed, rng=rng, least_ess=_TIMES * ESS)
     return ess / spent, certificate.ess / (time.process_time() - began)

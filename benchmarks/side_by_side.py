@@ -1,9 +1,11 @@
-"""Five problems with estim, lmfit and kafe2: what a user writes, what each says, and how long it takes.  It writes docs/side-by-side.md.
+"""Five problems with estim, lmfit and kafe2: what a user writes, what each says, and how long it
+takes.  It writes docs/side-by-side.md.
 
     python benchmarks/side_by_side.py docs/side-by-side.md
 
-kafe2 is no dependency of estim: install it beside, in an environment of its own.  A solution is a function `tool_problem`, and the lines counted are
-those of its body but for its last, which returns name -> what the tool says: (value, error), (value, low, high), or words.
+kafe2 is no dependency of estim: install it beside, in an environment of its own.  A solution is a
+function `tool_problem`, and the lines counted are those of its body but for its last, which returns
+name -> what the tool says: (value, error), (value, low, high), or words.
 """
 
 from __future__ import annotations
@@ -29,20 +31,28 @@ TrialInformation = Mapping[str, tuple[float, ...] | str]
 PROJECT = Path(__file__).resolve().parents[1]
 NIST = (PROJECT / "tests/reference/nist_strd/Eckerle4.dat").read_text().splitlines()
 PEAK_Y, PEAK_X = np.array([[float(word) for word in line.split()] for line in NIST[60:]]).T
-LOW, HIGH, EVENTS = np.loadtxt(PROJECT / "data/gallery/muon_binned.csv", delimiter=",", skiprows=1).T
+LOW, HIGH, EVENTS = np.loadtxt(
+    PROJECT / "data/gallery/muon_binned.csv", delimiter=",", skiprows=1
+).T
 MIDDLE, WIDTH = 0.5 * (LOW + HIGH), float(HIGH[0] - LOW[0])
-YORK_X, YORK_Y, WEIGHT_X, WEIGHT_Y = np.loadtxt(PROJECT / "tests/reference/lines/pearson_york.csv", delimiter=",", skiprows=2).T
+YORK_X, YORK_Y, WEIGHT_X, WEIGHT_Y = np.loadtxt(
+    PROJECT / "tests/reference/lines/pearson_york.csv", delimiter=",", skiprows=2
+).T
 U_X, U_Y = WEIGHT_X**-0.5, WEIGHT_Y**-0.5
 RNG = np.random.default_rng(12)  # SYNTHETIC data from here on
 TIME = np.linspace(0.0, 10.0, 60)
-SWING = 5.0 * np.exp(-0.002 * TIME) * np.cos(2 * np.pi * TIME / 1.7 + 0.4) + 0.4 * RNG.standard_normal(60)
+SWING = 5.0 * np.exp(-0.002 * TIME) * np.cos(
+    2 * np.pi * TIME / 1.7 + 0.4
+) + 0.4 * RNG.standard_normal(60)
 DOSE = np.linspace(0.0, 8.0, 25)
 DECAY = 6.0 * np.exp(-DOSE / 2.5) + 1.0 + 0.1 * RNG.standard_normal(25)
 DECAY[17] += 1.2
 
 
 def estim_peak() -> TrialInformation:
-    fit = fit_curve("b1/b2*exp(-0.5*((x - b3)/b2)**2)", PEAK_X, PEAK_Y, start={"b1": 1, "b2": 10, "b3": 500})
+    fit = fit_curve(
+        "b1/b2*exp(-0.5*((x - b3)/b2)**2)", PEAK_X, PEAK_Y, start={"b1": 1, "b2": 10, "b3": 500}
+    )
     return {name: (fit.values[name], fit.sds[name]) for name in fit.names}
 
 
@@ -55,27 +65,47 @@ def lmfit_peak() -> TrialInformation:
 def kafe2_peak() -> TrialInformation:
     def peak(x, b1=1.0, b2=10.0, b3=500.0):
         return b1 / b2 * np.exp(-0.5 * ((x - b3) / b2) ** 2)
+
     fit = XYFit([PEAK_X, PEAK_Y], peak)
     fit.do_fit()
-    fit.add_error("y", float(np.sqrt(np.sum((fit.y_data - fit.y_model) ** 2) / 32)))  # the size of the errors, from the residuals
+    # the size of the errors, from the residuals
+    fit.add_error("y", float(np.sqrt(np.sum((fit.y_data - fit.y_model) ** 2) / 32)))
     fit.do_fit()
     return of_kafe2(fit)
 
 
 def estim_muon() -> TrialInformation:
-    fit = fit_curve("N/tau*exp(-x/tau) + B", MIDDLE, EVENTS, noise=Poisson(bins=WIDTH), start={"N": 3000, "tau": 1, "B": 10})
+    fit = fit_curve(
+        "N/tau*exp(-x/tau) + B",
+        MIDDLE,
+        EVENTS,
+        noise=Poisson(bins=WIDTH),
+        start={"N": 3000, "tau": 1, "B": 10},
+    )
     return {name: (fit.values[name], *fit.intervals[name][0.68]) for name in fit.names}
 
 
 def lmfit_muon() -> TrialInformation:
-    model = lmfit.models.ExpressionModel("(N/tau*exp(-x/tau) + B)*width", independent_vars=["x", "width"])
-    fit = model.fit(EVENTS, x=MIDDLE, width=WIDTH, N=3000, tau=1, B=10, weights=1 / np.sqrt(np.maximum(EVENTS, 1)), scale_covar=False)
+    model = lmfit.models.ExpressionModel(
+        "(N/tau*exp(-x/tau) + B)*width", independent_vars=["x", "width"]
+    )
+    fit = model.fit(
+        EVENTS,
+        x=MIDDLE,
+        width=WIDTH,
+        N=3000,
+        tau=1,
+        B=10,
+        weights=1 / np.sqrt(np.maximum(EVENTS, 1)),
+        scale_covar=False,
+    )
     return {name: (p.value, p.stderr or math.nan) for name, p in fit.params.items()}
 
 
 def kafe2_muon() -> TrialInformation:
     def decays(x, n=3000.0, tau=1.0, b=10.0):
         return n / tau * np.exp(-x / tau) + b
+
     bins = HistContainer(bin_edges=np.append(LOW, HIGH[-1]))
     bins.set_bins(EVENTS)
     fit = HistFit(bins, decays, density=False)
@@ -93,6 +123,7 @@ def lmfit_york() -> TrialInformation:
     def residual(params):
         m, c = params["slope"].value, params["intercept"].value
         return (YORK_Y - m * YORK_X - c) / np.sqrt(U_Y**2 + m**2 * U_X**2)
+
     params = lmfit.create_params(slope=-0.5, intercept=5.0)
     fit = lmfit.minimize(residual, params, scale_covar=False)
     return {name: (p.value, p.stderr or math.nan) for name, p in fit.params.items()}
@@ -101,6 +132,7 @@ def lmfit_york() -> TrialInformation:
 def kafe2_york() -> TrialInformation:
     def line(x, slope=-0.5, intercept=5.0):
         return slope * x + intercept
+
     fit = XYFit([YORK_X, YORK_Y], line)
     fit.add_error("x", U_X)
     fit.add_error("y", U_Y)
@@ -110,19 +142,28 @@ def kafe2_york() -> TrialInformation:
 
 def estim_swing() -> TrialInformation:
     fit = fit_curve("damped_oscillation", TIME, SWING, u_y=0.4, bounds={"damping": (0, None)})
-    return {name: (fit.values[name], *fit.intervals[name][0.68]) for name in ("damping", "frequency", "amplitude")}
+    return {
+        name: (fit.values[name], *fit.intervals[name][0.68])
+        for name in ("damping", "frequency", "amplitude")
+    }
 
 
 def lmfit_swing() -> TrialInformation:
     model = lmfit.models.ExpressionModel("amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)")
-    params = model.make_params(amplitude=4, damping={"value": 0.1, "min": 0}, frequency=0.6, phase=0.3)
+    params = model.make_params(
+        amplitude=4, damping={"value": 0.1, "min": 0}, frequency=0.6, phase=0.3
+    )
     fit = model.fit(SWING, params, x=TIME, weights=1 / 0.4, scale_covar=False)
-    return {name: (fit.params[name].value, fit.params[name].stderr or math.nan) for name in ("damping", "frequency", "amplitude")}
+    return {
+        name: (fit.params[name].value, fit.params[name].stderr or math.nan)
+        for name in ("damping", "frequency", "amplitude")
+    }
 
 
 def kafe2_swing() -> TrialInformation:
     def swing(x, amplitude=4.0, damping=0.1, frequency=0.6, phase=0.3):
         return amplitude * np.exp(-damping * x) * np.cos(2 * np.pi * frequency * x + phase)
+
     fit = XYFit([TIME, SWING], swing)
     fit.add_error("y", 0.4)
     fit.limit_parameter("damping", lower=0)
@@ -132,18 +173,27 @@ def kafe2_swing() -> TrialInformation:
 
 def estim_outlier() -> TrialInformation:
     fit = fit_curve("exponential + constant", DOSE, DECAY, u_y=0.1)
-    return {"decay": (fit.values["decay"], fit.sds["decay"]) if fit.status.ok else f"{fit.status}: no ±", "test": f"p = {fit.p_value:.1g}"}
+    return {
+        "decay": (fit.values["decay"], fit.sds["decay"])
+        if fit.status.ok
+        else f"{fit.status}: no ±",
+        "test": f"p = {fit.p_value:.1g}",
+    }
 
 
 def lmfit_outlier() -> TrialInformation:
     model = lmfit.models.ExponentialModel() + lmfit.models.ConstantModel()
     fit = model.fit(DECAY, x=DOSE, amplitude=5, decay=2, c=0, weights=1 / 0.1)
-    return {"decay": (fit.params["decay"].value, fit.params["decay"].stderr), "test": f"reduced chi-squared {fit.redchi:.2g}"}
+    return {
+        "decay": (fit.params["decay"].value, fit.params["decay"].stderr),
+        "test": f"reduced chi-squared {fit.redchi:.2g}",
+    }
 
 
 def kafe2_outlier() -> TrialInformation:
     def decay(x, amplitude=5.0, decay=2.0, c=0.0):
         return amplitude * np.exp(-x / decay) + c
+
     fit = XYFit([DOSE, DECAY], decay)
     fit.add_error("y", 0.1)
     fit.do_fit(asymmetric_parameter_errors=True)
@@ -156,25 +206,38 @@ def of_kafe2(fit: XYFit | HistFit) -> dict[str, tuple[float, ...]]:
     if fit.get_result_dict()["asymmetric_parameter_errors"] is None:
         return {name: (values[i], errors[i]) for i, name in enumerate(fit.parameter_names)}
     ends = fit.asymmetric_parameter_errors
-    return {name: (values[i], values[i] + ends[i][0], values[i] + ends[i][1]) for i, name in enumerate(fit.parameter_names)}
+    return {
+        name: (values[i], values[i] + ends[i][0], values[i] + ends[i][1])
+        for i, name in enumerate(fit.parameter_names)
+    }
 
 
 PROBLEMS = {
     "peak": (
         "A peak from a start far off (NIST Eckerle4, start 1)",
-        "Certified: b1 = 1.5544 ± 0.0154, b2 = 4.0888 ± 0.0468, b3 = 451.541 ± 0.047. From NIST's second start kafe2 finds them too.",
+        "Certified: b1 = 1.5544 ± 0.0154, b2 = 4.0888 ± 0.0468, b3 = 451.541 ± 0.047. From "
+        "NIST's second start kafe2 finds them too.",
     ),
     "muon": (
         "Lifetime of muons from counts in bins (`data/gallery/muon_binned.csv`)",
-        "lmfit has no likelihood of counts: its user weights by √n and evaluates the curve in the middle of a bin. No background is held above 0.",
+        "lmfit has no likelihood of counts: its user weights by √n and evaluates the curve "
+        "in the middle of a bin. No background is held above 0.",
     ),
     "york": (
         "A line with errors of x and y (Pearson's data with York's weights)",
-        "Published: slope −0.4805 ± 0.058, intercept 5.480 ± 0.29. kafe2 adds the logarithm of the errors' size, which depends on the slope, to\n"
+        "Published: slope −0.4805 ± 0.058, intercept 5.480 ± 0.29. kafe2 adds the "
+        "logarithm of the errors' size, which depends on the slope, to\n"
         "chi-squared: another estimate.",
     ),
-    "swing": ("A damping that is next to nothing and cannot be negative (SYNTHETIC: damping 0.002, frequency 0.5882)", ""),
-    "outlier": ("An exponential with one bad point, 12 errors off (SYNTHETIC: decay 2.5)", "The point is still there: the question is who notices."),
+    "swing": (
+        "A damping that is next to nothing and cannot be negative (SYNTHETIC: damping "
+        "0.002, frequency 0.5882)",
+        "",
+    ),
+    "outlier": (
+        "An exponential with one bad point, 12 errors off (SYNTHETIC: decay 2.5)",
+        "The point is still there: the question is who notices.",
+    ),
 }
 TOOLS = ("estim", "lmfit", "kafe2")
 
@@ -189,7 +252,11 @@ def shown(told: tuple[float, ...] | str) -> str:
 
 
 def body(solution: Callable[[], TrialInformation]) -> list[str]:
-    lines = textwrap.dedent("".join(inspect.getsource(solution).splitlines(keepends=True)[1:])).rstrip().splitlines()
+    lines = (
+        textwrap.dedent("".join(inspect.getsource(solution).splitlines(keepends=True)[1:]))
+        .rstrip()
+        .splitlines()
+    )
     return lines[:-1]
 
 
@@ -215,7 +282,10 @@ def page() -> str:
             codes.append("\n".join([f"# {tool}", *body(solution)]))
         code = "\n\n".join(codes)
         table = "\n".join(["| | lines | what it says | CPU |", "|---|---|---|---|", *rows])
-        said.append(f"## {title}\n\n{table}\n{chr(10) + note + chr(10) if note else ''}\n```text\n{code}\n```\n")
+        said.append(
+            "## "
+            f"{title}\n\n{table}\n{chr(10) + note + chr(10) if note else ''}\n```text\n{code}\n```\n"
+        )
     return "\n".join([*said, TAIL])
 
 

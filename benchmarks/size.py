@@ -1,7 +1,8 @@
 """How large the program is, as Markdown: python benchmarks/size.py
 
-Nodes of the syntax tree (`ast.walk`), module-level numbers that tune something, and the files and functions of estim and model that a
-fit of three parameters and `estim fit` of one run enter (`sys.setprofile`; what runs at import is not counted).
+Nodes of the syntax tree (`ast.walk`), module-level numbers that tune something, and the files and
+functions of estim and model that a fit of three parameters and `estim fit` of one run enter
+(`sys.setprofile`; what runs at import is not counted).
 """
 
 from __future__ import annotations
@@ -22,7 +23,11 @@ PACKAGES = ("estim", "model")
 
 
 def trees() -> list[ast.Module]:
-    return [ast.parse(path.read_text(encoding="utf-8")) for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    return [
+        ast.parse(path.read_text(encoding="utf-8"))
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+    ]
 
 
 def is_number(node: ast.expr | None) -> bool:
@@ -31,16 +36,27 @@ def is_number(node: ast.expr | None) -> bool:
         return bool(node.elts) and all(is_number(one) for one in node.elts)
     if isinstance(node, ast.UnaryOp):
         return is_number(node.operand)
-    return isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool)
+    return (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, int | float)
+        and not isinstance(node.value, bool)
+    )
 
 
 def n_constants(tree: ast.Module) -> int:
-    """Numbers with a name in capitals at the top of a module; a tuple of names that takes a tuple of numbers counts each."""
+    """Numbers with a name in capitals at the top of a module; a tuple of names that takes a tuple
+    of numbers counts each.
+    """
     n = 0
     for node in tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and is_number(node.value):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            names = [name for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+            names = [
+                name
+                for target in targets
+                for name in ast.walk(target)
+                if isinstance(name, ast.Name)
+            ]
             n += sum(name.id.isupper() for name in names)
     return n
 
@@ -53,7 +69,11 @@ def entered(run: Callable[[], object]) -> tuple[int, int]:
 
     def profile(frame: FrameType, event: str, _argument: Any) -> None:
         code = frame.f_code
-        if event == "call" and not code.co_name.startswith("<") and code.co_filename.startswith(ours):
+        if (
+            event == "call"
+            and not code.co_name.startswith("<")
+            and code.co_filename.startswith(ours)
+        ):
             seen.add((code.co_filename, code.co_name, code.co_firstlineno))
 
     sys.setprofile(profile)
@@ -70,16 +90,32 @@ def fit_a_curve() -> None:
     from estim import fit_curve
 
     x = np.linspace(0.0, 5.0, 30)
-    fit_curve("a*exp(-x/tau) + c", x, 2.0 * np.exp(-x) + 0.5 + 0.05 * np.random.default_rng(1).standard_normal(x.size), u_y=0.05)
+    fit_curve(
+        "a*exp(-x/tau) + c",
+        x,
+        2.0 * np.exp(-x) + 0.5 + 0.05 * np.random.default_rng(1).standard_normal(x.size),
+        u_y=0.05,
+    )
 
 
 def fit_a_run() -> None:
     from estim.__main__ import main
 
     with tempfile.TemporaryDirectory() as folder:
-        sys.argv = ["estim", "fit", str(ROOT / "data/replica/campaign.toml"), "--run", "light-04", "--out", folder + "/out"]
+        sys.argv = [
+            "estim",
+            "fit",
+            str(ROOT / "data/replica/campaign.toml"),
+            "--run",
+            "light-04",
+            "--out",
+            folder + "/out",
+        ]
         try:
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            with (
+                contextlib.redirect_stdout(io.StringIO()),
+                contextlib.redirect_stderr(io.StringIO()),
+            ):
                 main()
         except SystemExit as end:
             if end.code:

@@ -1,9 +1,11 @@
-"""estim: uncertainty and Bayesian parameter estimation for lab experiments.  Start with `estim.pipeline`.
+"""estim: uncertainty and Bayesian parameter estimation for lab experiments.  Start with
+`estim.pipeline`.
 
-The names that it offers stand in `__init__.pyi`, and are loaded when they are first used (PEP 562), so that `import estim` and
-`estim --help` are quick.  None of them is the name of a file in this folder: importing a file binds its name here, and would
-put the module in the place of the function.  Nothing is imported here: under `python -m estim` a file beside the data may stand
-for a module until `estim.__main__` has looked.
+The names that it offers stand in `__init__.pyi`, and are loaded when they are first used (PEP 562),
+so that `import estim` and `estim --help` are quick.  None of them is the name of a file in this
+folder: importing a file binds its name here, and would put the module in the place of the function.
+Nothing is imported here: under `python -m estim` a file beside the data may stand for a module
+until `estim.__main__` has looked.
 """
 
 

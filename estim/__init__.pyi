@@ -1,4 +1,6 @@
-"""What `estim` offers, each name once: type checkers read it here, and `__init__.py` when a name is first used."""
+"""What `estim` offers, each name once: type checkers read it here, and `__init__.py` when a
+name is first used.
+"""
 
 from estim.campaign.campaign import Campaign as Campaign
 from estim.campaign.campaign import load_campaign as load_campaign

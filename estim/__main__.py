@@ -1,6 +1,7 @@
 """The way in: `python -m estim` and the command `estim`.
 
-A file beside the data that has the name of a module is not imported, or named in one line where the path insists on it.
+A file beside the data that has the name of a module is not imported, or named in one line where the
+path insists on it.
 """
 
 from __future__ import annotations
@@ -12,15 +13,20 @@ import sys
 from estim.namesakes import forget_working_folder, found_instead, in_the_way, namesake_behind
 
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
-_OBJECTS = 50_000  # made before garbage is looked for: modules make many that stay, and looking through them took a tenth of a short command
+# made before garbage is looked for: modules make many that stay, and looking through them took a
+# tenth of a short command
+_OBJECTS = 50_000
 _THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # read when NumPy is loaded
 
 
 def main() -> None:
-    """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a module."""
+    """Run the command line.  Exits with 2 and one line on stderr where a file is in the way of a
+    module.
+    """
     gc.set_threshold(_OBJECTS)
     if "OMP_NUM_THREADS" not in os.environ:
-        for name in _THREADS:  # the matrices are small: a second thread of linear algebra only waits for the first
+        # the matrices are small: a second thread of linear algebra only waits for the first
+        for name in _THREADS:
             os.environ.setdefault(name, "1")
     file = found_instead("model")
     if not file:

@@ -1,7 +1,9 @@
-"""Tails and quantiles of the normal, Student's t and the chi-squared distribution, from scipy.special: scipy.stats is slow to import.
+"""Tails and quantiles of the normal, Student's t and the chi-squared distribution, from
+scipy.special: scipy.stats is slow to import.
 
-What to use when: for an interval value ± k u `normal_quantile` where u was stated and `student_quantile` where it was estimated from `dof`
-residuals; for the p-value of a chi^2 `chi2_tail`.  A quantile far out is minus the one of the small probability, which keeps its digits.
+What to use when: for an interval value ± k u `normal_quantile` where u was stated and
+`student_quantile` where it was estimated from `dof` residuals; for the p-value of a chi^2
+`chi2_tail`.  A quantile far out is minus the one of the small probability, which keeps its digits.
 """
 
 from __future__ import annotations
@@ -31,17 +33,27 @@ def normal_quantile(probability: ArrayLike) -> FloatArray:
 def student_tail(t: ArrayLike, dof: ArrayLike) -> FloatArray:
     """P(T > t) for `dof` > 0 degrees of freedom; nan for none."""
     t, dof = np.asarray(t), np.asarray(dof)
-    return np.where(np.isinf(dof), normal_tail(t), special.stdtr(np.where(np.isinf(dof), 1.0, dof), -t))
+    return np.where(
+        np.isinf(dof), normal_tail(t), special.stdtr(np.where(np.isinf(dof), 1.0, dof), -t)
+    )
 
 
 def student_quantile(probability: ArrayLike, dof: ArrayLike) -> FloatArray:
-    """t with P(T <= t) = probability for `dof` > 0 degrees of freedom, the normal quantile for infinitely many; nan for none."""
+    """t with P(T <= t) = probability for `dof` > 0 degrees of freedom, the normal quantile for
+    infinitely many; nan for none.
+    """
     dof = np.asarray(dof)
-    return np.where(np.isinf(dof), normal_quantile(probability), special.stdtrit(np.where(np.isinf(dof), 1.0, dof), probability))
+    return np.where(
+        np.isinf(dof),
+        normal_quantile(probability),
+        special.stdtrit(np.where(np.isinf(dof), 1.0, dof), probability),
+    )
 
 
 def chi2_tail(chi2: ArrayLike, dof: ArrayLike) -> FloatArray:
-    """P(chi^2 of `dof` > 0 degrees of freedom > chi2); 1 for a sum of squares that rounding made negative."""
+    """P(chi^2 of `dof` > 0 degrees of freedom > chi2); 1 for a sum of squares that rounding made
+    negative.
+    """
     return np.asarray(special.chdtrc(dof, np.maximum(chi2, 0.0)))
 
 

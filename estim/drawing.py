@@ -1,7 +1,8 @@
-"""How every figure is drawn: by matplotlib's object interface (no pyplot state), texts literally, one set of colours.
+"""How every figure is drawn: by matplotlib's object interface (no pyplot state), texts literally,
+one set of colours.
 
-White background and dark ink: legible on a light and on a dark page.  Colours are those of Okabe and Ito, which readers
-with any colour vision can tell apart.
+White background and dark ink: legible on a light and on a dark page.  Colours are those of Okabe
+and Ito, which readers with any colour vision can tell apart.
 """
 
 from __future__ import annotations
@@ -25,7 +26,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from matplotlib.text import Text
 
-BLUE, ORANGE, GREEN, PURPLE, GREY, INK = "#0072B2", "#E69F00", "#009E73", "#CC79A7", "#8A8A8A", "#222222"
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+PURPLE = "#CC79A7"
+GREY = "#8A8A8A"
+INK = "#222222"
 PALE = "#AAD0E5"  # a third of the blue on white
 VERMILION = "#D55E00"  # what is wrong; orange is what was stated before
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE, INK, GREY)
@@ -36,15 +42,22 @@ MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
 LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 STYLE = {
-    "axes.labelsize": 9, "axes.titlesize": 9, "figure.titlesize": 8, "legend.fontsize": 8, "legend.frameon": False, "xtick.labelsize": 8,
+    "axes.labelsize": 9,
+    "axes.titlesize": 9,
+    "figure.titlesize": 8,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "xtick.labelsize": 8,
     "ytick.labelsize": 8,
 }
 
 
 def png(draw: Callable[[], Figure], finish: Callable[[Figure], object] | None = None) -> bytes:
-    """What `draw` draws, as PNG without a date in it: the same figure gives the same bytes, whatever a user's own style is.  finish : changes it.
+    """What `draw` draws, as PNG without a date in it: the same figure gives the same bytes,
+    whatever a user's own style is.  finish : changes it.
 
-    Every text is shown literally; what matplotlib would take for mathematics is that only where `estim.common.labels` made it so.
+    Every text is shown literally; what matplotlib would take for mathematics is that only where
+    `estim.common.labels` made it so.
     """
     from matplotlib import style
 
@@ -57,13 +70,17 @@ def png(draw: Callable[[], Figure], finish: Callable[[Figure], object] | None = 
 
 
 def show_literally(figure: Figure) -> None:
-    """Marks every text of a finished figure as no mathematics but where `estim.common.labels` made it so.  To be done once."""
+    """Marks every text of a finished figure as no mathematics but where `estim.common.labels` made
+    it so.  To be done once.
+    """
     for text in texts_of(figure):
         text.set_text(mathtext(text.get_text()))
 
 
 def as_png(figure: Figure) -> bytes:
-    """A figure as PNG.  Its parts are placed here, once: left to it, `savefig` would draw the whole figure for that and then a second time."""
+    """A figure as PNG.  Its parts are placed here, once: left to it, `savefig` would draw the whole
+    figure for that and then a second time.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     buffer = io.BytesIO()
@@ -72,17 +89,23 @@ def as_png(figure: Figure) -> bytes:
     if (layout := figure.get_layout_engine()) is not None:
         layout.execute(figure)
         figure.set_layout_engine("none")
-    canvas.print_png(buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION})  # type: ignore[no-untyped-call]
+    canvas.print_png(
+        buffer, metadata={"Software": None}, pil_kwargs={"compress_level": _COMPRESSION}
+    )  # type: ignore[no-untyped-call]
     return buffer.getvalue()
 
 
 def handed_out(figure: Figure | None, draw: Callable[[Figure], None], height: float) -> Figure:
-    """What a user gets: `draw` on the user's own figure in the user's style, or on a new one, which a notebook shows by itself."""
+    """What a user gets: `draw` on the user's own figure in the user's style, or on a new one, which
+    a notebook shows by itself.
+    """
     from matplotlib import style
 
     if figure is None:
         with style.context("default"):
-            figure = _notebook_figure()(figsize=(WIDTH, height), layout="constrained", facecolor="white")
+            figure = _notebook_figure()(
+                figsize=(WIDTH, height), layout="constrained", facecolor="white"
+            )
             draw(figure)
     else:
         draw(figure)
@@ -104,7 +127,9 @@ def _notebook_figure() -> type[Figure]:
 
 
 def texts_of(artist: Artist) -> Iterator[Text]:
-    """The texts of a figure but for those of ticks, which are written anew whenever they are drawn (`name_ticks`)."""
+    """The texts of a figure but for those of ticks, which are written anew whenever they are drawn
+    (`name_ticks`).
+    """
     from matplotlib.axis import Axis
     from matplotlib.text import Text
 
@@ -117,8 +142,17 @@ def texts_of(artist: Artist) -> Iterator[Text]:
             yield from texts_of(part)
 
 
-def name_ticks(axis: Axis, places: ArrayLike, names: Sequence[str], *, fontsize: float = 8.0, rotation: float = 0.0) -> None:
-    """Ticks at `places` with `names`, shown literally as `png` shows all other text.  fontsize : points.  rotation : degrees."""
+def name_ticks(
+    axis: Axis,
+    places: ArrayLike,
+    names: Sequence[str],
+    *,
+    fontsize: float = 8.0,
+    rotation: float = 0.0,
+) -> None:
+    """Ticks at `places` with `names`, shown literally as `png` shows all other text.  fontsize :
+    points.  rotation : degrees.
+    """
     axis.set_ticks(places, [mathtext(name) for name in names], fontsize=fontsize, rotation=rotation)
 
 
@@ -129,7 +163,9 @@ def tick_texts(ticks: FloatArray) -> list[str]:
     notation = "f" if 1e-4 <= largest < 1e6 or largest == 0.0 else "e"
     for digits in range(17):
         texts = [f"{tick + 0.0:.{digits}{notation}}" for tick in ticks]
-        if all(abs(float(text) - tick) <= 1e-3 * apart for text, tick in zip(texts, ticks, strict=True)):
+        if all(
+            abs(float(text) - tick) <= 1e-3 * apart for text, tick in zip(texts, ticks, strict=True)
+        ):
             break
     return [signed(text) for text in texts]
 
@@ -140,8 +176,12 @@ def new_figure(height: float, width: float = WIDTH) -> Figure:
     return Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
-def grid(n: int, *, height: float, columns: int | None = None, sharey: bool = False) -> tuple[Figure, list[Axes]]:
-    """A figure with `n` panels, each `height` inches high.  columns : at most so many; None: two if there are more than two panels."""
+def grid(
+    n: int, *, height: float, columns: int | None = None, sharey: bool = False
+) -> tuple[Figure, list[Axes]]:
+    """A figure with `n` panels, each `height` inches high.  columns : at most so many; None: two if
+    there are more than two panels.
+    """
     columns = min(columns or (1 if n <= 2 else 2), max(n, 1))
     rows = -(-max(n, 1) // columns)
     figure = new_figure(height * rows + 0.5)
@@ -151,25 +191,48 @@ def grid(n: int, *, height: float, columns: int | None = None, sharey: bool = Fa
     return figure, list(axes[:n])
 
 
-def legend_below(figure: Figure | SubFigure, *, ncols: int = 3, handles: Sequence[Artist | Container] = ()) -> None:
+def legend_below(
+    figure: Figure | SubFigure, *, ncols: int = 3, handles: Sequence[Artist | Container] = ()
+) -> None:
     """What all panels of a figure show, each name once, or what `handles` stand for, below them."""
     if handles:
         figure.legend(handles=list(handles), loc="outside lower center", ncols=ncols)
         return
-    named = {name: handle for ax in figure.axes for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)}
+    named = {
+        name: handle
+        for ax in figure.axes
+        for handle, name in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
     figure.legend(list(named.values()), list(named), loc="outside lower center", ncols=ncols)
 
 
 def draw_bands(
-    ax: Axes, x: FloatArray, quantiles: FloatArray, colour: str = BLUE, *, median: str = "", said: str = "", zorder: float = 1.0
+    ax: Axes,
+    x: FloatArray,
+    quantiles: FloatArray,
+    colour: str = BLUE,
+    *,
+    median: str = "",
+    said: str = "",
+    zorder: float = 1.0,
 ) -> None:
     """The median, under the name `median`, with its 68 and 95 % bands.
 
-    quantiles : (5, n_x) at `LEVELS`, nan where nothing is known.  said : what the bands are, with {p}; "": their per cent alone.
+    quantiles : (5, n_x) at `LEVELS`, nan where nothing is known.
+    said : what the bands are, with {p}; "": their per cent alone.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
         name = phrase(said, p=p) if said else f"{p} %"
-        ax.fill_between(x, quantiles[low], quantiles[high], color=colour, alpha=alpha, lw=0, label=name, zorder=zorder)
+        ax.fill_between(
+            x,
+            quantiles[low],
+            quantiles[high],
+            color=colour,
+            alpha=alpha,
+            lw=0,
+            label=name,
+            zorder=zorder,
+        )
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
 
 

@@ -1,7 +1,9 @@
-"""Numbers and arrays that a person hands over in Python: the one gate, which lets no value pass for another.
+"""Numbers and arrays that a person hands over in Python: the one gate, which lets no value pass for
+another.
 
-NumPy turns dates into counts of whatever unit they are kept in, drops masks and imaginary parts, and reads text and truth values as numbers.
-Here each of them is refused by one line that says the cure.
+NumPy turns dates into counts of whatever unit they are kept in, drops masks and imaginary parts,
+and reads text and truth values as numbers.  Here each of them is refused by one line that says the
+cure.
 """
 
 from __future__ import annotations
@@ -27,14 +29,21 @@ _KINDS = ((bool, "b"), (str, "U"), (bytes, "S"), (complex, "c"), (date, "M"), (t
 
 
 def real_numbers(values: Any, field: str, rule: str = "must be numbers") -> FloatArray:
-    """`values` as floats in an array of its own, of whatever shape.  Raises InputError naming `field` for whatever is no real number.
+    """`values` as floats in an array of its own, of whatever shape.  Raises InputError naming
+    `field` for whatever is no real number.
 
     rule : what is asked for, to which the reason why the values are not that is added.
     """
-    if hasattr(values, "to_base_units") or (hasattr(values, "unit") and hasattr(values, "to_value")):
-        raise InputError("must be plain numbers here, not quantities with units", field=field, value=str(values))
+    if hasattr(values, "to_base_units") or (
+        hasattr(values, "unit") and hasattr(values, "to_value")
+    ):
+        raise InputError(
+            "must be plain numbers here, not quantities with units", field=field, value=str(values)
+        )
     if masked := _masked(values):
-        cure = "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
+        cure = (
+            "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]"
+        )
         raise InputError(cure, field=field, value=f"{masked} masked")
     why = ""
     try:
@@ -64,9 +73,15 @@ def _masked(values: Any) -> int:
 
 
 def _kinds(values: Any) -> set[str]:
-    """The letters by which NumPy calls what lists and arrays of objects are made of, before numbers of several types become one type."""
+    """The letters by which NumPy calls what lists and arrays of objects are made of, before numbers
+    of several types become one type.
+    """
     if isinstance(values, np.ndarray):
-        return {_kind(one) for one in set(map(type, values.flat))} if values.dtype.kind == "O" else {values.dtype.kind}
+        return (
+            {_kind(one) for one in set(map(type, values.flat))}
+            if values.dtype.kind == "O"
+            else {values.dtype.kind}
+        )
     if not isinstance(values, list | tuple):
         return {_kind(type(values))}
     inner = [_kinds(one) for one in values if isinstance(one, list | tuple | np.ndarray)]

@@ -1,4 +1,5 @@
-"""Files of a user that take the place of a module: a `model.py` beside the data is found before estim's own package `model`.
+"""Files of a user that take the place of a module: a `model.py` beside the data is found before
+estim's own package `model`.
 
 It imports next to nothing, so that it works where a `re.py` or a `typing.py` is in the way.
 """
@@ -20,14 +21,17 @@ HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 def forget_working_folder() -> None:
     """Takes the working folder from the places where modules are looked for, as `python -P` would.
 
-    `python -m estim` puts it first.  It stays where estim itself is there: nobody else offers it then.
+    `python -m estim` puts it first.  It stays where estim itself is there: nobody else offers it
+    then.
     """
     if not sys.flags.safe_path and sys.path[:1] == [_working_folder()] and sys.path[0] != HOME:
         del sys.path[0]
 
 
 def found_instead(package: str) -> str:
-    """The file that `import package` finds in place of the one beside estim; "" where it finds that one."""
+    """The file that `import package` finds in place of the one beside estim; "" where it finds that
+    one.
+    """
     spec = PathFinder.find_spec(package)
     if spec is None or spec.origin is None:
         return ""
@@ -35,15 +39,24 @@ def found_instead(package: str) -> str:
 
 
 def namesake_behind(error: BaseException) -> str:
-    """The file that has the name of a module of Python, or of a package found later on the path, and let `error` happen; "" if none did."""
+    """The file that has the name of a module of Python, or of a package found later on the path,
+    and let `error` happen; "" if none did.
+    """
     return next((file for file in _named(error) if _in_the_way(os.path.abspath(file))), "")
 
 
 def in_the_way(file: str) -> str:
     """What to say of a namesake: one line."""
     shown = file if file.isprintable() else ascii(file)
-    name = os.path.basename(_folder(file)) if _is_package(file) else os.path.splitext(os.path.basename(file))[0]
-    return f"{shown}: is in the way: it is found in place of the module '{name}' that estim needs; rename it, or take its folder off Python's path"
+    name = (
+        os.path.basename(_folder(file))
+        if _is_package(file)
+        else os.path.splitext(os.path.basename(file))[0]
+    )
+    return (
+        f"{shown}: is in the way: it is found in place of the module '{name}' that estim needs; "
+        "rename it, or take its folder off Python's path"
+    )
 
 
 def _named(error: BaseException | None) -> Iterator[str]:
@@ -51,7 +64,11 @@ def _named(error: BaseException | None) -> Iterator[str]:
     while error is not None:
         module = sys.modules.get(str(getattr(error, "name", None)).partition(".")[0])
         behind = [getattr(error, "path", None), getattr(error, "filename", None)]
-        behind += [getattr(m, "__file__", None) for m in (getattr(error, "obj", None), module) if isinstance(m, type(sys))]
+        behind += [
+            getattr(m, "__file__", None)
+            for m in (getattr(error, "obj", None), module)
+            if isinstance(m, type(sys))
+        ]
         yield from (file for file in behind if isinstance(file, str))
         trace = error.__traceback__
         while trace is not None:
@@ -66,11 +83,18 @@ def _in_the_way(file: str) -> bool:
     if _own(file) or file.startswith(os.path.join(standard, "")):
         return False
     folder = os.path.dirname(_folder(file)) if _is_package(file) else _folder(file)
-    name = os.path.basename(_folder(file)) if _is_package(file) else os.path.splitext(os.path.basename(file))[0]
+    name = (
+        os.path.basename(_folder(file))
+        if _is_package(file)
+        else os.path.splitext(os.path.basename(file))[0]
+    )
     places = [_working_folder(), *(os.path.abspath(place) for place in sys.path)]
     if folder not in places:
         return False
-    return name in sys.stdlib_module_names or PathFinder.find_spec(name, places[places.index(folder) + 1 :]) is not None
+    return (
+        name in sys.stdlib_module_names
+        or PathFinder.find_spec(name, places[places.index(folder) + 1 :]) is not None
+    )
 
 
 def _working_folder() -> str:
@@ -81,7 +105,10 @@ def _working_folder() -> str:
 
 
 def _own(file: str) -> bool:
-    return any(os.path.realpath(file).startswith(os.path.join(os.path.realpath(HOME), package, "")) for package in ("estim", "model"))
+    return any(
+        os.path.realpath(file).startswith(os.path.join(os.path.realpath(HOME), package, ""))
+        for package in ("estim", "model")
+    )
 
 
 def _is_package(file: str) -> bool:

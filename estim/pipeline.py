@@ -1,4 +1,5 @@
-"""The whole analysis on one page: campaign -> problem -> fit -> draws -> second opinion -> diagnosis; bands when a reader asks for them.
+"""The whole analysis on one page: campaign -> problem -> fit -> draws -> second opinion ->
+diagnosis; bands when a reader asks for them.
 
 Read this first.  Each stage takes records and returns one; each lives in the file of its verb.
 """
@@ -45,7 +46,17 @@ from estim.checks import (
     screen_lines,
     untested,
 )
-from estim.common import Finding, InputError, Kind, NumericalError, PieceStore, Status, Stream, phrase, stream
+from estim.common import (
+    Finding,
+    InputError,
+    Kind,
+    NumericalError,
+    PieceStore,
+    Status,
+    Stream,
+    phrase,
+    stream,
+)
 from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
 from estim.fitting import Fit, refit_with_noise
@@ -120,21 +131,32 @@ class Analysis:
     def bands(self) -> tuple[Bands, ...]:
         """Bands of every run."""
         rng = stream(self.seed, Stream.BANDS)
-        return posterior_bands(self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces)
+        return posterior_bands(
+            self.problem, self.chain.thinned(_BAND_DRAWS), rng=rng, forces=self.fit.forces
+        )
 
     @cached_property
     def ends(self) -> Mapping[str, FloatArray]:
         """Run -> where its motion ends (n_draw,), as its band says; of those that are motions."""
         if "bands" in vars(self):
-            return {one.run: one.end for one, run in zip(self.bands, self.problem.runs, strict=True) if run.motion is not None}
+            return {
+                one.run: one.end
+                for one, run in zip(self.bands, self.problem.runs, strict=True)
+                if run.motion is not None
+            }
         draws = self.chain.thinned(_BAND_DRAWS)
-        return posterior_ends(self.problem, draws, rng=stream(self.seed, Stream.BANDS), forces=self.fit.forces)
+        return posterior_ends(
+            self.problem, draws, rng=stream(self.seed, Stream.BANDS), forces=self.fit.forces
+        )
 
     @cached_property
     def summaries(self) -> tuple[Summary, ...]:
         """Of every parameter, as far as the status allows them."""
         named = zip(self.fit.names, self.chain.flat.T, strict=True)
-        return tuple(trusted(summarise_parameter(self.fit, name, draws), self.diagnosis.status) for name, draws in named)
+        return tuple(
+            trusted(summarise_parameter(self.fit, name, draws), self.diagnosis.status)
+            for name, draws in named
+        )
 
     @cached_property
     def estimates(self) -> tuple[Estimate, ...]:
@@ -143,16 +165,23 @@ class Analysis:
 
     @property
     def _title(self) -> str:
-        return ": ".join(part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part)
+        return ": ".join(
+            part for part in (self.title, ", ".join(run.name for run in self.problem.runs)) if part
+        )
 
     @property
     def _tests(self) -> str:
         return p_sentence(self.fit.p_value, self.conflict.p_value if self.conflict.dof else None)
 
     def __str__(self) -> str:
-        """What `print` shows: the values that the data give, beside what had been stated, or why there are none."""
+        """What `print` shows: the values that the data give, beside what had been stated, or why
+        there are none.
+        """
         return print_lines(
-            self._title, status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings),
+            self._title,
+            status=self.diagnosis.status,
+            reasons=self.diagnosis.reasons,
+            advice=advice_for(self.diagnosis.findings),
             shown=screen_lines(self.estimates, tests=self._tests),
         )
 
@@ -160,48 +189,91 @@ class Analysis:
         """What a notebook shows: the same."""
         head, rows = result_table(self.estimates)
         return headline(
-            self._title, kind=self.kind, status=self.diagnosis.status, reasons=self.diagnosis.reasons, advice=advice_for(self.diagnosis.findings),
-            head=head, rows=rows, tests=self._tests, left=not_measured(self.estimates),
+            self._title,
+            kind=self.kind,
+            status=self.diagnosis.status,
+            reasons=self.diagnosis.reasons,
+            advice=advice_for(self.diagnosis.findings),
+            head=head,
+            rows=rows,
+            tests=self._tests,
+            left=not_measured(self.estimates),
         )
 
 
 def analyse(
-    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, progress: Progress | None = None,
-    noise: NoiseTable | None = None, store: PieceStore | None = None, marginal: bool | None = None, complete: str = "",
+    campaign: Campaign,
+    runs: Sequence[str],
+    *,
+    seed: int,
+    target: Target | None = None,
+    progress: Progress | None = None,
+    noise: NoiseTable | None = None,
+    store: PieceStore | None = None,
+    marginal: bool | None = None,
+    complete: str = "",
     beside: Sequence[Fit] = (),
 ) -> Analysis:
-    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises InputError.
+    """The joint analysis of `runs` of a campaign; the same seed gives the same numbers.  Raises
+    InputError.
 
     noise : in place of the noise tables of the campaign.
-    store : keeps the draws and the second opinion when both are done, and has them where they were kept for the same data, settings and fit.
-    marginal : whether a joint posterior is sampled through the marginal over runs; None: where the chain has no proposal (more than 14
-        unknowns), or a quantity varies between runs; never where runs share a force, which ties them together.
-    complete : what takes the curves as complete, without a force that nobody asked for ("estim energy"); "" for nothing.
-    beside : fits of these runs with other noise; where one has the same points and the same curve, the search starts from its optima.
+    store : keeps the draws and the second opinion when both are done, and has them where they were
+        kept for the same data, settings and fit.
+    marginal : whether a joint posterior is sampled through the marginal over runs; None: where the
+        chain has no proposal (more than 14 unknowns), or a quantity varies between runs; never
+        where runs share a force, which ties them together.
+    complete : what takes the curves as complete, without a force that nobody asked for ("estim
+        energy"); "" for nothing.
+    beside : fits of these runs with other noise; where one has the same points and the same curve,
+        the search starts from its optima.
     """
     problem = campaign.problem(runs, noise=noise)
     campaign.require_unknowns(problem)
-    problem = as_complete(problem, complete) if complete else campaign.problem(runs, noise=noise, usual=True)
+    problem = (
+        as_complete(problem, complete)
+        if complete
+        else campaign.problem(runs, noise=noise, usual=True)
+    )
     if progress is not None:
         progress(0, phrase("fit"))
-    near = refit_with_noise(problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS)
+    near = refit_with_noise(
+        problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS
+    )
     fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
     kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
-    analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal)
+    analysis = analyse_fit(
+        fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal
+    )
     return replace(analysis, title=campaign.title, kind=campaign.kind)
 
 
 def analyse_fit(
-    fit: Fit, *, seed: int, target: Target | None = None, progress: Progress | None = None, store: PieceStore | None = None,
-    marginal: bool | None = None, tested: bool = True,
+    fit: Fit,
+    *,
+    seed: int,
+    target: Target | None = None,
+    progress: Progress | None = None,
+    store: PieceStore | None = None,
+    marginal: bool | None = None,
+    tested: bool = True,
 ) -> Analysis:
-    """What follows a fit, however its problem was posed.  tested : whether there are residuals to test.
+    """What follows a fit, however its problem was posed.  tested : whether there are residuals to
+    test.
 
     store : keeps the draws; its `inputs` are what decides the problem.
     """
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
-    draw = partial(_drawn, fit, conflict, seed=seed, target=target, progress=progress, marginal=marginal)
-    drawn = draw() if store is None else store.given(fit.names, fit.values.tolist(), seed, target, marginal).piece("draws", Certified, draw)
+    draw = partial(
+        _drawn, fit, conflict, seed=seed, target=target, progress=progress, marginal=marginal
+    )
+    drawn = (
+        draw()
+        if store is None
+        else store.given(fit.names, fit.values.tolist(), seed, target, marginal).piece(
+            "draws", Certified, draw
+        )
+    )
     chain, comparison = drawn.chain, drawn.comparison
     if progress is not None:
         progress(100, phrase("checks"))
@@ -211,19 +283,48 @@ def analyse_fit(
     outliers = find_outliers(fit.posterior, chain.thinned(_OUTLIER_DRAWS))
     consistency = check_consistency(fit) if comparable(fit) else None
     moved = influences(fit)
-    rolling = check_rolling(problem, chain.thinned(_ROLLING_DRAWS), rng=stream(seed, Stream.FRICTION))
+    rolling = check_rolling(
+        problem, chain.thinned(_ROLLING_DRAWS), rng=stream(seed, Stream.FRICTION)
+    )
     diagnosis = diagnose(
-        fit, chain, goodness, comparison=comparison, identifiability=identifiability, modes=modes, consistency=consistency, conflict=conflict,
-        influences=moved, rolling=rolling,
+        fit,
+        chain,
+        goodness,
+        comparison=comparison,
+        identifiability=identifiability,
+        modes=modes,
+        consistency=consistency,
+        conflict=conflict,
+        influences=moved,
+        rolling=rolling,
     )
     return Analysis(
-        problem, fit, drawn.certificate, chain, comparison, goodness, identifiability, modes, outliers, consistency, conflict, moved, rolling,
-        diagnosis, seed,
+        problem,
+        fit,
+        drawn.certificate,
+        chain,
+        comparison,
+        goodness,
+        identifiability,
+        modes,
+        outliers,
+        consistency,
+        conflict,
+        moved,
+        rolling,
+        diagnosis,
+        seed,
     )
 
 
 def _drawn(
-    fit: Fit, conflict: Conflict, *, seed: int, target: Target, progress: Progress | None, marginal: bool | None
+    fit: Fit,
+    conflict: Conflict,
+    *,
+    seed: int,
+    target: Target,
+    progress: Progress | None,
+    marginal: bool | None,
 ) -> Certified:
     """Draws of the posterior of a fit, and a second opinion where there can be one."""
     problem, rng = fit.problem, stream(seed, Stream.CHAIN)
@@ -231,14 +332,22 @@ def _drawn(
     most = MAX_TIED if problem.shared else MAX_PARAMETERS
     if conflict.flagrant:
         few = replace(target, max_step=min(target.max_step, _A_FEW))
-        chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=few, rng=rng, progress=progress)
+        chain = sample_posterior(
+            fit.sampled, fit.values, fit.cov, target=few, rng=rng, progress=progress
+        )
         return Certified(chain, None, no_comparison(fit.names, Finding(Kind.NOT_SAMPLED)))
     if marginal if marginal is not None else _through_marginal(fit):
         chain, comparison = marginal_chain(fit, target=target, rng=rng, progress=progress)
         return Certified(chain, None, comparison)
     if problem.n_par <= most:
         return certified_chain(
-            density, _optima_of(fit), target=target, seed=seed, most=most, support=problem.support(), progress=progress
+            density,
+            _optima_of(fit),
+            target=target,
+            seed=seed,
+            most=most,
+            support=problem.support(),
+            progress=progress,
         )
     chain = proposed_chain(density, _optima_of(fit), target=target, seed=seed, progress=progress)
     return Certified(chain, None, no_comparison(fit.names, too_many(problem.n_par, most)))
@@ -252,12 +361,17 @@ def _optima_of(fit: Fit) -> Optima:
 
 
 def asks_for_a_cause(analysis: Analysis) -> bool:
-    """Whether something is missing, and a few seconds may say what: the curve does not explain the data, or surely lacks a force.
+    """Whether something is missing, and a few seconds may say what: the curve does not explain the
+    data, or surely lacks a force.
 
-    Not beside a deviation that is refused: it is what a refit would find, and another curve is asked for.
+    Not beside a deviation that is refused: it is what a refit would find, and another curve is
+    asked for.
     """
     lacking = analysis.diagnosis.status is Status.POOR_FIT or _lacks_a_force(analysis.fit)
-    refused = any(one.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW) for one in analysis.diagnosis.findings)
+    refused = any(
+        one.kind in (Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW)
+        for one in analysis.diagnosis.findings
+    )
     return lacking and not refused and len(analysis.problem.runs) <= _FEW_RUNS
 
 
@@ -266,20 +380,27 @@ def _lacks_a_force(fit: Fit) -> bool:
     return any(found.force.probability > SURE for found in fit.forces)
 
 
-def explained(campaign: Campaign, analysis: Analysis, *, progress: Callable[[int, int], None] | None = None) -> Analysis:
-    """The analysis with candidates for what its curve lacks, each refit by least squares, and the first of them as the campaign would be with it.
+def explained(
+    campaign: Campaign, analysis: Analysis, *, progress: Callable[[int, int], None] | None = None
+) -> Analysis:
+    """The analysis with candidates for what its curve lacks, each refit by least squares, and the
+    first of them as the campaign would be with it.
 
-    progress : told how many of how many are done.  Without any candidates where the curve alone cannot be refit.
+    progress : told how many of how many are done.  Without any candidates where the curve alone
+        cannot be refit.
     """
     suspects = campaign.suspects([run.name for run in analysis.problem.runs])
-    names, known = suspects.plain.names, dict(zip(analysis.fit.names, analysis.fit.values.tolist(), strict=True))
+    names = suspects.plain.names
+    known = dict(zip(analysis.fit.names, analysis.fit.values.tolist(), strict=True))
     values = np.array([known[name] for name in names]) if known.keys() >= set(names) else None
     rng = stream(analysis.seed, Stream.EXPLANATION)
     try:
         found = explain(suspects, rng=rng, values=values, progress=progress)
     except NumericalError:
         return analysis
-    return replace(analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed)))
+    return replace(
+        analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed))
+    )
 
 
 def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcome:
@@ -296,7 +417,9 @@ def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcom
     for one in candidate.numbers if found.diagnosis.ok else ():
         if one.name in fit.names and one.name not in fit.at_bound:
             draws = found.chain.flat[:, fit.names.index(one.name)]
-            numbers.append(replace(one, value=float(np.mean(draws)), sd=float(np.std(draws, ddof=1))))
+            numbers.append(
+                replace(one, value=float(np.mean(draws)), sd=float(np.std(draws, ddof=1)))
+            )
     return Outcome(found.diagnosis.status, tuple(numbers), _lacks_a_force(fit))
 
 
@@ -304,22 +427,37 @@ def _through_marginal(fit: Fit) -> bool:
     if any(run.normal is None for run in fit.posterior.likelihoods):
         return False
     problem = fit.problem
-    varying = any(p.between for p in problem.parameters)  # a spread and the shifts of the runs are hard for a chain, easy given each other
+    # a spread and the shifts of the runs are hard for a chain, easy given each other
+    varying = any(p.between for p in problem.parameters)
     return len(problem.runs) > 1 and (varying or problem.n_par > MAX_PARAMETERS)
 
 
-def sample_curve(fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None) -> Analysis:
-    """Draws of the posterior of a fitted curve, with diagnosis and bands; the same seed gives the same numbers.
+def sample_curve(
+    fit: CurveFit, *, seed: int, target: Target | None = None, progress: Progress | None = None
+) -> Analysis:
+    """Draws of the posterior of a fitted curve, with diagnosis and bands; the same seed gives the
+    same numbers.
 
-    Without u_y the standard deviation of y is drawn too, so that its uncertainty is in every interval.
+    Without u_y the standard deviation of y is drawn too, so that its uncertainty is in every
+    interval.
 
-    Raises InputError where the fit leaves nothing to sample: parameters that the data do not determine, or no residuals.
+    Raises InputError where the fit leaves nothing to sample: parameters that the data do not
+    determine, or no residuals.
     """
     if fit.status in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED):
         raise InputError(f"cannot be sampled: {fit.reasons[0]}", field="fit", value=str(fit.status))
     if fit.fit.singular:
-        rule = "cannot be sampled: rounding leaves its parameters too few digits; write the formula in x - x0, with x0 in the middle of the data"
+        rule = (
+            "cannot be sampled: rounding leaves its parameters too few digits; write the "
+            "formula in x - x0, with x0 in the middle of the data"
+        )
         raise InputError(rule, field="fit")
     if fit.sigma is not None and not fit.goodness:
-        raise InputError("cannot be sampled: the curve passes through every point, so the size of the errors is unknown; give u_y", field="fit")
-    return analyse_fit(fit.fit, seed=seed, target=target, progress=progress, tested=bool(fit.goodness))
+        raise InputError(
+            "cannot be sampled: the curve passes through every point, so the size of the "
+            "errors is unknown; give u_y",
+            field="fit",
+        )
+    return analyse_fit(
+        fit.fit, seed=seed, target=target, progress=progress, tested=bool(fit.goodness)
+    )

@@ -1,4 +1,6 @@
-"""The versions of installed packages, which take a millisecond to find and stay as they are while a program runs."""
+"""The versions of installed packages, which take a millisecond to find and stay as they are while a
+program runs.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ def version(package: str) -> str:
 
 
 def engine_versions() -> dict[str, str]:
-    """Versions of what computes the numbers: of numba, too, where it is installed (the extra `fast`)."""
+    """Versions of what computes the numbers: of numba, too, where it is installed (the extra
+    `fast`).
+    """
     from importlib import metadata
 
     found = {package: version(package) for package in _ENGINES}

@@ -1,11 +1,30 @@
-"""Physics of an eccentric body rolling on an incline: NumPy, SI units, radians.  Start with `model.body`."""
+"""Physics of an eccentric body rolling on an incline: NumPy, SI units, radians.  Start with
+`model.body`.
+"""
 
 from model.body import Body
 from model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
-from model.forces import Forces, moment_ratio, release_energy, release_speed, sagging, turn_amplitude, turn_components
+from model.forces import (
+    Forces,
+    moment_ratio,
+    release_energy,
+    release_speed,
+    sagging,
+    turn_amplitude,
+    turn_components,
+)
 from model.motion import back_and_forth, positions_at, trajectory, travel_time
 from model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
-from model.phase import STANDARD_GRAVITY, angular_rate, ascends, speed, theta_max, theta_min, turning_angle, turning_point
+from model.phase import (
+    STANDARD_GRAVITY,
+    angular_rate,
+    ascends,
+    speed,
+    theta_max,
+    theta_min,
+    turning_angle,
+    turning_point,
+)
 from model.readings import Readings, blurred_sigma
 from model.regimes import range_of_release, release_for_turn, release_that_rolls_on
 

@@ -1,8 +1,11 @@
-"""What `model.motion` finds of a body that rolls back and forth, in machine code, draw by draw: numba, the extra `fast`.
+"""What `model.motion` finds of a body that rolls back and forth, in machine code, draw by draw:
+numba, the extra `fast`.
 
-The scheme is that of `model.motion` and `model.inversion`, with the same Chebyshev points and knots.  All that is linear in the pace dt/dz at
-those points (clock, pace and its slope at the knots, the clock half way between some of them, the last Chebyshev coefficients) is one matrix.
-Draws that this does not settle are left to NumPy: a series that has not died away, a table that is off half way, numbers that are not finite.
+The scheme is that of `model.motion` and `model.inversion`, with the same Chebyshev points and
+knots.  All that is linear in the pace dt/dz at those points (clock, pace and its slope at the
+knots, the clock half way between some of them, the last Chebyshev coefficients) is one matrix.
+Draws that this does not settle are left to NumPy: a series that has not died away, a table that is
+off half way, numbers that are not finite.
 """
 
 from __future__ import annotations
@@ -25,44 +28,67 @@ if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: NumPy is many times faster than t
 
 FloatArray = NDArray[Any]
 
-_compile = njit(cache=True, error_model="numpy", fastmath={"contract"})  # division by 0 is no error; products and sums are rounded once
+# division by 0 is no error; products and sums are rounded once
+_compile = njit(cache=True, error_model="numpy", fastmath={"contract"})
 _inline = njit(inline="always", error_model="numpy")
 _PLACE = ("phi", "theta0", "rolling_resistance", "g")
 _NODES, _TAIL = 48, 6
 _NEGLIGIBLE = 1e-11  # of the mean pace
 _MOST_STEPS, _SETTLED = 80, 1e-14
-_SINE, _COSINE = (tuple((-1.0) ** n / math.factorial(2 * n + odd) for n in reversed(range(11))) for odd in (1, 0))
+_SINE, _COSINE = (
+    tuple((-1.0) ** n / math.factorial(2 * n + odd) for n in reversed(range(11))) for odd in (1, 0)
+)
 
 
 def states(
     t: FloatArray, body: Body, place: Mapping[str, Any], n_draw: int, *, n_leg: int, speeds: bool
 ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Positions (m) and velocities (m/s), both (n_draw, n_obs), at times `t`, and which draws are settled, (n_draw,).
+    """Positions (m) and velocities (m/s), both (n_draw, n_obs), at times `t`, and which draws are
+    settled, (n_draw,).
 
-    t : (n_obs,) or (n_draw, n_obs) s.  place : phi, theta0, rolling_resistance, g.  speeds : whether velocities are computed; they mean nothing
-    otherwise, nor does anything of a draw that is not settled.
+    t : (n_obs,) or (n_draw, n_obs) s.
+    place : phi, theta0, rolling_resistance, g.  speeds : whether velocities are computed; they mean
+        nothing otherwise, nor does anything of a draw that is not settled.
     """
     t, draws = np.ascontiguousarray(np.atleast_2d(t)), np.empty((n_draw, 7))
-    for i, column in enumerate((body.radius, body.gamma, body.inertia_ratio, *(place[name] for name in _PLACE))):
+    for i, column in enumerate(
+        (body.radius, body.gamma, body.inertia_ratio, *(place[name] for name in _PLACE))
+    ):
         draws[:, i : i + 1] = column
     shape = n_draw, t.shape[1]
-    x, v, settled = np.zeros(shape), np.zeros(shape if speeds else (0, 0)), np.zeros(n_draw, dtype=np.bool_)
-    _states(t, draws, n_leg, *_scheme(), TRIED, CLOSE, x, v, settled)  # as arguments: numba would keep them although their file changes
+    x = np.zeros(shape)
+    v = np.zeros(shape if speeds else (0, 0))
+    settled = np.zeros(n_draw, dtype=np.bool_)
+    # as arguments: numba would keep them although their file changes
+    _states(t, draws, n_leg, *_scheme(), TRIED, CLOSE, x, v, settled)
     return x, v if speeds else x, settled
 
 
 @cache
 def _scheme() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knots, (n_knot,); what is known of the Chebyshev points, (3, n): the angle turned, that still to turn and its rate in z, of all there is
-    to turn; and the matrix (n, n_column)."""
+    """Knots, (n_knot,); what is known of the Chebyshev points, (3, n): the angle turned, that still
+    to turn and its rate in z, of all there is to turn; and the matrix (n, n_column).
+    """
     z = np.cos(np.pi * (np.arange(_NODES) + 0.5) / _NODES)
     quarter = 0.25 * np.pi * (z + 1.0)
     pace = 2.0 / _NODES * cosine_transform(np.eye(_NODES)).T
     pace[0] *= 0.5
     clock, slope = integral(pace), derivative(pace)
     knots, there, halfway = basis(_NODES)
-    columns = [there.T @ clock, there[: len(pace)].T @ pace, there[: len(slope)].T @ slope, halfway.T @ clock, pace[-_TAIL:]]
-    points = np.array([np.square(np.sin(quarter)), np.square(np.cos(quarter)), 0.25 * np.pi * np.sin(2.0 * quarter)])
+    columns = [
+        there.T @ clock,
+        there[: len(pace)].T @ pace,
+        there[: len(slope)].T @ slope,
+        halfway.T @ clock,
+        pace[-_TAIL:],
+    ]
+    points = np.array(
+        [
+            np.square(np.sin(quarter)),
+            np.square(np.cos(quarter)),
+            0.25 * np.pi * np.sin(2.0 * quarter),
+        ]
+    )
     return knots, points, np.ascontiguousarray(np.concatenate(columns).T)
 
 
@@ -103,7 +129,13 @@ def _ratio_on(away, theta0, phi, gamma, slope, inertia):  # type: ignore[no-unty
 @_inline
 def _zero(theta, sign, phi):  # type: ignore[no-untyped-def]
     """What `_ratio` asks of a zero of W, left in the direction `sign`."""
-    return sign, math.sin(theta), sign * math.cos(theta), math.cos(theta + phi), sign * math.sin(theta + phi)
+    return (
+        sign,
+        math.sin(theta),
+        sign * math.cos(theta),
+        math.cos(theta + phi),
+        sign * math.sin(theta + phi),
+    )
 
 
 @_compile
@@ -121,7 +153,9 @@ def _turning_angle(gamma, slope, theta0):  # type: ignore[no-untyped-def]
     deepest = 2.0 * gamma * math.sin(start + 0.5 * high) * math.sin(0.5 * high) - high * slope
     if deepest > 0.0:
         return math.inf
-    angle = low + (high - low) / math.pi * math.acos(min(max(-(highest + deepest) / (highest - deepest), -1.0), 1.0))
+    angle = low + (high - low) / math.pi * math.acos(
+        min(max(-(highest + deepest) / (highest - deepest), -1.0), 1.0)
+    )
     for _ in range(_MOST_STEPS):
         q, c = math.sin(0.5 * angle), math.cos(0.5 * angle)
         work = 2.0 * gamma * q * (sine * c + cosine * q) - angle * slope
@@ -145,7 +179,10 @@ def _read(t, k, width, times, first, second):  # type: ignore[no-untyped-def]
     """z beyond the knot k: the polynomial of degree five of `model.inversion`."""
     step = times[k + 1] - times[k]
     s = min(max((t - times[k]) / step, 0.0), 1.0)
-    rise, fall, bend, bent = step * first[k], step * first[k + 1], 0.5 * step * step * second[k], 0.5 * step * step * second[k + 1]
+    rise = step * first[k]
+    fall = step * first[k + 1]
+    bend = 0.5 * step * step * second[k]
+    bent = 0.5 * step * step * second[k + 1]
     rest, turn, twist = width - rise - bend, fall - rise - 2.0 * bend, bent - bend
     cubic, fifth = 10.0 * rest - 4.0 * turn + twist, 6.0 * rest - 3.0 * turn + twist
     return s * (rise + s * (bend + s * (cubic + s * (rest - cubic - fifth + s * fifth))))
@@ -157,16 +194,23 @@ def _tabulate(pace, matrix, width, tried, close, table, times, first, second, ha
     table[:] = 0.0
     for k in range(0, pace.size, 4):  # four at a time: half as many reads
         for c in range(table.size):
-            table[c] += pace[k] * matrix[k, c] + pace[k + 1] * matrix[k + 1, c] + pace[k + 2] * matrix[k + 2, c] + pace[k + 3] * matrix[k + 3, c]
+            table[c] += (
+                pace[k] * matrix[k, c]
+                + pace[k + 1] * matrix[k + 1, c]
+                + pace[k + 2] * matrix[k + 2, c]
+                + pace[k + 3] * matrix[k + 3, c]
+            )
     times[0] = 0.0
     for k in range(times.size):
         first[k] = 1.0 / first[k]
-        second[k] *= -first[k] ** 3
+        second[k] *= -(first[k] ** 3)
     wrong, negligible = 0, _NEGLIGIBLE * np.mean(pace)
     for coefficient in tail:
         wrong += not abs(coefficient) < negligible  # nan is wrong, too
     for k in range(halfway.size):
-        wrong += not abs(_read(halfway[k], k * tried, width, times, first, second) - 0.5 * width) < close
+        wrong += (
+            not abs(_read(halfway[k], k * tried, width, times, first, second) - 0.5 * width) < close
+        )
     return wrong == 0
 
 
@@ -176,12 +220,18 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
     n_node, n_knot, width = len(matrix), knots.size, knots[1] - knots[0]
     half = n_node // 2  # the points before it are nearer to the turning point
     pace, left, table = np.empty(n_node), np.empty(n_obs), np.empty(matrix.shape[1])
-    times, first, second = table[:n_knot], table[n_knot : 2 * n_knot], table[2 * n_knot : 3 * n_knot]
+    times = table[:n_knot]
+    first = table[n_knot : 2 * n_knot]
+    second = table[2 * n_knot : 3 * n_knot]
     halfway, tail = table[3 * n_knot : -_TAIL], table[-_TAIL:]
     for i in range(n_draw):
         radius, gamma, inertia_ratio, phi, theta0, resistance, g = draws[i]
         left[:] = t[min(i, len(t) - 1)]  # of the times: what lies behind the end of the last way
-        inertia, scale, start, sign, latest = 1.0 + inertia_ratio, 2.0 * g / radius, 0.0, 1.0, np.max(left)
+        inertia = 1.0 + inertia_ratio
+        scale = 2.0 * g / radius
+        start = 0.0
+        sign = 1.0
+        latest = np.max(left)
         for _ in range(n_leg):
             slope = math.sin(phi) + resistance * math.cos(phi)
             stop = _turning_angle(gamma, slope, theta0)
@@ -192,19 +242,45 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                 settled[i] = math.isfinite(latest + slope + gamma * theta0 + inertia + scale)
                 break
             turns, reach = stop < math.inf, stop
-            there, back = _zero(theta0, 1.0, phi), _zero(theta0 + stop if turns else theta0, -1.0, phi)
+            there = _zero(theta0, 1.0, phi)
+            back = _zero(theta0 + stop if turns else theta0, -1.0, phi)
             if turns:
                 for k in range(half):
-                    pace[k] = reach * points[2, k] / math.sqrt(scale * _ratio(reach * points[1, k], back, gamma, slope, inertia))
+                    pace[k] = (
+                        reach
+                        * points[2, k]
+                        / math.sqrt(
+                            scale * _ratio(reach * points[1, k], back, gamma, slope, inertia)
+                        )
+                    )
                 for k in range(half, n_node):
-                    pace[k] = reach * points[2, k] / math.sqrt(scale * _ratio(reach * points[0, k], there, gamma, slope, inertia))
+                    pace[k] = (
+                        reach
+                        * points[2, k]
+                        / math.sqrt(
+                            scale * _ratio(reach * points[0, k], there, gamma, slope, inertia)
+                        )
+                    )
             else:
                 growth = scale / max(inertia - 2.0 * abs(gamma), 1e-6)
-                reach = math.sqrt(2.0 * growth * abs(gamma)) * latest + 0.25 * growth * max(-slope, 0.0) * latest**2 + 1e-9  # `_farthest`
+                # `_farthest`
+                reach = (
+                    math.sqrt(2.0 * growth * abs(gamma)) * latest
+                    + 0.25 * growth * max(-slope, 0.0) * latest**2
+                    + 1e-9
+                )
                 for k in range(n_node):
                     way = math.cos(math.pi * (k + 0.5) / n_node) * 0.5 + 0.5
-                    pace[k] = reach * way / math.sqrt(scale * _ratio_on(reach * way * way, theta0, phi, gamma, slope, inertia))
-            if not _tabulate(pace, matrix, width, tried, close, table, times, first, second, halfway, tail):
+                    pace[k] = (
+                        reach
+                        * way
+                        / math.sqrt(
+                            scale * _ratio_on(reach * way * way, theta0, phi, gamma, slope, inertia)
+                        )
+                    )
+            if not _tabulate(
+                pace, matrix, width, tried, close, table, times, first, second, halfway, tail
+            ):
                 break
             end, latest, k = times[-1] if turns else math.inf, 0.0, 0
             for q in range(n_obs):
@@ -225,7 +301,13 @@ def _states(t, draws, n_leg, knots, points, matrix, tried, close, x, v, settled)
                         elif angle <= 0.5 * reach:
                             ratio = _ratio(angle, there, gamma, slope, inertia)
                         else:
-                            ratio = _ratio(reach * _cosine(0.25 * math.pi * z) ** 2, back, gamma, slope, inertia)
+                            ratio = _ratio(
+                                reach * _cosine(0.25 * math.pi * z) ** 2,
+                                back,
+                                gamma,
+                                slope,
+                                inertia,
+                            )
                         v[i, q] = sign * radius * math.sqrt(max(scale * ratio, 0.0))
             if not latest > 0.0:
                 settled[i] = True

@@ -1,21 +1,27 @@
-"""The force between ramp and body: how hard it presses, the friction that rolling needs, and where rolling must end.
+"""The force between ramp and body: how hard it presses, the friction that rolling needs, and where
+rolling must end.
 
-With H = W/D the energy ratio of `model.phase` (theta'^2 = 2 g H/R, theta'' = g H'/R) and a = theta + phi_x the angle of the particle from the
-normal of the ramp, Newton's law for the centre of mass gives, per unit weight,
+With H = W/D the energy ratio of `model.phase` (theta'^2 = 2 g H/R, theta'' = g H'/R) and a = theta
++ phi_x the angle of the particle from the normal of the ramp, Newton's law for the centre of mass
+gives, per unit weight,
 
     N/(M g) = cos phi_x + 2 phi' R H - gamma [H' sin a + 2 H cos a]
     F/(M g) = sin phi_x + H' + gamma [H' cos a - 2 H sin a] + k_1 v/g + k_2 v^2/g
 
-N : normal force, away from the ramp.  F : friction on the body, uphill positive.  Rolling holds while N > 0 and |F| <= mu N.  Since |F| <= mu N
-fails before N = 0 unless F vanishes there, a body slips before it hops, whatever mu.
+N : normal force, away from the ramp.
+F : friction on the body, uphill positive.  Rolling holds while N > 0 and |F| <= mu N.  Since |F| <=
+    mu N fails before N = 0 unless F vanishes there, a body slips before it hops, whatever mu.
 
-Rolling resistance and moments are torques here as everywhere: they act through H' alone.  Drag (k_1, k_2) is a force on the axle.  A trailing
-part is carried by the axle alone: where it rests on the ramp with a foot of its own, N and F are those of axle and foot together.
+Rolling resistance and moments are torques here as everywhere: they act through H' alone.  Drag
+(k_1, k_2) is a force on the axle.  A trailing part is carried by the axle alone: where it rests on
+the ramp with a foot of its own, N and F are those of axle and foot together.
 
-Limits: J. E. Littlewood's hoop without mass (A Mathematician's Miscellany, 1953; W. F. D. Theron and M. F. Maritz, Math. Comput. Model. 47 (2008)
-1077), gamma = j = 1 on the level from rest at the top: N/(M g) = cos theta, F/N = tan(theta/2).
+Limits: J. E. Littlewood's hoop without mass (A Mathematician's Miscellany, 1953; W. F. D. Theron
+and M. F. Maritz, Math. Comput. Model. 47 (2008) 1077), gamma = j = 1 on the level from rest at the
+top: N/(M g) = cos theta, F/N = tan(theta/2).
 
-Use `contact_forces` along a motion, `needed_friction` for the coefficient that it asks for, and `end_of_rolling` for where it ends, and why.
+Use `contact_forces` along a motion, `needed_friction` for the coefficient that it asks for, and
+`end_of_rolling` for where it ends, and why.
 """
 
 from __future__ import annotations
@@ -39,7 +45,9 @@ _N_HALVING = 50
 
 @dataclass(frozen=True, eq=False)
 class ContactForces:
-    """normal, friction : N and F/(M g), dimensionless; nan where the energy does not reach.  (n_draw, n_obs)"""
+    """normal, friction : N and F/(M g), dimensionless; nan where the energy does not reach.
+    (n_draw, n_obs)
+    """
 
     normal: FloatArray
     friction: FloatArray
@@ -55,27 +63,49 @@ class End(IntEnum):
 
 
 def contact_forces(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY,
-    release_energy: ArrayLike | None = None, forces: Forces | None = None, rate: ArrayLike | None = None,
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
+    rate: ArrayLike | None = None,
 ) -> ContactForces:
-    """Normal force and friction per unit weight after the body has turned by `angle` (rad) since release.
+    """Normal force and friction per unit weight after the body has turned by `angle` (rad) since
+    release.
 
     phi, theta0, rolling_resistance, release_energy, forces : as in `model.phase`.
-    rate : rad/s, theta' there, either sign, where it is known; else that of the motion from release with theta increasing.
+    rate : rad/s, theta' there, either sign, where it is known; else that of the motion from release
+        with theta increasing.
     """
     angle = np.asarray(angle, dtype=float)
     place: dict[str, Any] = {"phi": phi, "theta0": theta0}
     acting, radius, g = forces or Forces(), np.asarray(body.radius), np.asarray(g)
     if rate is None:
         sense: ArrayLike = 1.0
-        motion = {**place, "rolling_resistance": rolling_resistance, "release_energy": release_energy, "g": g}
+        motion = {
+            **place,
+            "rolling_resistance": rolling_resistance,
+            "release_energy": release_energy,
+            "g": g,
+        }
         ratio, slope = energy_ratio_derivatives(angle, body, **motion, forces=forces, order=1)
     else:
         sense = np.where(np.asarray(rate) < 0.0, -1.0, 1.0)
         energy = np.square(rate) * radius / (2.0 * g) * inertia(angle, body, **place, forces=acting)
         against = _turned(acting, sense)
         ratio, slope = energy_series(
-            angle, energy, body, **place, rolling_resistance=np.asarray(rolling_resistance) * sense, g=g, forces=against, order=1
+            angle,
+            energy,
+            body,
+            **place,
+            rolling_resistance=np.asarray(rolling_resistance) * sense,
+            g=g,
+            forces=against,
+            order=1,
         )
     bend = np.asarray(acting.phi_slope) * radius
     tilt = phi + bend * angle
@@ -86,40 +116,71 @@ def contact_forces(
     friction = np.sin(tilt) + slope + gamma * (slope * cosine - 2.0 * ratio * sine)
     if np.any(acting.viscous_drag) or np.any(acting.quadratic_drag):
         v = np.sqrt(2.0 * g * radius * ratio)
-        friction = friction + sense * (np.asarray(acting.viscous_drag) + np.asarray(acting.quadratic_drag) * v) * v / g
+        friction = (
+            friction
+            + sense
+            * (np.asarray(acting.viscous_drag) + np.asarray(acting.quadratic_drag) * v)
+            * v
+            / g
+        )
     return ContactForces(np.asarray(normal), np.asarray(friction))
 
 
 def _turned(forces: Forces, sense: ArrayLike) -> Forces:
-    """What resists, against the motion of either `sense`, as the energy equation for theta increasing has it."""
+    """What resists, against the motion of either `sense`, as the energy equation for theta
+    increasing has it.
+    """
     return replace(
-        forces, moment=np.asarray(forces.moment) * sense, load_resistance=np.asarray(forces.load_resistance) * sense,
-        viscous_drag=np.asarray(forces.viscous_drag) * sense, quadratic_drag=np.asarray(forces.quadratic_drag) * sense,
-    )  # fmt: skip
+        forces,
+        moment=np.asarray(forces.moment) * sense,
+        load_resistance=np.asarray(forces.load_resistance) * sense,
+        viscous_drag=np.asarray(forces.viscous_drag) * sense,
+        quadratic_drag=np.asarray(forces.quadratic_drag) * sense,
+    )
 
 
 def needed_friction(contact: ContactForces) -> FloatArray:
-    """Coefficient of static friction that rolling needs, |F|/N; inf where the body would hop (N <= 0)."""
+    """Coefficient of static friction that rolling needs, |F|/N; inf where the body would hop (N <=
+    0).
+    """
     pressed = contact.normal > 0.0
     needed = np.abs(contact.friction) / np.where(pressed, contact.normal, 1.0)
     return np.where(np.isnan(contact.normal), np.nan, np.where(pressed, needed, np.inf))
 
 
 def end_of_rolling(
-    body: Body, *, mu: ArrayLike, phi: ArrayLike, theta0: ArrayLike, ramp_end: ArrayLike, rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY, release_energy: ArrayLike | None = None, forces: Forces | None = None,
+    body: Body,
+    *,
+    mu: ArrayLike,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    ramp_end: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
 ) -> tuple[FloatArray, NDArray[np.int64]]:
     """(angle turned (rad) when rolling without slipping ends, why: `End`), (n_draw, 1) each.
 
-    The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and then by halving, so an excess over less than
-    1/400 of the way may be missed.
+    The first of: a turning point, the end of the ramp, |F| > mu N, N < 0.  Found at 400 angles and
+    then by halving, so an excess over less than 1/400 of the way may be missed.
 
-    mu : coefficient of static friction, np.inf for none but hopping.  ramp_end : m, from the release.
+    mu : coefficient of static friction, np.inf for none but hopping.
+    ramp_end : m, from the release.
     """
-    place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance, "g": g}
+    place: dict[str, Any] = {
+        "phi": phi,
+        "theta0": theta0,
+        "rolling_resistance": rolling_resistance,
+        "g": g,
+    }
     place |= {"release_energy": release_energy, "forces": forces}
     ramp = np.atleast_2d(np.asarray(ramp_end, dtype=float) / np.asarray(body.radius))
-    turn = np.atleast_2d(turning_angle(body, **place, far=float(np.max(ramp))) if forces or release_energy is not None else _turning(body, place))
+    turn = np.atleast_2d(
+        turning_angle(body, **place, far=float(np.max(ramp)))
+        if forces or release_energy is not None
+        else _turning(body, place)
+    )
     mu = np.atleast_2d(np.asarray(mu, dtype=float))
     last, turn, ramp, mu = np.broadcast_arrays(np.minimum(turn, ramp), turn, ramp, mu)
 
@@ -127,7 +188,9 @@ def end_of_rolling(
         contact = contact_forces(angle, body, **place)
         with np.errstate(invalid="ignore"):
             grip = mu * contact.normal - np.abs(contact.friction)
-        return np.where(np.isnan(contact.normal), np.inf, np.where(np.isinf(mu), contact.normal, grip))
+        return np.where(
+            np.isnan(contact.normal), np.inf, np.where(np.isinf(mu), contact.normal, grip)
+        )
 
     share = np.linspace(0.0, 1.0, _N_SCAN)
     lost = spare(last * share) < 0.0
@@ -140,9 +203,13 @@ def end_of_rolling(
         beyond = spare(middle) < 0.0
         low, high = np.where(beyond, low, middle), np.where(beyond, middle, high)
     hops = contact_forces(high, body, **place).normal < 0.0
-    why = np.where(ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP))
+    why = np.where(
+        ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP)
+    )
     return np.where(ends, high, last), why
 
 
 def _turning(body: Body, place: dict[str, Any]) -> FloatArray:
-    return turning_angle(body, **{name: place[name] for name in ("phi", "theta0", "rolling_resistance")})
+    return turning_angle(
+        body, **{name: place[name] for name in ("phi", "theta0", "rolling_resistance")}
+    )

@@ -1,10 +1,12 @@
 """Mechanical energy of a rolling body at measured positions and speeds, per unit mass.
 
-T/M = v^2 D/2,    V/M = g R (theta sin(phi) + gamma cos(theta)),    D = 1 + j + 2 gamma cos(theta + phi)
+T/M = v^2 D/2,    V/M = g R (theta sin(phi) + gamma cos(theta)),    D = 1 + j + 2 gamma cos(theta +
+phi)
 
-(paper, eqs. kinetic_nrg_2 and potential_nrg, here for any body; V is zero where theta sin(phi) + gamma cos(theta) is.)
-With rolling resistance T + V falls by c_rr g cos(phi) per metre.  `forces` (`model.forces`): the tilt of D and the height follow a
-ramp that is not straight; every other force, a moment that depends on the angle too, counts as work done on T + V.
+(paper, eqs. kinetic_nrg_2 and potential_nrg, here for any body; V is zero where theta sin(phi) +
+gamma cos(theta) is.) With rolling resistance T + V falls by c_rr g cos(phi) per metre.  `forces`
+(`model.forces`): the tilt of D and the height follow a ramp that is not straight; every other
+force, a moment that depends on the angle too, counts as work done on T + V.
 """
 
 from __future__ import annotations
@@ -21,16 +23,36 @@ from model.phase import STANDARD_GRAVITY
 FloatArray = NDArray[Any]
 
 
-def kinetic_energy(x: ArrayLike, v: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, forces: Forces | None = None) -> FloatArray:
-    """T/M, J/kg, of the body at `x` (m from release) with speed `v` (m/s) of the axle; translation and rotation."""
+def kinetic_energy(
+    x: ArrayLike,
+    v: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    forces: Forces | None = None,
+) -> FloatArray:
+    """T/M, J/kg, of the body at `x` (m from release) with speed `v` (m/s) of the axle; translation
+    and rotation.
+    """
     if forces is not None:
-        return 0.5 * np.square(v) * inertia(np.asarray(x) / body.radius, body, phi=phi, theta0=theta0, forces=forces)
+        return (
+            0.5
+            * np.square(v)
+            * inertia(np.asarray(x) / body.radius, body, phi=phi, theta0=theta0, forces=forces)
+        )
     theta = np.asarray(theta0) + np.asarray(x) / body.radius
     return 0.5 * np.square(v) * (1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi))
 
 
 def potential_energy(
-    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike = STANDARD_GRAVITY, forces: Forces | None = None
+    x: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    g: ArrayLike = STANDARD_GRAVITY,
+    forces: Forces | None = None,
 ) -> FloatArray:
     """V/M, J/kg, of the body at `x` (m from release); the paper's zero of height."""
     theta = np.asarray(theta0) + np.asarray(x) / body.radius
@@ -38,5 +60,8 @@ def potential_energy(
         height = theta * np.sin(phi)
     else:
         bend = np.asarray(forces.phi_slope) * body.radius
-        height = np.asarray(theta0) * np.sin(phi) + ramp_height(np.asarray(x) / body.radius, phi=phi, bend=bend)[0]
+        height = (
+            np.asarray(theta0) * np.sin(phi)
+            + ramp_height(np.asarray(x) / body.radius, phi=phi, bend=bend)[0]
+        )
     return np.asarray(g) * body.radius * (height + body.gamma * np.cos(theta))

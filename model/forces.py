@@ -1,26 +1,33 @@
-"""What acts on a real body beside weight and plain rolling resistance, and the energy equation with all of it.
+"""What acts on a real body beside weight and plain rolling resistance, and the energy equation with
+all of it.
 
-Energies in weights x R (units of M g R), u = theta - theta0 the angle turned, x = R u the path of the axle, v = R u':
+Energies in weights x R (units of M g R), u = theta - theta0 the angle turned, x = R u the path of
+the axle, v = R u':
 
-    q(u) = v^2 D/(2 g R),    D = 1 + j + 2 gamma cos(theta + phi_x),    phi_x = phi + phi' x,    q(0) = E0 = v0^2 D(0)/(2 g R)
+    q(u) = v^2 D/(2 g R),    D = 1 + j + 2 gamma cos(theta + phi_x),    phi_x = phi + phi' x,
+    q(0) = E0 = v0^2 D(0)/(2 g R)
 
-    dq/du = gamma sin theta - sin phi_x - (c_rr cos phi_x + m + c_N n) - sum_{k=1,2} [a_k cos(k theta) + b_k sin(k theta)]
+    dq/du = gamma sin theta - sin phi_x - (c_rr cos phi_x + m + c_N n) - sum_{k=1,2} [a_k cos(k
+    theta) + b_k sin(k theta)]
             - k_1 v/g - k_2 v |v|/g
 
-    n = N/(M g) = cos phi_x + 2 q phi' R/D - gamma [sin(theta + phi_x) (q/D)' + 2 cos(theta + phi_x) q/D]
+    n = N/(M g) = cos phi_x + 2 q phi' R/D - gamma [sin(theta + phi_x) (q/D)' + 2 cos(theta + phi_x)
+    q/D]
 
-| symbol | name in code | unit | meaning | on the way back |
-|---|---|---|---|---|
-| E0 | release_energy | 1 | kinetic energy at release; negative: what a body at rest lacks there | |
-| m | moment | 1 | resisting moment / (M g R): `moment_ratio` of newton metres, so that bodies of different mass share it | changes sign |
-| c_N | load_resistance | 1 | rolling resistance by the load that the ramp feels, not by its value at rest | changes sign |
-| k_1 | viscous_drag | 1/s | force k_1 M v against the motion (or a moment k_1 M R v) | changes sign |
-| k_2 | quadratic_drag | 1/m | force k_2 M v^2 against the motion: c_w A rho_air/(2 M) | changes sign |
-| a_k, b_k | once_cos, once_sin, twice_cos, twice_sin | 1 | resisting moment k times per turn / (M g R): a wheel out of round, a bent axle | stays |
-| phi' | phi_slope | rad/m | change of the tilt along the ramp; `sagging` for a ramp that hangs through | stays |
+| symbol | name in code | unit | meaning | on the way back | |---|---|---|---|---| | E0 |
+release_energy | 1 | kinetic energy at release; negative: what a body at rest lacks there | | | m |
+moment | 1 | resisting moment / (M g R): `moment_ratio` of newton metres, so that bodies of
+different mass share it | changes sign | | c_N | load_resistance | 1 | rolling resistance by the
+load that the ramp feels, not by its value at rest | changes sign | | k_1 | viscous_drag | 1/s |
+force k_1 M v against the motion (or a moment k_1 M R v) | changes sign | | k_2 | quadratic_drag |
+1/m | force k_2 M v^2 against the motion: c_w A rho_air/(2 M) | changes sign | | a_k, b_k |
+once_cos, once_sin, twice_cos, twice_sin | 1 | resisting moment k times per turn / (M g R): a wheel
+out of round, a bent axle | stays | | phi' | phi_slope | rad/m | change of the tilt along the ramp;
+`sagging` for a ramp that hangs through | stays |
 
-The curved ramp is exact, not a small correction: the axle moves by R dtheta whatever the curvature, if x is its path and theta
-is counted from the vertical.  Without k_1, k_2 and c_N the equation integrates to `work`; with them `model.driven` does it.
+The curved ramp is exact, not a small correction: the axle moves by R dtheta whatever the curvature,
+if x is its path and theta is counted from the vertical.  Without k_1, k_2 and c_N the equation
+integrates to `work`; with them `model.driven` does it.
 """
 
 from __future__ import annotations
@@ -39,7 +46,9 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Forces:
-    """What acts beside weight and plain rolling resistance (table above); zero does nothing.  Scalars or (n_draw, 1)."""
+    """What acts beside weight and plain rolling resistance (table above); zero does nothing.
+    Scalars or (n_draw, 1).
+    """
 
     moment: ArrayLike = 0.0
     load_resistance: ArrayLike = 0.0
@@ -54,7 +63,9 @@ class Forces:
     @property
     def with_speed(self) -> bool:
         """Whether a force depends on the speed: the energy then has no closed form."""
-        return bool(np.any(self.load_resistance) or np.any(self.viscous_drag) or np.any(self.quadratic_drag))
+        return bool(
+            np.any(self.load_resistance) or np.any(self.viscous_drag) or np.any(self.quadratic_drag)
+        )
 
     @property
     def turning(self) -> tuple[tuple[int, ArrayLike, ArrayLike], ...]:
@@ -66,7 +77,9 @@ class Forces:
 
 
 def moment_ratio(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike, g: ArrayLike) -> Any:
-    """A moment in N m as a share of M g R, dimensionless: the same moment is a smaller share for a heavier body."""
+    """A moment in N m as a share of M g R, dimensionless: the same moment is a smaller share for a
+    heavier body.
+    """
     return np.asarray(moment) / (np.asarray(mass) * np.asarray(g) * np.asarray(radius))
 
 
@@ -79,31 +92,56 @@ def turn_components(amplitude: ArrayLike, phase: ArrayLike) -> tuple[Any, Any]:
 
 
 def turn_amplitude(cosine: ArrayLike, sine: ArrayLike) -> tuple[Any, Any]:
-    """(amplitude, phase in rad) of a cos(k theta) + b sin(k theta): the inverse of `turn_components`."""
+    """(amplitude, phase in rad) of a cos(k theta) + b sin(k theta): the inverse of
+    `turn_components`.
+    """
     return np.hypot(cosine, sine), np.arctan2(sine, cosine)
 
 
-def sagging(phi: ArrayLike, sag: ArrayLike, *, length: ArrayLike, start: ArrayLike, phi_slope: ArrayLike = 0.0) -> tuple[Any, Any]:
-    """(tilt at release in rad, its change in rad/m) of a ramp that hangs through as a parabola between two supports.
+def sagging(
+    phi: ArrayLike,
+    sag: ArrayLike,
+    *,
+    length: ArrayLike,
+    start: ArrayLike,
+    phi_slope: ArrayLike = 0.0,
+) -> tuple[Any, Any]:
+    """(tilt at release in rad, its change in rad/m) of a ramp that hangs through as a parabola
+    between two supports.
 
     height below the straight line = 4 s p (l - p)/l^2,   slope -4 s (l - 2 p)/l^2,   p = start + x
 
-    phi : rad, tilt of the line through the supports.  sag : m, depth s in the middle, negative for a hump.
-    length : m, l.  start : m, from the lower-x support to the point of release.  Relative error of the slope: (4 s/l)^2.
+    phi : rad, tilt of the line through the supports.
+    sag : m, depth s in the middle, negative for a hump.
+    length : m, l.
+    start : m, from the lower-x support to the point of release.  Relative error of the slope: (4
+        s/l)^2.
     """
     share = 4.0 * np.asarray(sag) / np.square(length)
-    return np.asarray(phi) - share * (np.asarray(length) - 2.0 * np.asarray(start)), np.asarray(phi_slope) + 2.0 * share
+    return np.asarray(phi) - share * (np.asarray(length) - 2.0 * np.asarray(start)), np.asarray(
+        phi_slope
+    ) + 2.0 * share
 
 
-def release_energy(v: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike) -> Any:
-    """E0 = v |v| D/(2 g R) at x = 0, in weights x R, of the axle's speed v (m/s) at release; negative for a negative v."""
+def release_energy(
+    v: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike
+) -> Any:
+    """E0 = v |v| D/(2 g R) at x = 0, in weights x R, of the axle's speed v (m/s) at release;
+    negative for a negative v.
+    """
     v = np.asarray(v)
-    return v * np.abs(v) * _inertia_at_release(body, phi, theta0) / (2.0 * np.asarray(g) * body.radius)
+    return (
+        v * np.abs(v) * _inertia_at_release(body, phi, theta0) / (2.0 * np.asarray(g) * body.radius)
+    )
 
 
-def release_speed(energy: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike) -> Any:
+def release_speed(
+    energy: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, g: ArrayLike
+) -> Any:
     """v0 (m/s) of an energy at release in weights x R: the inverse of `release_energy`."""
-    square = 2.0 * np.asarray(g) * body.radius * np.abs(energy) / _inertia_at_release(body, phi, theta0)
+    square = (
+        2.0 * np.asarray(g) * body.radius * np.abs(energy) / _inertia_at_release(body, phi, theta0)
+    )
     return np.sign(energy) * np.sqrt(square)
 
 
@@ -111,15 +149,24 @@ def _inertia_at_release(body: Body, phi: ArrayLike, theta0: ArrayLike) -> Any:
     return 1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(np.asarray(theta0) + phi)
 
 
-def inertia(angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, forces: Forces) -> FloatArray:
+def inertia(
+    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, forces: Forces
+) -> FloatArray:
     """D after the body has turned by `angle` (rad), dimensionless."""
     angle = np.asarray(angle, dtype=float)
     bend = 1.0 + np.asarray(forces.phi_slope) * body.radius
-    return np.asarray(1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(np.asarray(theta0) + phi + bend * angle))
+    return np.asarray(
+        1.0
+        + body.inertia_ratio
+        + 2.0 * body.gamma * np.cos(np.asarray(theta0) + phi + bend * angle)
+    )
 
 
-def ramp_height(angle: ArrayLike, *, phi: ArrayLike, bend: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Height gained and level distance covered / R after a turn by `angle` u (rad): the integrals of sin and cos of phi + bend u.
+def ramp_height(
+    angle: ArrayLike, *, phi: ArrayLike, bend: ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Height gained and level distance covered / R after a turn by `angle` u (rad): the integrals
+    of sin and cos of phi + bend u.
 
     u sin(phi + bend u/2) sinc(bend u/2) and the same with cos.     bend : phi' R, 1
     """
@@ -130,50 +177,88 @@ def ramp_height(angle: ArrayLike, *, phi: ArrayLike, bend: ArrayLike) -> tuple[F
 
 
 def work(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, forces: Forces
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    forces: Forces,
 ) -> FloatArray:
     """W after a turn by `angle` u (rad), in weights x R, of all that does not depend on the speed.
 
-    gamma (cos theta0 - cos theta) - h - c_rr l - m u - sum_k [a_k (sin k theta - sin k theta0) - b_k (cos k theta - cos k theta0)]/k
+    gamma (cos theta0 - cos theta) - h - c_rr l - m u - sum_k [a_k (sin k theta - sin k theta0) -
+    b_k (cos k theta - cos k theta0)]/k
 
     h, l : `ramp_height`.  Differences of sines as products: no cancellation close to the release.
     """
     angle = np.asarray(angle, dtype=float)
     middle = np.asarray(theta0) + 0.5 * angle
     height, level = ramp_height(angle, phi=phi, bend=np.asarray(forces.phi_slope) * body.radius)
-    total = 2.0 * np.asarray(body.gamma) * np.sin(middle) * np.sin(0.5 * angle) - height - np.asarray(rolling_resistance) * level
+    total = (
+        2.0 * np.asarray(body.gamma) * np.sin(middle) * np.sin(0.5 * angle)
+        - height
+        - np.asarray(rolling_resistance) * level
+    )
     total = total - np.asarray(forces.moment) * angle
     for k, cosine, sine in forces.turning:
         if np.any(cosine) or np.any(sine):
             chord = 2.0 / k * np.sin(0.5 * k * angle)
-            total = total - chord * (np.asarray(cosine) * np.cos(k * middle) + np.asarray(sine) * np.sin(k * middle))
+            total = total - chord * (
+                np.asarray(cosine) * np.cos(k * middle) + np.asarray(sine) * np.sin(k * middle)
+            )
     return np.asarray(total)
 
 
 def energy_series(
-    angle: ArrayLike, energy: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike, g: ArrayLike,
-    forces: Forces, order: int,
+    angle: ArrayLike,
+    energy: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike,
+    g: ArrayLike,
+    forces: Forces,
+    order: int,
 ) -> list[FloatArray]:
-    """q/D and its derivatives with respect to the angle up to `order`, for theta increasing, where q is `energy`; rad^-n.
+    """q/D and its derivatives with respect to the angle up to `order`, for theta increasing, where
+    q is `energy`; rad^-n.
 
-    The energy equation gives each Taylor coefficient from those before it, those of D and of the forces being known.
+    The energy equation gives each Taylor coefficient from those before it, those of D and of the
+    forces being known.
     """
-    angle, radius, g = np.asarray(angle, dtype=float), np.asarray(body.radius, dtype=float), np.asarray(g, dtype=float)
+    angle = np.asarray(angle, dtype=float)
+    radius = np.asarray(body.radius, dtype=float)
+    g = np.asarray(g, dtype=float)
     bend = np.asarray(forces.phi_slope) * radius
     theta, phi_x, gamma = np.asarray(theta0) + angle, phi + bend * angle, np.asarray(body.gamma)
     sin_ramp, cos_ramp = _sine(phi_x, bend, order), _sine(phi_x + 0.5 * np.pi, bend, order)
-    sin_tilted, cos_tilted = _sine(theta + phi_x, 1.0 + bend, order), _sine(theta + phi_x + 0.5 * np.pi, 1.0 + bend, order)
+    sin_tilted = _sine(theta + phi_x, 1.0 + bend, order)
+    cos_tilted = _sine(theta + phi_x + 0.5 * np.pi, 1.0 + bend, order)
     d = [2.0 * gamma * c for c in cos_tilted]
     d[0] = d[0] + 1.0 + body.inertia_ratio
     load = np.asarray(forces.load_resistance)
     friction = np.asarray(rolling_resistance) + load
-    push = [gamma * s - h - friction * c for s, h, c in zip(_sine(theta, 1.0, order), sin_ramp, cos_ramp, strict=True)]
+    push = [
+        gamma * s - h - friction * c
+        for s, h, c in zip(_sine(theta, 1.0, order), sin_ramp, cos_ramp, strict=True)
+    ]
     push[0] = push[0] - forces.moment
     for k, cosine, sine in forces.turning:
-        pairs = zip(_sine(k * theta + 0.5 * np.pi, float(k), order), _sine(k * theta, float(k), order), strict=True)
-        push = [p - np.asarray(cosine) * c - np.asarray(sine) * s for p, (c, s) in zip(push, pairs, strict=True)]
-    quadratic, viscous = 2.0 * radius * np.asarray(forces.quadratic_drag), np.asarray(forces.viscous_drag) * np.sqrt(2.0 * radius / g)
-    carried = [2.0 * load * gamma * c for c in cos_tilted]  # what the turning centre of mass takes off the load, per unit of q/D
+        pairs = zip(
+            _sine(k * theta + 0.5 * np.pi, float(k), order),
+            _sine(k * theta, float(k), order),
+            strict=True,
+        )
+        push = [
+            p - np.asarray(cosine) * c - np.asarray(sine) * s
+            for p, (c, s) in zip(push, pairs, strict=True)
+        ]
+    quadratic = 2.0 * radius * np.asarray(forces.quadratic_drag)
+    viscous = np.asarray(forces.viscous_drag) * np.sqrt(2.0 * radius / g)
+    # what the turning centre of mass takes off the load, per unit of q/D
+    carried = [2.0 * load * gamma * c for c in cos_tilted]
     carried[0] = carried[0] - 2.0 * load * bend
     inner = [whole - gamma * load * s for whole, s in zip(d, sin_tilted, strict=True)]
     ratio: list[FloatArray] = [np.asarray(energy, dtype=float) / d[0]]

@@ -1,7 +1,8 @@
 """The time z at which a clock t(z), a rising Chebyshev polynomial of each draw, shows a given time.
 
-It is read off a table of the clock and its first two derivatives by polynomials of degree five, which are tried half way between knots; where a
-draw is off by more than 1e-10 there, Newton steps on the clock itself finish it.
+It is read off a table of the clock and its first two derivatives by polynomials of degree five,
+which are tried half way between knots; where a draw is off by more than 1e-10 there, Newton steps
+on the clock itself finish it.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from model.chebyshev_series import evaluate
 
 FloatArray = NDArray[Any]
 
-_FEW, _COARSE, _FINE = 64, 65, 385  # degree up to which the table of a clock has so many knots, and beyond
+# degree up to which the table of a clock has so many knots, and beyond
+_FEW, _COARSE, _FINE = 64, 65, 385
 TRIED = 4  # one interval of so many is tried
 CLOSE = 1e-10  # of z: what a table may be off
 _MOST_STEPS = 80
@@ -26,9 +28,11 @@ _SETTLED = 1e-7
 
 
 def invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) -> FloatArray:
-    """z (n_draw, n_obs) at which the clock shows `t`, nan where that is not known or `end` (n_draw, 1) is nan.
+    """z (n_draw, n_obs) at which the clock shows `t`, nan where that is not known or `end` (n_draw,
+    1) is nan.
 
-    t : (n_obs,) or (n_draw, n_obs).  clock, pace : (n + 1, n_draw), (n, n_draw) coefficients of t and of dt/dz.
+    t : (n_obs,) or (n_draw, n_obs).
+    clock, pace : (n + 1, n_draw), (n, n_draw) coefficients of t and of dt/dz.
     """
     table = _tabulated(clock, pace, end.shape[0])
     t = np.broadcast_to(t, np.broadcast_shapes(end.shape, t.shape))
@@ -36,12 +40,24 @@ def invert(t: FloatArray, clock: FloatArray, pace: FloatArray, end: FloatArray) 
     coarse = np.flatnonzero(~table.close())
     if coarse.size:
         z = z.copy()
-        z[coarse] = _finished(t[coarse], table.inside(t, z, low, coarse), clock[:, coarse % clock.shape[1]], pace[:, coarse % clock.shape[1]])
+        z[coarse] = _finished(
+            t[coarse],
+            table.inside(t, z, low, coarse),
+            clock[:, coarse % clock.shape[1]],
+            pace[:, coarse % clock.shape[1]],
+        )
     return np.where(np.isfinite(end), z, np.nan)
 
 
-def _finished(t: FloatArray, inside: tuple[FloatArray, FloatArray, FloatArray], clock: FloatArray, pace: FloatArray) -> FloatArray:
-    """z by Newton steps from a guess inside a bracket, (n_draw, n_obs) each; nan where they do not settle."""
+def _finished(
+    t: FloatArray,
+    inside: tuple[FloatArray, FloatArray, FloatArray],
+    clock: FloatArray,
+    pace: FloatArray,
+) -> FloatArray:
+    """z by Newton steps from a guess inside a bracket, (n_draw, n_obs) each; nan where they do not
+    settle.
+    """
     low, high, z = inside
     for _ in range(_MOST_STEPS):
         ahead = evaluate(z, clock) - t
@@ -61,7 +77,8 @@ def _finished(t: FloatArray, inside: tuple[FloatArray, FloatArray, FloatArray], 
 class _Table:
     """Clocks at equidistant `knots` (n_knot,) of z.
 
-    times, first, second : (n_draw, n_knot) t, dz/dt and d^2z/dt^2.  halfway : (n_draw, n_half) t between some knots.
+    times, first, second : (n_draw, n_knot) t, dz/dt and d^2z/dt^2.
+    halfway : (n_draw, n_half) t between some knots.
     """
 
     knots: FloatArray
@@ -71,18 +88,22 @@ class _Table:
     halfway: FloatArray
 
     def at(self, t: FloatArray, place: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and d^2z/dt^2 from both of its ends.
+        """z (n_draw, n_obs) at times t, and the knot below it; each polynomial takes t, dz/dt and
+        d^2z/dt^2 from both of its ends.
 
         place : (n_draw, n_obs) or (1, n_obs), the interval between knots that holds t.
         """
-        at, low, width = place + self.knots.size * np.arange(len(self.times))[:, None], self.knots.take(place), self.knots[1] - self.knots[0]
+        at = place + self.knots.size * np.arange(len(self.times))[:, None]
+        low = self.knots.take(place)
+        width = self.knots[1] - self.knots[0]
         before = self.times.take(at)
         step = self.times.take(at + 1) - before
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             s = np.clip((t - before) / step, 0.0, 1.0)
             rise, fall = step * self.first.take(at), step * self.first.take(at + 1)
             square = step * step
-            bend, bent = 0.5 * square * self.second.take(at), 0.5 * square * self.second.take(at + 1)
+            bend = 0.5 * square * self.second.take(at)
+            bent = 0.5 * square * self.second.take(at + 1)
             rest, turn, twist = width - rise - bend, fall - rise - 2.0 * bend, bent - bend
             cubic, fifth = 10.0 * rest - 4.0 * turn + twist, 6.0 * rest - 3.0 * turn + twist
             z = low + s * (rise + s * (bend + s * (cubic + s * (rest - cubic - fifth + s * fifth))))
@@ -90,15 +111,23 @@ class _Table:
 
     def close(self) -> NDArray[np.bool_]:
         """(n_draw,) whether z read off between knots is right."""
-        off = self.at(self.halfway, np.arange(0, self.knots.size - 1, TRIED)[None])[0] - _between(self.knots)
+        off = self.at(self.halfway, np.arange(0, self.knots.size - 1, TRIED)[None])[0] - _between(
+            self.knots
+        )
         return np.asarray(np.max(np.abs(off), axis=1) < CLOSE)
 
-    def inside(self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def inside(
+        self, t: FloatArray, z: FloatArray, low: FloatArray, rows: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Ends of an interval that holds z, and z, of some draws."""
         outside = ((t <= self.times[:, :1]) | (t >= self.times[:, -1:]))[rows]
         below = low[rows]
         above = below + (self.knots[1] - self.knots[0])
-        return np.where(outside, -1.0, below - 1e-9), np.where(outside, 1.0, above + 1e-9), np.clip(z[rows], -1.0, 1.0)
+        return (
+            np.where(outside, -1.0, below - 1e-9),
+            np.where(outside, 1.0, above + 1e-9),
+            np.clip(z[rows], -1.0, 1.0),
+        )
 
 
 def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
@@ -109,8 +138,12 @@ def _tabulated(clock: FloatArray, pace: FloatArray, n_draw: int) -> _Table:
         first = 1.0 / (pace.T @ polynomials[: pace.shape[0]])
         second = -(change.T @ polynomials[: change.shape[0]]) * first * first * first
     shape = (n_draw, knots.size)
-    times, first, second = (np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second))
-    return _Table(knots, times, first, second, np.broadcast_to(clock.T @ halfway, (n_draw, halfway.shape[1])))
+    times, first, second = (
+        np.ascontiguousarray(np.broadcast_to(each, shape)) for each in (times, first, second)
+    )
+    return _Table(
+        knots, times, first, second, np.broadcast_to(clock.T @ halfway, (n_draw, halfway.shape[1]))
+    )
 
 
 def derivative(coefficients: FloatArray) -> FloatArray:
@@ -126,22 +159,37 @@ def derivative(coefficients: FloatArray) -> FloatArray:
 
 
 def _places(table: FloatArray, t: FloatArray) -> NDArray[np.int64]:
-    """(n_draw, n_obs) the interval of each draw's rising table (n_draw, n_knot) that holds its t: one search, the draws behind each other."""
+    """(n_draw, n_obs) the interval of each draw's rising table (n_draw, n_knot) that holds its t:
+    one search, the draws behind each other.
+    """
     first, last = table[:, :1], table[:, -1:]
     if np.isnan(last).any():
         return _places(np.nan_to_num(table), t)
     lengths = last - first
-    offset = np.concatenate([np.zeros((1, 1)), np.cumsum(lengths + np.max(lengths) + 1.0, axis=0)[:-1]]) - first
-    found = np.searchsorted((table + offset).ravel(), (np.minimum(np.maximum(t, first), last) + offset).ravel(), side="right").reshape(t.shape)
+    offset = (
+        np.concatenate([np.zeros((1, 1)), np.cumsum(lengths + np.max(lengths) + 1.0, axis=0)[:-1]])
+        - first
+    )
+    found = np.searchsorted(
+        (table + offset).ravel(),
+        (np.minimum(np.maximum(t, first), last) + offset).ravel(),
+        side="right",
+    ).reshape(t.shape)
     n_knot = table.shape[1]
-    return np.minimum(np.maximum(found - (1 + n_knot * np.arange(len(table))[:, None]), 0), n_knot - 2)
+    return np.minimum(
+        np.maximum(found - (1 + n_knot * np.arange(len(table))[:, None]), 0), n_knot - 2
+    )
 
 
 @cache
 def basis(degree: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knots in [-1, 1], and the Chebyshev polynomials (degree + 1, n) there and between some of them."""
+    """Knots in [-1, 1], and the Chebyshev polynomials (degree + 1, n) there and between some of
+    them.
+    """
     knots = np.linspace(-1.0, 1.0, _COARSE if degree <= _FEW else _FINE)
-    there, between = (np.ascontiguousarray(chebyshev.chebvander(at, degree).T) for at in (knots, _between(knots)))
+    there, between = (
+        np.ascontiguousarray(chebyshev.chebvander(at, degree).T) for at in (knots, _between(knots))
+    )
     return knots, there, between
 
 

@@ -1,13 +1,18 @@
-"""A body built of parts that were weighed and measured: total mass, centre of mass, and moment of inertia about the axle.
+"""A body built of parts that were weighed and measured: total mass, centre of mass, and moment of
+inertia about the axle.
 
-Parts are flat pieces that turn about the axle, given by their mass, where their centre is, and their radius of gyration about an axis through it,
-parallel to the axle.  With r_i the place of a centre, k_i that radius of gyration and R the rolling radius,
+Parts are flat pieces that turn about the axle, given by their mass, where their centre is, and
+their radius of gyration about an axis through it, parallel to the axle.  With r_i the place of a
+centre, k_i that radius of gyration and R the rolling radius,
 
-    M = sum m_i,    gamma R = |sum m_i r_i|/M,    j M R^2 = sum m_i (k_i^2 + |r_i|^2)        (parallel axes)
+    M = sum m_i,    gamma R = |sum m_i r_i|/M,    j M R^2 = sum m_i (k_i^2 + |r_i|^2)
+    (parallel axes)
 
-The motion depends on M, gamma and j alone.  How j is shared between "disk" (kappa) and "particle" (rho, k_P) is a way of speaking: here the
-particle is all that is off the axle, unless it is said which parts are.  rho = gamma M/M_P is its distance from the axle, the disk's own
-imbalance included; k_P its radius of gyration about its own centre; kappa what is then left of j: that of the disk alone where it is balanced.
+The motion depends on M, gamma and j alone.  How j is shared between "disk" (kappa) and "particle"
+(rho, k_P) is a way of speaking: here the particle is all that is off the axle, unless it is said
+which parts are.  rho = gamma M/M_P is its distance from the axle, the disk's own imbalance
+included; k_P its radius of gyration about its own centre; kappa what is then left of j: that of the
+disk alone where it is balanced.
 """
 
 from __future__ import annotations
@@ -25,8 +30,10 @@ from model.body import Body, Quantity
 class Part:
     """One piece of a body.  Every number may be an array that broadcasts.
 
-    mass : kg.  square_gyration : m^2, inertia about its own centre / mass; `disk` and its neighbours below.
-    distance : m, of its centre from the axle.  angle : rad, where it is, from any mark on the body.
+    mass : kg.
+    square_gyration : m^2, inertia about its own centre / mass; `disk` and its neighbours below.
+    distance : m, of its centre from the axle.
+    angle : rad, where it is, from any mark on the body.
     rotates : False for what is towed by the axle and does not turn: its mass alone counts.
     """
 
@@ -45,7 +52,9 @@ class Part:
 class Assembly:
     """The body that parts make.
 
-    body : with its mass.  mass_disk, mass_particle : kg.  direction : rad, of the centre of mass, from the mark; theta is counted from it.
+    body : with its mass.
+    mass_disk, mass_particle : kg.  direction : rad, of the centre of mass, from the mark; theta is
+        counted from it.
     inertia : kg m^2, of all that rotates, about the axle.
     """
 
@@ -57,7 +66,9 @@ class Assembly:
 
 
 def disk(radius: Quantity) -> Quantity:
-    """Square of the radius of gyration (m^2) of a uniform disk, or of a cylinder about its axis: r^2/2."""
+    """Square of the radius of gyration (m^2) of a uniform disk, or of a cylinder about its axis:
+    r^2/2.
+    """
     return radius * radius / 2.0
 
 
@@ -76,18 +87,27 @@ def bolt(diameter: Quantity) -> Quantity:
     return diameter * diameter / 8.0
 
 
-def assemble(parts: Sequence[Part], radius: Quantity, *, particle: Collection[int] | None = None) -> Assembly:
+def assemble(
+    parts: Sequence[Part], radius: Quantity, *, particle: Collection[int] | None = None
+) -> Assembly:
     """The body of `parts` that rolls on `radius` (m).
 
-    particle : numbers of the parts that are spoken of as the particle; None for all that are off the axle.
-    Without a particle what imbalance there is counts as one on the rim: rho is 1, and M_P gamma M.
+    particle : numbers of the parts that are spoken of as the particle; None for all that are off
+        the axle.  Without a particle what imbalance there is counts as one on the rim: rho is 1,
+        and M_P gamma M.
     """
-    named = [i for i, part in enumerate(parts) if part.rotates and (not part.on_axle if particle is None else i in particle)]
+    named = [
+        i
+        for i, part in enumerate(parts)
+        if part.rotates and (not part.on_axle if particle is None else i in particle)
+    ]
     turning = [part for part in parts if part.rotates]
     mass = _sum(part.mass for part in parts)
     along = _sum(part.mass * part.distance * np.cos(part.angle) for part in turning)
     across = _sum(part.mass * part.distance * np.sin(part.angle) for part in turning)
-    inertia = _sum(part.mass * (part.square_gyration + np.square(part.distance)) for part in turning)
+    inertia = _sum(
+        part.mass * (part.square_gyration + np.square(part.distance)) for part in turning
+    )
     trailing = _sum(part.mass for part in parts if not part.rotates)
     gamma = np.hypot(along, across) / (mass * radius)
     mass_particle = _sum(parts[i].mass for i in named) if named else gamma * mass
@@ -107,7 +127,9 @@ def _particle(parts: Sequence[Part], mass: Any, moment: Any, radius: Any) -> tup
     y = _sum(part.mass * part.distance * np.sin(part.angle) for part in parts) / mass
     square = 0.0
     for part in parts:
-        away = np.square(part.distance * np.cos(part.angle) - x) + np.square(part.distance * np.sin(part.angle) - y)
+        away = np.square(part.distance * np.cos(part.angle) - x) + np.square(
+            part.distance * np.sin(part.angle) - y
+        )
         square = square + part.mass * (part.square_gyration + away)
     return moment / mass, np.sqrt(square / mass) / radius
 

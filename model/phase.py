@@ -1,19 +1,24 @@
-"""The phase curve: speed as a function of position, its gradients, and where the motion can start and end.
+"""The phase curve: speed as a function of position, its gradients, and where the motion can start
+and end.
 
-Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling resistance and any body):
+Energy conservation for rolling without slipping (paper, eq. phase_curve, here with rolling
+resistance and any body):
 
-    v^2 = 2 g R W/D,    W(theta) = gamma (cos theta0 - cos theta) - (theta - theta0) s,    theta = theta0 + x/R
+    v^2 = 2 g R W/D,    W(theta) = gamma (cos theta0 - cos theta) - (theta - theta0) s,    theta =
+    theta0 + x/R
                         D(theta) = 1 + j + 2 gamma cos(theta + phi),    s = sin phi + c_rr cos phi
 
-All functions broadcast: give `x` shaped (n_obs,) and parameters as scalars or shaped (n_draw, 1) to get
-(n_draw, n_obs).  Use `speed` for measured positions in metres and `angular_rate` for measured angles of rotation.
-They hold for motion with theta increasing from rest.  Where energy conservation leaves no speed (W/D < 0) the speed is
-0; behind a turning point W may become positive again, so ask `turning_angle` what can be reached.
+All functions broadcast: give `x` shaped (n_obs,) and parameters as scalars or shaped (n_draw, 1) to
+get (n_draw, n_obs).  Use `speed` for measured positions in metres and `angular_rate` for measured
+angles of rotation.  They hold for motion with theta increasing from rest.  Where energy
+conservation leaves no speed (W/D < 0) the speed is 0; behind a turning point W may become positive
+again, so ask `turning_angle` what can be reached.
 
-A `release_energy` E0 (weights x R) adds to W: v^2 = 2 g R (E0 + W)/D, `model.forces` has what else may act.
+A `release_energy` E0 (weights x R) adds to W: v^2 = 2 g R (E0 + W)/D, `model.forces` has what else
+may act.
 
-The triple (gamma, s, 1 + j) multiplied by one factor leaves the curve unchanged: positions and speeds alone never
-tell the three apart.
+The triple (gamma, s, 1 + j) multiplied by one factor leaves the curve unchanged: positions and
+speeds alone never tell the three apart.
 """
 
 from __future__ import annotations
@@ -37,80 +42,131 @@ _FAR = 4.0 * np.pi  # rad, how far a turning point is looked for where it has no
 
 
 def effective_slope(phi: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """s = sin(phi) + c_rr cos(phi), dimensionless: the slope that a body with theta increasing works against."""
+    """s = sin(phi) + c_rr cos(phi), dimensionless: the slope that a body with theta increasing
+    works against.
+    """
     return np.asarray(np.sin(phi) + np.asarray(rolling_resistance) * np.cos(phi), dtype=float)
 
 
 def speed(
-    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY,
-    release_energy: ArrayLike | None = None, forces: Forces | None = None,
+    x: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
 ) -> FloatArray:
     """Speed of the axle at position `x` along the ramp, m/s; 0 where the energy does not suffice.
 
     v = sqrt(max(2 g R W/D, 0))
 
-    x : (n_obs,) m from the point of release.  phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
+    x : (n_obs,) m from the point of release.
+    phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
     turned = np.asarray(x) / body.radius
     ratio = energy_ratio(
-        turned, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g
+        turned,
+        body,
+        phi=phi,
+        theta0=theta0,
+        rolling_resistance=rolling_resistance,
+        release_energy=release_energy,
+        forces=forces,
+        g=g,
     )
     return np.sqrt(np.maximum(2.0 * np.asarray(g) * body.radius * ratio, 0.0))
 
 
 def angular_rate(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY,
-    release_energy: ArrayLike | None = None, forces: Forces | None = None,
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
 ) -> FloatArray:
-    """Rate of rotation after the body has turned by `angle` since release, rad/s: `speed` divided by R.
+    """Rate of rotation after the body has turned by `angle` since release, rad/s: `speed` divided
+    by R.
 
-    angle : (n_obs,) rad, theta - theta0.  phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
+    angle : (n_obs,) rad, theta - theta0.
+    phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
     ratio = energy_ratio(
-        angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g
+        angle,
+        body,
+        phi=phi,
+        theta0=theta0,
+        rolling_resistance=rolling_resistance,
+        release_energy=release_energy,
+        forces=forces,
+        g=g,
     )
     return np.sqrt(np.maximum(2.0 * np.asarray(g) / body.radius * ratio, 0.0))
 
 
 def energy_ratio(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0,
-    release_energy: ArrayLike | None = None, forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY,
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> FloatArray:
-    """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where it cannot be.
+    """W/D after the body has turned by `angle` (rad) since release, dimensionless; negative where
+    it cannot be.
 
     release_energy : E0, weights x R, added to W; negative: what a body at rest lacks there.
-    forces : what else acts.  With drag or resistance by load, by series to 1e-9 m/s (`model.driven`): 0 where it never gets.
+    forces : what else acts.  With drag or resistance by load, by series to 1e-9 m/s
+        (`model.driven`): 0 where it never gets.
     g : m/s^2, matters only beside viscous drag.
     """
     if forces is not None:
         energy = 0.0 if release_energy is None else np.asarray(release_energy)
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         if forces.with_speed:
-            total = driven_energy(angle, body, **place, g=g, release_energy=energy, forces=forces)[0]
+            total = driven_energy(angle, body, **place, g=g, release_energy=energy, forces=forces)[
+                0
+            ]
         else:
             total = energy + work(angle, body, **place, forces=forces)
         return np.asarray(total / inertia(angle, body, phi=phi, theta0=theta0, forces=forces))
     w, d = energy_terms(body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance)
     angle = np.asarray(angle, dtype=float)
-    # by t = tan(u/4), many times faster than a sine and a cosine; 1 - cos u as 2 sin^2(u/2): no cancellation close to the release
+    # by t = tan(u/4), many times faster than a sine and a cosine; 1 - cos u as 2 sin^2(u/2): no
+    # cancellation close to the release
     quarter = np.tan(0.25 * angle)
     square = quarter * quarter
     inverse = 1.0 / (1.0 + square)
     half = 2.0 * quarter * inverse
     functions = (2.0 * half * half, 2.0 * half * ((1.0 - square) * inverse), angle)
-    total = _combined(w, functions) if release_energy is None else np.asarray(release_energy) + _combined(w, functions)
+    total = (
+        _combined(w, functions)
+        if release_energy is None
+        else np.asarray(release_energy) + _combined(w, functions)
+    )
     return total / (d[0] + _combined(d[1:], functions[:2]))
 
 
 def energy_terms(
     body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Coefficients of W and D as sums of functions of the angle u turned since release, dimensionless.
+    """Coefficients of W and D as sums of functions of the angle u turned since release,
+    dimensionless.
 
-    W = gamma cos theta0 (1 - cos u) + gamma sin theta0 sin u - s u
-    D = (1 + j + 2 gamma cos a) - 2 gamma cos a (1 - cos u) - 2 gamma sin a sin u,    a = theta0 + phi
+    W = gamma cos theta0 (1 - cos u) + gamma sin theta0 sin u - s u D = (1 + j + 2 gamma cos a) - 2
+    gamma cos a (1 - cos u) - 2 gamma sin a sin u,    a = theta0 + phi
 
-    Angles that are the same for all draws thus cost two small matrix products and no trigonometry for each draw.
+    Angles that are the same for all draws thus cost two small matrix products and no trigonometry
+    for each draw.
     """
     theta0, gamma = np.asarray(theta0), np.asarray(body.gamma)
     tilted = theta0 + phi
@@ -120,7 +176,9 @@ def energy_terms(
 
 
 def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...]) -> FloatArray:
-    """sum_i coefficients_i functions_i: a matrix product where coefficients are (n_draw, 1) and functions (n_obs,)."""
+    """sum_i coefficients_i functions_i: a matrix product where coefficients are (n_draw, 1) and
+    functions (n_obs,).
+    """
     if functions[0].ndim == 1 and any(c.ndim == 2 for c in coefficients):
         shape = np.broadcast(*coefficients).shape
         if len(shape) == 2 and shape[1] == 1:
@@ -130,21 +188,35 @@ def _combined(coefficients: list[FloatArray], functions: tuple[FloatArray, ...])
             return np.asarray(columns @ np.array(functions))
     total, *others = (np.asarray(c * f) for c, f in zip(coefficients, functions, strict=True))
     for part in others:
-        total = np.add(total, part, out=part) if total.shape == part.shape else np.asarray(total + part)
+        total = (
+            np.add(total, part, out=part) if total.shape == part.shape else np.asarray(total + part)
+        )
     return total
 
 
 def energy_ratio_derivatives(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, order: int,
-    release_energy: ArrayLike | None = None, forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY,
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    order: int,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> list[FloatArray]:
-    """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays, rad^-n.
+    """H = W/D and its derivatives with respect to theta up to `order`, a list of order + 1 arrays,
+    rad^-n.
 
-    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.  release_energy, forces, g : as in `energy_ratio`.
+    From W = H D by Leibniz: H^(n) = (W^(n) - sum_{k<n} C(n, k) H^(k) D^(n-k))/D.  release_energy,
+    forces, g : as in `energy_ratio`.
     """
     if forces is not None:
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
-        ratio = energy_ratio(angle, body, **place, release_energy=release_energy, forces=forces, g=g)
+        ratio = energy_ratio(
+            angle, body, **place, release_energy=release_energy, forces=forces, g=g
+        )
         energy = ratio * inertia(angle, body, phi=phi, theta0=theta0, forces=forces)
         return energy_series(angle, energy, body, **place, g=g, forces=forces, order=order)
     angle, theta0 = np.asarray(angle, dtype=float), np.asarray(theta0)
@@ -168,9 +240,15 @@ def energy_ratio_derivatives(
 
 
 def energy_ratio_gradient(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
 ) -> dict[str, FloatArray]:
-    """Derivatives of H = W/D at fixed `angle` with respect to every parameter it depends on: name -> array.
+    """Derivatives of H = W/D at fixed `angle` with respect to every parameter it depends on: name
+    -> array.
 
     dH/dp = (dW/dp - H dD/dp)/D
     """
@@ -182,7 +260,10 @@ def energy_ratio_gradient(
     dj = body.inertia_ratio_gradient()
     slope_in_phi = np.cos(phi) - np.asarray(rolling_resistance) * np.sin(phi)
     gradient = {
-        "gamma": (np.cos(theta0) - np.cos(theta) - ratio * (dj["gamma"] + 2.0 * np.cos(theta + phi))) / d,
+        "gamma": (
+            np.cos(theta0) - np.cos(theta) - ratio * (dj["gamma"] + 2.0 * np.cos(theta + phi))
+        )
+        / d,
         "theta0": (body.gamma * (np.sin(theta) - np.sin(theta0)) - ratio * tilting) / d,
         "phi": (-angle * slope_in_phi - ratio * tilting) / d,
         "rolling_resistance": -angle * np.cos(phi) / d,
@@ -193,103 +274,184 @@ def energy_ratio_gradient(
 
 
 def speed_derivatives(
-    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    x: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Speed (m/s), its slope dv/dx (1/s), and its derivatives in every parameter at fixed x: name -> array.
+    """Speed (m/s), its slope dv/dx (1/s), and its derivatives in every parameter at fixed x: name
+    -> array.
 
-    From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0: there the formula is
-    clipped and a gradient would be that of another motion.
+    From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0:
+    there the formula is clipped and a gradient would be that of another motion.
     """
-    return root_derivatives(*squared_speed_derivatives(x, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g))
+    return root_derivatives(
+        *squared_speed_derivatives(
+            x, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
+        )
+    )
 
 
 def squared_speed_derivatives(
-    x: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    x: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its derivatives in every parameter at fixed x."""
+    """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
+    derivatives in every parameter at fixed x.
+    """
     radius, g = np.asarray(body.radius), np.asarray(g)
     angle = np.asarray(x) / radius
-    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    keywords: dict[str, Any] = {
+        "phi": phi,
+        "theta0": theta0,
+        "rolling_resistance": rolling_resistance,
+    }
     ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
-    gradient = {name: 2.0 * g * radius * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
+    gradient = {
+        name: 2.0 * g * radius * d
+        for name, d in energy_ratio_gradient(angle, body, **keywords).items()
+    }
     gradient["g"] = 2.0 * radius * ratio
     gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
     return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
 
 
 def angular_rate_derivatives(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at fixed angle."""
-    return root_derivatives(*squared_rate_derivatives(angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g))
+    """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at
+    fixed angle.
+    """
+    return root_derivatives(
+        *squared_rate_derivatives(
+            angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
+        )
+    )
 
 
 def squared_rate_derivatives(
-    angle: ArrayLike, body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, g: ArrayLike = STANDARD_GRAVITY
+    angle: ArrayLike,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """The same of the square of the angular rate, rad^2/s^2."""
     scale = 2.0 * np.asarray(g) / body.radius
-    keywords: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    keywords: dict[str, Any] = {
+        "phi": phi,
+        "theta0": theta0,
+        "rolling_resistance": rolling_resistance,
+    }
     ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
-    gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()}
+    gradient = {
+        name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()
+    }
     gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
     gradient["radius"] = -scale / np.asarray(body.radius) * ratio
     return scale * ratio, scale * ratio_slope, gradient
 
 
-def root_derivatives(square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """sqrt of `square` with the chain rule applied to its slope and gradient, all 0 where `square` is not positive."""
+def root_derivatives(
+    square: FloatArray, slope: FloatArray, gradient: dict[str, FloatArray]
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """sqrt of `square` with the chain rule applied to its slope and gradient, all 0 where `square`
+    is not positive.
+    """
     moving = square > 0.0
     root = np.sqrt(np.where(moving, square, 0.0))
     half = np.where(moving, 0.5, 0.0) / np.where(moving, root, 1.0)
     return root, half * slope, {name: half * d for name, d in gradient.items()}
 
 
-def theta_min(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """Smallest angle of release (rad) from which the body ascends from rest; nan where it never does (s > gamma).
+def theta_min(
+    gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0
+) -> FloatArray:
+    """Smallest angle of release (rad) from which the body ascends from rest; nan where it never
+    does (s > gamma).
 
     theta_min = asin(s/gamma)      (paper, eq. theta_min)
     """
-    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    slope, gamma = np.broadcast_arrays(
+        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
+    )
     sine = np.divide(slope, gamma, out=np.full(slope.shape, np.nan), where=gamma > 0.0)
     return np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan))
 
 
-def theta_max(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """Largest angle of release (rad) from which the body ascends from rest: pi - theta_min; nan where it never does."""
+def theta_max(
+    gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0
+) -> FloatArray:
+    """Largest angle of release (rad) from which the body ascends from rest: pi - theta_min; nan
+    where it never does.
+    """
     return np.pi - theta_min(gamma, phi, rolling_resistance=rolling_resistance)
 
 
-def ascends(body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0) -> NDArray[np.bool_]:
+def ascends(
+    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0
+) -> NDArray[np.bool_]:
     """Whether the body starts from rest with theta increasing: gamma sin(theta0) > s."""
     return np.asarray(body.gamma * np.sin(theta0) > effective_slope(phi, rolling_resistance))
 
 
 def turning_angle(
-    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, release_energy: ArrayLike | None = None,
-    forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY, far: float = _FAR,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
+    g: ArrayLike = STANDARD_GRAVITY,
+    far: float = _FAR,
 ) -> FloatArray:
     """How far the body turns before it stops, rad: the first zero of W beyond theta0, minus theta0.
 
-    0 where it does not start with theta increasing, inf where it never stops (it rolls over the top for ever).
+    0 where it does not start with theta increasing, inf where it never stops (it rolls over the top
+    for ever).
 
-    W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima of W lie higher, so it
-    comes within the first turn or never.  It lies between the maximum of W at pi - asin(s/gamma) and the minimum at
-    2 pi + asin(s/gamma), where Newton steps, halvings where they leave the bracket, find it to the last bits.
+    W(theta0 + 2 pi) = -2 pi s: uphill the first zero comes within one turn; downhill later minima
+    of W lie higher, so it comes within the first turn or never.  It lies between the maximum of W
+    at pi - asin(s/gamma) and the minimum at 2 pi + asin(s/gamma), where Newton steps, halvings
+    where they leave the bracket, find it to the last bits.
 
-    With release_energy or forces (as in `energy_ratio`) there is no such bracket: it is followed in time, (n_draw, 1), up to
-    `far` (rad), and inf where it has not stopped by then.
+    With release_energy or forces (as in `energy_ratio`) there is no such bracket: it is followed in
+    time, (n_draw, 1), up to `far` (rad), and inf where it has not stopped by then.
     """
     if release_energy is not None or forces is not None:
         place = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
         energy = 0.0 if release_energy is None else release_energy
-        return driven_energy(far, body, **place, g=g, release_energy=energy, forces=forces or Forces())[1]
+        return driven_energy(
+            far, body, **place, g=g, release_energy=energy, forces=forces or Forces()
+        )[1]
     gamma, theta0, slope = np.broadcast_arrays(
-        np.asarray(body.gamma, dtype=float), np.asarray(theta0, dtype=float), effective_slope(phi, rolling_resistance)
+        np.asarray(body.gamma, dtype=float),
+        np.asarray(theta0, dtype=float),
+        effective_slope(phi, rolling_resistance),
     )
     starts = gamma * np.sin(theta0) > slope
     turns = starts & (np.abs(slope) < gamma)
-    lowest = np.arcsin(np.divide(slope, gamma, out=np.zeros_like(slope), where=np.abs(slope) < gamma))  # elsewhere it is not asked for
+    # elsewhere it is not asked for
+    lowest = np.arcsin(
+        np.divide(slope, gamma, out=np.zeros_like(slope), where=np.abs(slope) < gamma)
+    )
     start = lowest + np.mod(theta0 - lowest, 2.0 * np.pi)
 
     def work(angle: FloatArray) -> FloatArray:
@@ -301,14 +463,17 @@ def turning_angle(
     turns &= lowest_work <= 0.0
     # between its extremes W is nearly a cosine
     swing = np.where(turns, highest - lowest_work, 1.0)
-    angle = low + (high - low) / np.pi * np.arccos(np.clip(-(highest + lowest_work) / swing, -1.0, 1.0))
+    angle = low + (high - low) / np.pi * np.arccos(
+        np.clip(-(highest + lowest_work) / swing, -1.0, 1.0)
+    )
     for _ in range(_MOST_STEPS):
         w = work(angle)
         above = w > 0.0
         low, high = np.where(above, angle, low), np.where(above, high, angle)
         with np.errstate(divide="ignore", invalid="ignore"):
             newton = angle - w / (gamma * np.sin(start + angle) - slope)
-        inside = (newton >= low - _SETTLED) & (newton <= high + _SETTLED)  # rounding may carry the last step over an end
+        # rounding may carry the last step over an end
+        inside = (newton >= low - _SETTLED) & (newton <= high + _SETTLED)
         following = np.where(inside, newton, 0.5 * (low + high))
         settled = np.max(np.abs(following - angle), where=turns, initial=0.0) < _SETTLED
         angle = following
@@ -318,20 +483,38 @@ def turning_angle(
 
 
 def turning_point(
-    body: Body, *, phi: ArrayLike, theta0: ArrayLike, rolling_resistance: ArrayLike = 0.0, release_energy: ArrayLike | None = None,
-    forces: Forces | None = None, g: ArrayLike = STANDARD_GRAVITY, far: float = _FAR,
+    body: Body,
+    *,
+    phi: ArrayLike,
+    theta0: ArrayLike,
+    rolling_resistance: ArrayLike = 0.0,
+    release_energy: ArrayLike | None = None,
+    forces: Forces | None = None,
+    g: ArrayLike = STANDARD_GRAVITY,
+    far: float = _FAR,
 ) -> FloatArray:
-    """Distance from release at which the body stops, m: R times `turning_angle`; inf where it never stops."""
+    """Distance from release at which the body stops, m: R times `turning_angle`; inf where it never
+    stops.
+    """
     angle = turning_angle(
-        body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, release_energy=release_energy, forces=forces, g=g, far=far
+        body,
+        phi=phi,
+        theta0=theta0,
+        rolling_resistance=rolling_resistance,
+        release_energy=release_energy,
+        forces=forces,
+        g=g,
+        far=far,
     )
     return np.asarray(body.radius * angle)
 
 
 def time_derivative(square: list[FloatArray], order: int) -> FloatArray:
-    """Time derivative of `order` 2 or 4 of the speed along a curve v^2 = F(x), from [F, F', ..., F^(order)].
+    """Time derivative of `order` 2 or 4 of the speed along a curve v^2 = F(x), from [F, F', ...,
+    F^(order)].
 
-    With a = F'/2 the acceleration:  v'' = a' v,   v'''' = (a''' v^2 + 3 a a'' + a'^2) v      (' on a: d/dx)
+    With a = F'/2 the acceleration:  v'' = a' v,   v'''' = (a''' v^2 + 3 a a'' + a'^2) v      (' on
+    a: d/dx)
 
     Any consistent units: F as (unit)^2/s^2, result unit/s^(order + 1).
     """

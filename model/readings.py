@@ -3,9 +3,10 @@
     x_read = (1 + scale_x) x + 4 b [p (l - p) - p0 (l - p0)]/l^2,    p = start + x,  p0 = start
     t_read = (1 + scale_t) t,    v_read = v (dx_read/dx)/(1 + scale_t)
 
-Both zeros are at the release.  `scale_x`: the length by which the picture was calibrated, or a radius where angles are counted.
-b, `bow`: how far a point in the middle of a picture of length l is displaced whose two ends are calibrated (a lens, a camera that does not
-look square at the ramp): a parabola.  An encoder has no bow.  None of it can be seen in residuals alone.
+Both zeros are at the release.  `scale_x`: the length by which the picture was calibrated, or a
+radius where angles are counted.  b, `bow`: how far a point in the middle of a picture of length l
+is displaced whose two ends are calibrated (a lens, a camera that does not look square at the ramp):
+a parabola.  An encoder has no bow.  None of it can be seen in residuals alone.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ FloatArray = NDArray[Any]
 class Readings:
     """Errors common to all readings of a run; zero does nothing.  Scalars or (n_draw, 1).
 
-    scale_x, scale_t : relative, 0.01 is 1 % too much.  bow : m (or rad, as x), positive towards larger x.
-    length, start : in the unit of x, exact: of the calibrated picture, and from its lower-x end to the release.
+    scale_x, scale_t : relative, 0.01 is 1 % too much.
+    bow : m (or rad, as x), positive towards larger x.
+    length, start : in the unit of x, exact: of the calibrated picture, and from its lower-x end to
+        the release.
     """
 
     scale_x: ArrayLike = 0.0
@@ -36,7 +39,9 @@ class Readings:
     def parabola(self) -> tuple[FloatArray, FloatArray]:
         """(a, k) of x_read = a x - k x^2."""
         k = 4.0 * np.asarray(self.bow) / np.square(self.length)
-        return 1.0 + np.asarray(self.scale_x) + k * (np.asarray(self.length) - 2.0 * np.asarray(self.start)), k
+        return 1.0 + np.asarray(self.scale_x) + k * (
+            np.asarray(self.length) - 2.0 * np.asarray(self.start)
+        ), k
 
     def position(self, x: ArrayLike) -> FloatArray:
         """What is read of the true positions x (m from release)."""
@@ -45,12 +50,15 @@ class Readings:
         return np.asarray(x * (a - k * x))
 
     def true_position(self, reading: ArrayLike) -> FloatArray:
-        """The true position (m from release) of a reading; nan beyond the farthest that can be read."""
+        """The true position (m from release) of a reading; nan beyond the farthest that can be
+        read.
+        """
         a, k = self.parabola()
         reading = np.asarray(reading, dtype=float)
         square = a * a - 4.0 * k * reading
         slope = a + np.sqrt(np.where(square >= 0.0, square, np.nan))
-        return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))  # a scale of 0 or less reads nothing
+        # a scale of 0 or less reads nothing
+        return np.asarray(2.0 * reading / np.where(slope > 0.0, slope, np.nan))
 
     def stretch(self, x: ArrayLike) -> FloatArray:
         """dx_read/dx at true positions x (m), dimensionless."""
@@ -67,13 +75,22 @@ class Readings:
 
     def speed(self, v: ArrayLike, x: ArrayLike) -> FloatArray:
         """The speed (m/s) that readings give for a true speed v at the true position x (m)."""
-        return np.asarray(np.asarray(v, dtype=float) * self.stretch(x) / (1.0 + np.asarray(self.scale_t)))
+        return np.asarray(
+            np.asarray(v, dtype=float) * self.stretch(x) / (1.0 + np.asarray(self.scale_t))
+        )
 
 
-def blurred_sigma(sigma: ArrayLike, v: ArrayLike, *, exposure: ArrayLike, share: ArrayLike = 12.0**-0.5) -> FloatArray:
-    """Standard deviation (m) of a position read from a picture exposed for `exposure` (s): sqrt(sigma^2 + (share v exposure)^2).
+def blurred_sigma(
+    sigma: ArrayLike, v: ArrayLike, *, exposure: ArrayLike, share: ArrayLike = 12.0**-0.5
+) -> FloatArray:
+    """Standard deviation (m) of a position read from a picture exposed for `exposure` (s):
+    sqrt(sigma^2 + (share v exposure)^2).
 
-    The body moves by v exposure while the shutter is open.  share : of that length, the standard deviation of the place that is
-    marked; 1/sqrt(12) where any place within the smear is as likely, less for who marks its middle.
+    The body moves by v exposure while the shutter is open.  share : of that length, the standard
+    deviation of the place that is marked; 1/sqrt(12) where any place within the smear is as likely,
+    less for who marks its middle.
     """
-    return np.hypot(np.asarray(sigma, dtype=float), np.asarray(share) * np.asarray(v, dtype=float) * np.asarray(exposure))
+    return np.hypot(
+        np.asarray(sigma, dtype=float),
+        np.asarray(share) * np.asarray(v, dtype=float) * np.asarray(exposure),
+    )

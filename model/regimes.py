@@ -1,17 +1,22 @@
-"""Where on the plane of tilt and angle of release a body that starts from rest does what: the borders between its motions.
+"""Where on the plane of tilt and angle of release a body that starts from rest does what: the
+borders between its motions.
 
-With V(theta)/(M g R) = gamma cos theta + theta s (energy lost to rolling resistance counted as height) a body sets off with theta increasing where
-gamma sin theta0 > s, and turns where V is V(theta0) again.  V has its hill tops at theta_min = asin(s/gamma) + 2 pi n and its valleys at
+With V(theta)/(M g R) = gamma cos theta + theta s (energy lost to rolling resistance counted as
+height) a body sets off with theta increasing where gamma sin theta0 > s, and turns where V is
+V(theta0) again.  V has its hill tops at theta_min = asin(s/gamma) + 2 pi n and its valleys at
 theta_max = pi - theta_min.
 
-- It sets off between theta_min and theta_max; uphill (s > 0) that is the paper's condition for climbing.
-- It stops after a turn by u < 2 pi where W(theta0 + u) = 0, that is 2 gamma sin(theta0 + u/2) sin(u/2) = u s:
+- It sets off between theta_min and theta_max; uphill (s > 0) that is the paper's condition for
+  climbing.
+- It stops after a turn by u < 2 pi where W(theta0 + u) = 0, that is 2 gamma sin(theta0 + u/2)
+  sin(u/2) = u s:
 
       theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2                  (`release_for_turn`)
 
-  The other solution of the sine is where a body thrown past theta0 would have come from.  The farther the release is beyond theta_min, the sooner
-  it stops.
-- Downhill (s < 0) it rolls on for ever where it starts higher than the next hill top (`release_that_rolls_on`); uphill it never does.
+  The other solution of the sine is where a body thrown past theta0 would have come from.  The
+  farther the release is beyond theta_min, the sooner it stops.
+- Downhill (s < 0) it rolls on for ever where it starts higher than the next hill top
+  (`release_that_rolls_on`); uphill it never does.
 
 All functions broadcast, as those of `model.phase`.
 """
@@ -28,21 +33,31 @@ FloatArray = NDArray[np.float64]
 _N_HALVING = 60
 
 
-def range_of_release(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> tuple[FloatArray, FloatArray]:
-    """(theta_min, theta_max) in rad, between which a body sets off with theta increasing: within [-pi/2, 3 pi/2].
+def range_of_release(
+    gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """(theta_min, theta_max) in rad, between which a body sets off with theta increasing: within
+    [-pi/2, 3 pi/2].
 
-    Both are pi/2 where it never does (s > gamma), and -pi/2 and 3 pi/2, the same angle, where it always does (s < -gamma).
+    Both are pi/2 where it never does (s > gamma), and -pi/2 and 3 pi/2, the same angle, where it
+    always does (s < -gamma).
     """
-    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    slope, gamma = np.broadcast_arrays(
+        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
+    )
     sine = np.divide(slope, gamma, out=np.array(np.sign(slope)), where=np.abs(slope) < gamma)
     lowest = np.arcsin(sine)
     return lowest, np.pi - lowest
 
 
-def release_for_turn(angle: ArrayLike, gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """Angle of release (rad) from which the body stops after a turn by `angle` u (rad); nan where there is none.
+def release_for_turn(
+    angle: ArrayLike, gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0
+) -> FloatArray:
+    """Angle of release (rad) from which the body stops after a turn by `angle` u (rad); nan where
+    there is none.
 
-    theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2;   none for u >= 2 pi, nor where it would not set off, or not get there
+    theta0 = pi - asin(u s/(2 gamma sin(u/2))) - u/2;   none for u >= 2 pi, nor where it would not
+    set off, or not get there
     """
     angle, gamma = np.asarray(angle, dtype=float), np.asarray(gamma, dtype=float)
     slope = effective_slope(phi, rolling_resistance)
@@ -51,16 +66,23 @@ def release_for_turn(angle: ArrayLike, gamma: ArrayLike, phi: ArrayLike, *, roll
     possible = (angle > 0.0) & (angle < 2.0 * np.pi) & (np.abs(angle * slope) <= chord)
     sine = np.divide(angle * slope, chord, out=np.zeros(chord.shape), where=possible)
     release = np.pi - np.arcsin(sine) - 0.5 * angle
-    falls = (gamma * np.sin(release) > slope) & (gamma * np.sin(release + angle) <= slope)  # W rises from the release and falls where it stops
+    # W rises from the release and falls where it stops
+    falls = (gamma * np.sin(release) > slope) & (gamma * np.sin(release + angle) <= slope)
     return np.where(possible & falls, release, np.nan)
 
 
-def release_that_rolls_on(gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0) -> FloatArray:
-    """Angle of release (rad) up to which, from theta_min on, the body rolls over the next hill top and on for ever; beyond it turns.
+def release_that_rolls_on(
+    gamma: ArrayLike, phi: ArrayLike, *, rolling_resistance: ArrayLike = 0.0
+) -> FloatArray:
+    """Angle of release (rad) up to which, from theta_min on, the body rolls over the next hill top
+    and on for ever; beyond it turns.
 
-    V(theta0) = V(2 pi + theta_min), by halving between theta_min and theta_max.  theta_min where nothing rolls on (s >= 0), theta_max where all does.
+    V(theta0) = V(2 pi + theta_min), by halving between theta_min and theta_max.  theta_min where
+    nothing rolls on (s >= 0), theta_max where all does.
     """
-    slope, gamma = np.broadcast_arrays(effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float))
+    slope, gamma = np.broadcast_arrays(
+        effective_slope(phi, rolling_resistance), np.asarray(gamma, dtype=float)
+    )
     lowest, highest = range_of_release(gamma, phi, rolling_resistance=rolling_resistance)
     top = gamma * np.cos(lowest) + (2.0 * np.pi + lowest) * slope
     low, high = lowest, highest

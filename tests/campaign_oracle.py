@@ -1,7 +1,9 @@
-"""What a campaign says, read by rules of its own: tomllib, csv, and a few regular expressions.  Shares no code with estim.
+"""What a campaign says, read by rules of its own: tomllib, csv, and a few regular expressions.
+Shares no code with estim.
 
-It knows less than estim does, and is strict: what it cannot read it calls malformed.  Both answers of estim are then compared, that a
-file is refused and which numbers are used (`campaign_fuzzing.py`).
+It knows less than estim does, and is strict: what it cannot read it calls malformed.  Both answers
+of estim are then compared, that a file is refused and which numbers are used
+(`campaign_fuzzing.py`).
 """
 
 from __future__ import annotations
@@ -20,10 +22,21 @@ PLAIN = re.compile(rf"[+-]?{DIGITS}(?:[eE][+-]?[0-9]+)?")
 SHORT = re.compile(rf"(?P<value>[+-]?{DIGITS})\((?P<u>{DIGITS})\)(?P<power>[eE][+-]?[0-9]+)?")
 LONG = re.compile(rf"(?P<value>{PLAIN.pattern})\s*(?:\+/-|\+-|±)\s*(?P<u>{PLAIN.pattern})")
 WHOLE = re.compile(rf"\({LONG.pattern}\)(?P<power>[eE][+-]?[0-9]+)")
-KINDS = {"normal": ("mean", "sd"), "uniform": ("low", "high"), "half-normal": ("scale",), "log-normal": ("median", "log_sd")}
+KINDS = {
+    "normal": ("mean", "sd"),
+    "uniform": ("low", "high"),
+    "half-normal": ("scale",),
+    "log-normal": ("median", "log_sd"),
+}
 KINDS["truncated-normal"] = ("mean", "sd")
 ANGLES = {"phi": ("phi_deg", "phi_rad"), "theta0": ("theta0_deg", "theta0_rad")}
-OTHERS = {"radius": "radius_m", "kappa": "kappa", "gamma": "gamma", "rolling_resistance": "rolling_resistance", "g": "g"}
+OTHERS = {
+    "radius": "radius_m",
+    "kappa": "kappa",
+    "gamma": "gamma",
+    "rolling_resistance": "rolling_resistance",
+    "g": "g",
+}
 NOT_TEXT = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 
@@ -33,14 +46,19 @@ class MalformedError(Exception):
 
 @dataclass(frozen=True)
 class Stated:
-    """kind : "exact", "normal", ... .  numbers : value, or value and standard uncertainty, or those of the prior, SI."""
+    """kind : "exact", "normal", ... .  numbers : value, or value and standard uncertainty, or those
+    of the prior, SI.
+    """
 
     kind: str
     numbers: tuple[float, ...]
 
     def times(self, factor: float) -> Stated:
         scaled = self.kind != "log-normal"
-        return Stated(self.kind, tuple(n * factor if scaled or i == 0 else n for i, n in enumerate(self.numbers)))
+        return Stated(
+            self.kind,
+            tuple(n * factor if scaled or i == 0 else n for i, n in enumerate(self.numbers)),
+        )
 
 
 def number(text: str) -> float:
@@ -65,10 +83,15 @@ def stated(value: Any) -> Stated:
         raise MalformedError(value)
     if isinstance(value, dict):
         names = KINDS.get(value.get("prior", ""), ()) if isinstance(value.get("prior"), str) else ()
-        if not names or any(isinstance(value.get(name), bool) or not isinstance(value.get(name), int | float) for name in names):
+        if not names or any(
+            isinstance(value.get(name), bool) or not isinstance(value.get(name), int | float)
+            for name in names
+        ):
             raise MalformedError(value)
         numbers = tuple(sized(value[name]) for name in names)
-        if (names[-1] in ("sd", "scale", "log_sd") and numbers[-1] <= 0) or (names == ("low", "high") and numbers[0] >= numbers[1]):
+        if (names[-1] in ("sd", "scale", "log_sd") and numbers[-1] <= 0) or (
+            names == ("low", "high") and numbers[0] >= numbers[1]
+        ):
             raise MalformedError(value)
         return Stated(value["prior"], numbers)
     if not isinstance(value, str):
@@ -94,18 +117,28 @@ def stated(value: Any) -> Stated:
 
 
 def table(data: bytes, *, motion: bool = False) -> dict[str, list[float]]:
-    """The columns of a CSV file; those that begin with _ are left out.  motion : whether its times must increase.  Raises MalformedError."""
+    """The columns of a CSV file; those that begin with _ are left out.  motion : whether its times
+    must increase.  Raises MalformedError.
+    """
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise MalformedError("no UTF-8") from error
-    lines = [line for line in re.split(r"\r\n|\n|\r", text) if line.strip() and not line.lstrip().startswith("#")]
+    lines = [
+        line
+        for line in re.split(r"\r\n|\n|\r", text)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not lines:
         raise MalformedError("empty")
     mark = next((c for c in "\t;," if c in lines[0]), ",")
     rows = [[cell.strip() for cell in row] for row in csv.reader(lines, delimiter=mark)]
     names, body = rows[0], rows[1:]
-    if len(set(names)) < len(names) or not all(names) or any(PLAIN.fullmatch(name) for name in names):
+    if (
+        len(set(names)) < len(names)
+        or not all(names)
+        or any(PLAIN.fullmatch(name) for name in names)
+    ):
         raise MalformedError(names)
     columns: dict[str, list[float]] = {name: [] for name in names if not name.startswith("_")}
     for row in body:
@@ -114,7 +147,9 @@ def table(data: bytes, *, motion: bool = False) -> dict[str, list[float]]:
         for name, cell in zip(names, row, strict=True):
             if not name.startswith("_"):
                 columns[name].append(number(cell))
-    if motion and any(b <= a for a, b in zip(columns.get("t_s", []), columns.get("t_s", [])[1:], strict=False)):
+    if motion and any(
+        b <= a for a, b in zip(columns.get("t_s", []), columns.get("t_s", [])[1:], strict=False)
+    ):
         raise MalformedError("times")
     return columns
 
@@ -144,14 +179,26 @@ def run_table(folder: Path, run: dict[str, Any], *, motion: bool) -> dict[str, l
 
 
 def quantities(campaign: dict[str, Any], run: dict[str, Any]) -> dict[str, tuple[str, Stated]]:
-    """Of a rolling body's run: quantity -> where it is said ("[run]", "[body]" or ""), and what, in SI units.  Raises MalformedError."""
+    """Of a rolling body's run: quantity -> where it is said ("[run]", "[body]" or ""), and what, in
+    SI units.  Raises MalformedError.
+    """
     bodies = campaign.get("bodies", {})
-    body = bodies.get(run.get("body"), {}) if isinstance(bodies, dict) and isinstance(run.get("body"), str) else {}
-    levels = [(f"[{run.get('name')}]", run), (f"[{run.get('body')}]", body), ("", campaign.get("shared", {}))]
+    body = (
+        bodies.get(run.get("body"), {})
+        if isinstance(bodies, dict) and isinstance(run.get("body"), str)
+        else {}
+    )
+    levels = [
+        (f"[{run.get('name')}]", run),
+        (f"[{run.get('body')}]", body),
+        ("", campaign.get("shared", {})),
+    ]
     if not all(isinstance(level, dict) for _, level in levels):
         raise MalformedError("levels")
     found: dict[str, tuple[str, Stated]] = {}
-    keys = {name: {keys[0]: math.pi / 180.0, keys[1]: 1.0} for name, keys in ANGLES.items()} | {name: {key: 1.0} for name, key in OTHERS.items()}
+    keys = {name: {keys[0]: math.pi / 180.0, keys[1]: 1.0} for name, keys in ANGLES.items()} | {
+        name: {key: 1.0} for name, key in OTHERS.items()
+    }
     for name, factors in keys.items():
         for where, level in levels:
             here = [key for key in factors if key in level]
@@ -165,4 +212,10 @@ def quantities(campaign: dict[str, Any], run: dict[str, Any]) -> dict[str, tuple
 
 def raw_marks(text: str) -> list[str]:
     """Characters that move a cursor, turn the direction of writing or cannot be seen."""
-    return sorted({f"U+{ord(mark):04X}" for mark in text if mark not in "\n\t" and unicodedata.category(mark) in NOT_TEXT})
+    return sorted(
+        {
+            f"U+{ord(mark):04X}"
+            for mark in text
+            if mark not in "\n\t" and unicodedata.category(mark) in NOT_TEXT
+        }
+    )

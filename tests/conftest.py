@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
     from estim.studies import Reanalysis
 
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it, and so would what the tests start
+# a shell's background job ignores it, and so would what the tests start
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROJECT = Path(__file__).resolve().parents[1]
 SHARED = Path(os.environ.get("ESTIM_SHARED_DATA", PROJECT.parent / "shared" / "data"))
@@ -43,12 +44,18 @@ def replica() -> Path:
     return PROJECT / "data" / "replica"
 
 
-BODIES = [pytest.param(("heavy",), id="heavy"), pytest.param(("heavy", "light"), id="heavy and light", marks=pytest.mark.statistics)]
+BODIES = [
+    pytest.param(("heavy",), id="heavy"),
+    pytest.param(("heavy", "light"), id="heavy and light", marks=pytest.mark.statistics),
+]
 
 
 @pytest.fixture(scope="session", params=BODIES)
-def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Reanalysis:
-    """The replica reanalysed as `estim reanalyse --seed 2` does: one body in `make test`, both in `make statistics`.
+def reanalysed(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Reanalysis:
+    """The replica reanalysed as `estim reanalyse --seed 2` does: one body in `make test`, both in
+    `make statistics`.
 
     The other body goes the same way with the same numbers.  One process has it (`REANALYSED`).
     """
@@ -64,8 +71,16 @@ def reanalysed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPath
         head, *runs = path.read_text().partition("\n[line]")[0].split("[[runs]]")
         (body,), line = request.param, path.read_text().partition("\n[line]")[2]
         path = folder / "replica" / "campaign.toml"
-        path.write_text("[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)]) + f"\n[line]{line}")
-    done = reanalyse(load_campaign(path), seed=2, target=Target(), progress_of=lambda what: nullcontext(lambda step, message: None))
+        path.write_text(
+            "[[runs]]".join([head, *(run for run in runs if f'body = "{body}"' in run)])
+            + f"\n[line]{line}"
+        )
+    done = reanalyse(
+        load_campaign(path),
+        seed=2,
+        target=Target(),
+        progress_of=lambda what: nullcontext(lambda step, message: None),
+    )
     assert {body.body for body in done.bodies} == set(request.param)
     return done
 
@@ -78,7 +93,9 @@ def stand_ins(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=["stand-ins", *(["real files"] if REAL.is_dir() else [])])
 def tracker_folder(request: pytest.FixtureRequest) -> Path:
-    """Files of Tracker: those made here and, where they are present, the real ones, which are the only data outside the project."""
+    """Files of Tracker: those made here and, where they are present, the real ones, which are the
+    only data outside the project.
+    """
     return REAL if request.param == "real files" else request.getfixturevalue("stand_ins")
 
 
@@ -89,7 +106,8 @@ def real_files() -> list[Path]:
 
 
 REANALYSED = (
-    "tests/test_replica.py", "tests/test_reanalysis.py::test_committed_report",
+    "tests/test_replica.py",
+    "tests/test_reanalysis.py::test_committed_report",
     "tests/test_certify.py::test_chain_and_certificate_agree_for_the_runs",
 )
 
@@ -117,40 +135,54 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadSco
 
 
 def pytest_collection_finish() -> None:
-    """Thousands of tests stay to the end: no need to look for garbage among them after every few hundred objects."""
+    """Thousands of tests stay to the end: no need to look for garbage among them after every few
+    hundred objects.
+    """
     gc.set_threshold(10_000, 20, 20)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is slow is done with stand-ins in `make test`, and with real files in `make statistics`."""
+    """What is slow is done with stand-ins in `make test`, and with real files in `make
+    statistics`.
+    """
     for item in items:
         if item.get_closest_marker("slow") and "real files" in item.name:
             item.add_marker("statistics")
 
 
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+def pytest_terminal_summary(
+    terminalreporter: pytest.TerminalReporter, config: pytest.Config
+) -> None:
     if config.option.markexpr == "statistics":
         count = sum(path.is_file() for path in REAL.rglob("*"))
-        terminalreporter.write_line(f"real files of the program Tracker, read beside their stand-ins: {count} ({REAL})")
+        terminalreporter.write_line(
+            f"real files of the program Tracker, read beside their stand-ins: {count} ({REAL})"
+        )
 
 
 @pytest.fixture
 def few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A quarter of the effective draws in every command: for tests of statuses, files and words, not of numbers."""
+    """A quarter of the effective draws in every command: for tests of statuses, files and words,
+    not of numbers.
+    """
     from estim.sampling import Target
 
     monkeypatch.setattr("estim.sampling.Target", partial(Target, ess=1000.0))
 
 
 PIXEL = (
-    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\0\0\0\0:~\x9bU\0\0\0\nIDATx\x9cc\xf8\x0f\0\1\1\1\0\x1b\xb6\xeeV\0\0\0\0IEND\xaeB`\x82"
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\1\0\0\0\1\x08\0\0\0\0:~\x9bU"
+    b"\0\0\0\nIDATx\x9cc\xf8\x0f\0\1\1\1\0\x1b\xb6\xeeV"
+    b"\0\0\0\0IEND\xaeB`\x82"
 )
 
 
 @pytest.fixture
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Figures are made and not turned into pixels, half of the time of a report: for tests of numbers and text, whatever the figures have to show."""
+    """Figures are made and not turned into pixels, half of the time of a report: for tests of
+    numbers and text, whatever the figures have to show.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     monkeypatch.setattr(FigureCanvasAgg, "print_png", lambda canvas, file, **_: file.write(PIXEL))
@@ -158,5 +190,7 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A pixel in place of every figure, most of the time of a report: for tests of files, streams and words on the terminal."""
+    """A pixel in place of every figure, most of the time of a report: for tests of files, streams
+    and words on the terminal.
+    """
     monkeypatch.setattr("estim.reports.pages.png", lambda *_: PIXEL)

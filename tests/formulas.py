@@ -14,7 +14,9 @@ from estim.problem.priors import Prior
 
 
 class Formula:
-    """y = f(x; arguments), differentiated by the complex step: f must be written in functions that take complex numbers."""
+    """y = f(x; arguments), differentiated by the complex step: f must be written in functions that
+    take complex numbers.
+    """
 
     mass = None
 
@@ -27,18 +29,44 @@ class Formula:
     def local(self, x: np.ndarray, arguments: Mapping[str, object]) -> LocalCurve:
         gradient = {}
         for name in arguments:
-            moved = {k: np.asarray(v) + (1e-30j if k == name else 0.0) for k, v in arguments.items()}
-            gradient[name] = np.atleast_2d(np.imag(self.function(x + 0j, **moved) + np.zeros_like(x)) / 1e-30)
-        slope = np.atleast_2d(np.imag(self.function(x + 1e-30j, **arguments) + np.zeros_like(x)) / 1e-30)
+            moved = {
+                k: np.asarray(v) + (1e-30j if k == name else 0.0) for k, v in arguments.items()
+            }
+            gradient[name] = np.atleast_2d(
+                np.imag(self.function(x + 0j, **moved) + np.zeros_like(x)) / 1e-30
+            )
+        slope = np.atleast_2d(
+            np.imag(self.function(x + 1e-30j, **arguments) + np.zeros_like(x)) / 1e-30
+        )
         return LocalCurve(self.value(x, arguments), slope, gradient)
 
 
-def formula_problem(function: Callable[..., np.ndarray], x: np.ndarray, y: np.ndarray, sigma: float | str, priors: Mapping[str, Prior]) -> Problem:
-    """Fit y = f(x; every parameter but sigma) with independent errors; `sigma` is a number or the name of a parameter."""
+def formula_problem(
+    function: Callable[..., np.ndarray],
+    x: np.ndarray,
+    y: np.ndarray,
+    sigma: float | str,
+    priors: Mapping[str, Prior],
+) -> Problem:
+    """Fit y = f(x; every parameter but sigma) with independent errors; `sigma` is a number or the
+    name of a parameter.
+    """
     scale = Scale(parameter=sigma) if isinstance(sigma, str) else Scale(value=sigma)
     observations = Observations(
-        name="r", x=x, y=y, t=None, curve=Formula(function), arguments={name: name for name in priors if name != sigma},
-        noise=Independent(scale, Scale(), np.ones_like(x)), x_name="x", x_unit="1", y_name="y", y_unit="1", excluded=(),
+        name="r",
+        x=x,
+        y=y,
+        t=None,
+        curve=Formula(function),
+        arguments={name: name for name in priors if name != sigma},
+        noise=Independent(scale, Scale(), np.ones_like(x)),
+        x_name="x",
+        x_unit="1",
+        y_name="y",
+        y_unit="1",
+        excluded=(),
         excluded_points=np.empty((0, 2)),
     )
-    return Problem(tuple(Parameter(name, "1", prior, name) for name, prior in priors.items()), (observations,))
+    return Problem(
+        tuple(Parameter(name, "1", prior, name) for name, prior in priors.items()), (observations,)
+    )

@@ -1,4 +1,6 @@
-"""Text that would forge a report, a terminal or a file's name, and an oracle that shares no code with what shows it."""
+"""Text that would forge a report, a terminal or a file's name, and an oracle that shares no code
+with what shows it.
+"""
 
 from __future__ import annotations
 
@@ -103,19 +105,36 @@ _PARSER = MarkdownIt("commonmark").enable(["table", "strikethrough"])
 
 
 def raw(text: str) -> set[str]:
-    """The marks of `text` that a terminal or a reader must never meet: all that are no letters, signs, plain blanks or ends of lines."""
-    return {mark for mark in text if unicodedata.category(mark) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp") and mark != "\n"}
+    """The marks of `text` that a terminal or a reader must never meet: all that are no letters,
+    signs, plain blanks or ends of lines.
+    """
+    return {
+        mark
+        for mark in text
+        if unicodedata.category(mark) in ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp") and mark != "\n"
+    }
 
 
 def shown(text: str) -> str:
-    """What a reader should see of `text`: white space as single blanks, other invisible marks as escapes."""
-    marks = (" " if mark.isspace() else mark.encode("unicode_escape").decode() if raw(mark) else mark for mark in text)
+    """What a reader should see of `text`: white space as single blanks, other invisible marks as
+    escapes.
+    """
+    marks = (
+        " " if mark.isspace() else mark.encode("unicode_escape").decode() if raw(mark) else mark
+        for mark in text
+    )
     return re.sub(" +", " ", "".join(marks)).strip()
 
 
 def outline(report: str) -> list[str]:
-    """The structure of a Markdown text, without what its text says: a forged report has another one."""
-    return [name for name in _names(_PARSER.parse(report)) if name.split()[0] not in ("text", "code_inline", "softbreak")]
+    """The structure of a Markdown text, without what its text says: a forged report has another
+    one.
+    """
+    return [
+        name
+        for name in _names(_PARSER.parse(report))
+        if name.split()[0] not in ("text", "code_inline", "softbreak")
+    ]
 
 
 def _names(tokens: Iterable[Token]) -> Iterable[str]:
@@ -126,12 +145,21 @@ def _names(tokens: Iterable[Token]) -> Iterable[str]:
 
 def seen(report: str) -> str:
     """The text that a reader of a Markdown text sees, one paragraph, heading or cell a line."""
-    return "\n".join(_text(token.children or []) for token in _PARSER.parse(report) if token.type == "inline")
+    return "\n".join(
+        _text(token.children or []) for token in _PARSER.parse(report) if token.type == "inline"
+    )
 
 
 def _text(children: Iterable[Token]) -> str:
     return re.sub(
         " +",
         " ",
-        "".join(" " if t.type in ("softbreak", "hardbreak") else _text(t.children or []) if t.type == "image" else t.content for t in children),
+        "".join(
+            " "
+            if t.type in ("softbreak", "hardbreak")
+            else _text(t.children or [])
+            if t.type == "image"
+            else t.content
+            for t in children
+        ),
     ).strip()

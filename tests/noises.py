@@ -1,4 +1,6 @@
-"""Every kind of noise about the line y = a + b x, and what it says by brute force: SciPy's distributions and sums, no code of estim."""
+"""Every kind of noise about the line y = a + b x, and what it says by brute force: SciPy's
+distributions and sums, no code of estim.
+"""
 
 from __future__ import annotations
 
@@ -40,16 +42,28 @@ Named = Mapping[str, float]
 class Normally:
     """y normal, with mean(named) and cov(named)."""
 
-    def __init__(self, mean: Callable[[Named], np.ndarray], cov: Callable[[Named], np.ndarray]) -> None:
+    def __init__(
+        self, mean: Callable[[Named], np.ndarray], cov: Callable[[Named], np.ndarray]
+    ) -> None:
         self.mean, self.cov = mean, cov
 
     def log_density(self, y: np.ndarray, named: Named, at: np.ndarray | None = None) -> float:
         at = np.arange(N) if at is None else at
-        return float(stats.multivariate_normal(self.mean(named)[at], self.cov(named)[np.ix_(at, at)]).logpdf(y[at])) if at.size else 0.0
+        return (
+            float(
+                stats.multivariate_normal(
+                    self.mean(named)[at], self.cov(named)[np.ix_(at, at)]
+                ).logpdf(y[at])
+            )
+            if at.size
+            else 0.0
+        )
 
     def pointwise(self, y: np.ndarray, named: Named) -> np.ndarray:
         every = self.log_density(y, named)
-        return np.array([every - self.log_density(y, named, np.delete(np.arange(N), i)) for i in range(N)])
+        return np.array(
+            [every - self.log_density(y, named, np.delete(np.arange(N), i)) for i in range(N)]
+        )
 
     def scores(self, y: np.ndarray, named: Named) -> np.ndarray:
         """Of each point given those before it."""
@@ -60,39 +74,60 @@ class Normally:
             found.append((off[i] - share @ off[:i]) / np.sqrt(cov[i, i] - share @ cov[:i, i]))
         return np.array(found)
 
-
     def information(self, named: Named, names: Sequence[str]) -> np.ndarray:
         """(n_par, n_par): dm C^-1 dm + tr(C^-1 dC C^-1 dC)/2."""
         inverse = np.linalg.inv(self.cov(named))
-        moves = [(slope(self.mean, named, name), inverse @ slope(self.cov, named, name)) for name in names]
-        return np.array([[m @ inverse @ n + 0.5 * np.trace(c @ d) for n, d in moves] for m, c in moves])
+        moves = [
+            (slope(self.mean, named, name), inverse @ slope(self.cov, named, name))
+            for name in names
+        ]
+        return np.array(
+            [[m @ inverse @ n + 0.5 * np.trace(c @ d) for n, d in moves] for m, c in moves]
+        )
 
 
 class Mixed(Normally):
-    """y normal with one of several covariances; parts : their weights and covariances.  Tests whiten with `cov`, one of them.
+    """y normal with one of several covariances; parts : their weights and covariances.  Tests
+    whiten with `cov`, one of them.
 
     Its information is that of errors with the mean covariance that the parts have given the data.
     """
 
     def __init__(self, mean, parts, cov) -> None:
         super().__init__(mean, cov)
-        self.parts = [(np.log(weight), Normally(mean, lambda named, c=covariance: c), covariance) for weight, covariance in parts]
+        self.parts = [
+            (np.log(weight), Normally(mean, lambda named, c=covariance: c), covariance)
+            for weight, covariance in parts
+        ]
 
     def log_density(self, y: np.ndarray, named: Named, at: np.ndarray | None = None) -> float:
-        return float(np.logaddexp.reduce([log + part.log_density(y, named, at) for log, part, _ in self.parts]))
+        return float(
+            np.logaddexp.reduce(
+                [log + part.log_density(y, named, at) for log, part, _ in self.parts]
+            )
+        )
 
     def information(self, named: Named, names: Sequence[str] = ()) -> np.ndarray:
         """(n_par,)."""
         every = self.log_density(Y, named)
-        together = sum(np.exp(log + part.log_density(Y, named) - every) * covariance for log, part, covariance in self.parts)
+        together = sum(
+            np.exp(log + part.log_density(Y, named) - every) * covariance
+            for log, part, covariance in self.parts
+        )
         slopes = np.array([slope(self.mean, named, name) for name in named])
         return np.diag(slopes @ np.linalg.solve(together, slopes.T))
 
 
 class PointByPoint:
-    """Independent y with densities pdf(y, named) and distribution functions cdf(y, named), (n_obs,)."""
+    """Independent y with densities pdf(y, named) and distribution functions cdf(y, named),
+    (n_obs,).
+    """
 
-    def __init__(self, pdf: Callable[[np.ndarray, Named], np.ndarray], cdf: Callable[[np.ndarray, Named], np.ndarray]) -> None:
+    def __init__(
+        self,
+        pdf: Callable[[np.ndarray, Named], np.ndarray],
+        cdf: Callable[[np.ndarray, Named], np.ndarray],
+    ) -> None:
         self.pdf, self.cdf = pdf, cdf
 
     def log_density(self, y: np.ndarray, named: Named) -> float:
@@ -108,13 +143,25 @@ class PointByPoint:
         """(n_par,) its diagonal, mean squares of the scores, by a sum over y."""
         y = line(named) + np.sinh(np.linspace(-8.0, 8.0, 20_001))[:, None] * 0.01
         chance = self.pdf(y, named) * np.gradient(y, axis=0)
-        return np.array([np.sum(chance * slope(lambda at: np.log(self.pdf(y, at)), named, name) ** 2) for name in named])
+        return np.array(
+            [
+                np.sum(chance * slope(lambda at: np.log(self.pdf(y, at)), named, name) ** 2)
+                for name in named
+            ]
+        )
 
 
 class Counted:
-    """Counts or fractions y of `trials` with expectations mean(named); law(mean) : a distribution of SciPy of trials * y."""
+    """Counts or fractions y of `trials` with expectations mean(named); law(mean) : a distribution
+    of SciPy of trials * y.
+    """
 
-    def __init__(self, mean: Callable[[Named], np.ndarray], law: Callable[[np.ndarray], object], trials: float = 1.0) -> None:
+    def __init__(
+        self,
+        mean: Callable[[Named], np.ndarray],
+        law: Callable[[np.ndarray], object],
+        trials: float = 1.0,
+    ) -> None:
         self.mean, self.law, self.trials = mean, law, trials
 
     def log_density(self, y: np.ndarray, named: Named) -> float:
@@ -125,7 +172,9 @@ class Counted:
 
     def scores(self, y: np.ndarray, named: Named) -> np.ndarray:
         most = self.law(y).logpmf(np.rint(self.trials * y))
-        return np.sign(y - self.mean(named)) * np.sqrt(2.0 * (most - self.law(self.mean(named)).logpmf(np.rint(self.trials * y))))
+        return np.sign(y - self.mean(named)) * np.sqrt(
+            2.0 * (most - self.law(self.mean(named)).logpmf(np.rint(self.trials * y)))
+        )
 
     def information(self, named: Named) -> np.ndarray:
         variance = self.law(self.mean(named)).var() / self.trials**2
@@ -133,11 +182,17 @@ class Counted:
 
 
 class TimesOfEvents(Counted):
-    """Times of events in [0, 2] with the density (a + b t)/(2 a + 2 b), in cells between `edges`."""
+    """Times of events in [0, 2] with the density (a + b t)/(2 a + 2 b), in cells between
+    `edges`.
+    """
 
     def __init__(self, times: np.ndarray, edges: np.ndarray) -> None:
         self.times, self.edges, self.trials, self.law = times, edges, 1.0, stats.poisson
-        self.mean = lambda named: self.times.size * np.diff(named["a"] * edges + named["b"] * edges**2 / 2.0) / (2.0 * (named["a"] + named["b"]))
+        self.mean = lambda named: (
+            self.times.size
+            * np.diff(named["a"] * edges + named["b"] * edges**2 / 2.0)
+            / (2.0 * (named["a"] + named["b"]))
+        )
 
     def density(self, t: np.ndarray, named: Named) -> np.ndarray:
         return (named["a"] + named["b"] * t) / (2.0 * (named["a"] + named["b"]))
@@ -148,9 +203,17 @@ class TimesOfEvents(Counted):
 
     def information(self, named: Named) -> np.ndarray:
         t = np.linspace(0.0, 2.0, 20_001)
-        return np.array([
-            self.times.size * np.trapezoid(slope(lambda at: self.density(t, at), named, name) ** 2 / self.density(t, named), t) for name in named
-        ])
+        return np.array(
+            [
+                self.times.size
+                * np.trapezoid(
+                    slope(lambda at: self.density(t, at), named, name) ** 2
+                    / self.density(t, named),
+                    t,
+                )
+                for name in named
+            ]
+        )
 
 
 def slope(value: Callable[[Named], np.ndarray], named: Named, name: str) -> np.ndarray:
@@ -165,7 +228,8 @@ class Case:
 
     mixed : whether errors are normal with one of several covariances, of which readings know one.
     unlike : whether y is no sum of the curve and an error.
-    single : of points one by one where that is another thing than all together (errors of x).  within : what quadrature in estim may be off.
+    single : of points one by one where that is another thing than all together (errors of x).
+    within : what quadrature in estim may be off.
     """
 
     noise: Noise
@@ -197,7 +261,8 @@ def line(named: Named) -> np.ndarray:
 
 def one_by_one(mean, sd, shape) -> PointByPoint:
     return PointByPoint(
-        lambda y, named: shape(named)[0]((y - mean(named)) / sd(named)) / sd(named), lambda y, named: shape(named)[1]((y - mean(named)) / sd(named))
+        lambda y, named: shape(named)[0]((y - mean(named)) / sd(named)) / sd(named),
+        lambda y, named: shape(named)[1]((y - mean(named)) / sd(named)),
     )
 
 
@@ -208,7 +273,8 @@ def student(named):
 def mixture(named):
     share, wide = named["fraction"], stats.norm(0.0, np.exp(named["log_width"]))
     return (
-        lambda z: (1.0 - share) * stats.norm.pdf(z) + share * wide.pdf(z), lambda z: (1.0 - share) * stats.norm.cdf(z) + share * wide.cdf(z),
+        lambda z: (1.0 - share) * stats.norm.pdf(z) + share * wide.pdf(z),
+        lambda z: (1.0 - share) * stats.norm.cdf(z) + share * wide.cdf(z),
     )
 
 
@@ -223,14 +289,24 @@ def true_abscissas(u_x: float) -> tuple[np.ndarray, float]:
 
 
 def along_the_line(u_x: float, u_y: float) -> Normally:
-    """All points together: the mean and ln(variance) of the true abscissas are as uncertain as N readings leave them."""
+    """All points together: the mean and ln(variance) of the true abscissas are as uncertain as N
+    readings leave them.
+    """
     middle, sd = true_abscissas(u_x)
     variance = np.var(X, ddof=1)
     share = u_x**2 / variance
-    of_variance = share * (1.0 - share) * (X - X.mean()) * np.sqrt(2.0 / (N - 1)) * variance / (variance - u_x**2)
+    of_variance = (
+        share
+        * (1.0 - share)
+        * (X - X.mean())
+        * np.sqrt(2.0 / (N - 1))
+        * variance
+        / (variance - u_x**2)
+    )
     common = share**2 * variance / N * np.ones((N, N)) + np.outer(of_variance, of_variance)
     return Normally(
-        lambda named: named["a"] + named["b"] * middle, lambda named: (u_y**2 + named["b"] ** 2 * sd**2) * np.eye(N) + named["b"] ** 2 * common
+        lambda named: named["a"] + named["b"] * middle,
+        lambda named: (u_y**2 + named["b"] ** 2 * sd**2) * np.eye(N) + named["b"] ** 2 * common,
     )
 
 
@@ -251,44 +327,75 @@ def smeared(u_x: float, u_y: float, shape) -> PointByPoint:
 
 
 def differences(relative: np.ndarray | None = None) -> Case:
-    """Speeds by central differences of positions with independent errors, at positions that the same errors move.
+    """Speeds by central differences of positions with independent errors, at positions that the
+    same errors move.
 
     relative : size of the error of each position, (N + 2,).
     """
     derivative = differentiate(INTERVAL * np.arange(N + 2), np.zeros(N + 2), STENCILS["central"])
-    noise = Differentiated(Scale(parameter="s"), Scale(parameter="scatter"), 0.01, derivative, np.arange(N), relative)
+    noise = Differentiated(
+        Scale(parameter="s"), Scale(parameter="scatter"), 0.01, derivative, np.arange(N), relative
+    )
     steps = (np.eye(N, N + 2, 2) - np.eye(N, N + 2)) / (2.0 * INTERVAL)
     carried = (steps - VALUES["b"] * np.eye(N, N + 2, 1)) * (1.0 if relative is None else relative)
-    truncation = INTERVAL**2 / 6.0 * VALUES["b"] ** 2 * line(VALUES)  # dt^2/6 times d^2 v/dt^2 of dx/dt = a + b x, at the linearisation
-    return Case(noise, {"s": 0.01, "scatter": 0.05}, Normally(
-        lambda named: line(named) + truncation,
-        lambda named: (named["s"] ** 2 + 0.01**2 / 12.0) * carried @ carried.T + named["scatter"] ** 2 * np.eye(N),
-    ))
+    # dt^2/6 times d^2 v/dt^2 of dx/dt = a + b x, at the linearisation
+    truncation = INTERVAL**2 / 6.0 * VALUES["b"] ** 2 * line(VALUES)
+    return Case(
+        noise,
+        {"s": 0.01, "scatter": 0.05},
+        Normally(
+            lambda named: line(named) + truncation,
+            lambda named: (
+                (named["s"] ** 2 + 0.01**2 / 12.0) * carried @ carried.T
+                + named["scatter"] ** 2 * np.eye(N)
+            ),
+        ),
+    )
 
 
 def lacking() -> Case:
     """An unmodelled force of unknown size and length, and a push, beside stated errors."""
     sds, push = 0.08 * RELATIVE, 0.05 * (1.0 + X)
     factors = {length: np.exp(-np.abs(X[:, None] - X) / length) for length in (0.3, 1.0)}
-    shapes = tuple(Shape("force", length, factor, np.log(0.5)) for length, factor in factors.items())
+    shapes = tuple(
+        Shape("force", length, factor, np.log(0.5)) for length, factor in factors.items()
+    )
     slopes = np.column_stack([np.ones(N), X, push])
     deviation = diagonalise(sds**2, shapes, prior_grid(0.1, scales=(0.5, 1.0, 1.6), n_amplitude=4))
     found = linearise(deviation, Y - line(VALUES), slopes, precision=np.diag([0.0, 0.0, 1.0]))
     mixture = keep_probable(found, columns=push[:, None], lost=0.0)
     parts = [
-        (np.exp(log), s**2 * np.diag(sds**2) + a**2 * factors[family.length] @ factors[family.length].T + np.outer(push, push))
+        (
+            np.exp(log),
+            s**2 * np.diag(sds**2)
+            + a**2 * factors[family.length] @ factors[family.length].T
+            + np.outer(push, push),
+        )
         for family in mixture.deviation.families
         for s, a, log in zip(family.scale, family.amplitude, family.log_prior, strict=True)
     ]
     best = parts[3][1]
-    noise = WithForce(Independent(Scale(0.08), Scale(), RELATIVE), mixture, root_of(best), Residuals(np.zeros(N)), BadFrames())
+    noise = WithForce(
+        Independent(Scale(0.08), Scale(), RELATIVE),
+        mixture,
+        root_of(best),
+        Residuals(np.zeros(N)),
+        BadFrames(),
+    )
     return Case(noise, {}, Mixed(line, parts, lambda named: best), mixed=True)
 
 
 def counts() -> Case:
     y = np.array([1.0, 2.0, 0.0, 3.0, 4.0, 3.0, 5.0])
     points = Points(POINTS.curve, X, y, POINTS.arguments)
-    return Case(Counts(POISSON, np.ones(N), y), {}, Counted(line, stats.poisson), outliers=False, points=points, unlike=True)
+    return Case(
+        Counts(POISSON, np.ones(N), y),
+        {},
+        Counted(line, stats.poisson),
+        outliers=False,
+        points=points,
+        unlike=True,
+    )
 
 
 def fractions() -> Case:
@@ -302,7 +409,13 @@ def events() -> Case:
     times = np.array([0.1, 0.35, 0.5, 0.9, 1.2, 1.25, 1.5, 1.55, 1.6, 1.9, 1.95])
     counted = counted_points(EventTimes(0.0, 2.0, 4), times, None, what="events")
     points = Points(counted.expected(POINTS.curve), counted.x, counted.y, POINTS.arguments)
-    return Case(counted.noise, {}, TimesOfEvents(times, np.linspace(0.0, 2.0, 5)), points=points, unlike=True)
+    return Case(
+        counted.noise,
+        {},
+        TimesOfEvents(times, np.linspace(0.0, 2.0, 5)),
+        points=points,
+        unlike=True,
+    )
 
 
 SCALES = Scale(parameter="s"), Scale(parameter="scatter")
@@ -310,8 +423,11 @@ SIZES = {"s": 0.1, "scatter": 0.05}
 STATED = 0.01 * np.exp(-np.abs(X[:, None] - X) / 0.5) + 0.002 * np.eye(N)
 BOTH = {"fraction": 0.1, "log_width": 2.0}
 
+
 def in_bands() -> Case:
-    """The same with an inferred size alone, as a run of many frames has it: by bands, never the whole matrix."""
+    """The same with an inferred size alone, as a run of many frames has it: by bands, never the
+    whole matrix.
+    """
     inner = differences()
     base = replace(inner.noise, scatter=Scale())
     brute = Normally(inner.brute.mean, lambda named: inner.brute.cov({**named, "scatter": 0.0}))
@@ -324,20 +440,35 @@ class Banded(Stated):
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         shift = points.y - self.base.likelihood(points, named).y
-        return GaussianErrors.in_bands(points, self.size, self.base.of_positions(points, named).covariance(), shift)
+        return GaussianErrors.in_bands(
+            points, self.size, self.base.of_positions(points, named).covariance(), shift
+        )
 
     def for_search(self) -> Banded:
         return self
 
 
 CASES = {
-    "independent": Case(Independent(*SCALES, RELATIVE), SIZES, Normally(line, lambda named: np.diag(spread(named) ** 2))),
-    "independent, Student-t": Case(Independent(*SCALES, RELATIVE, tails=StudentT()), SIZES, one_by_one(line, spread, student), outliers=True),
+    "independent": Case(
+        Independent(*SCALES, RELATIVE),
+        SIZES,
+        Normally(line, lambda named: np.diag(spread(named) ** 2)),
+    ),
+    "independent, Student-t": Case(
+        Independent(*SCALES, RELATIVE, tails=StudentT()),
+        SIZES,
+        one_by_one(line, spread, student),
+        outliers=True,
+    ),
     "independent, mixture": Case(
-        Independent(*SCALES, RELATIVE, tails=Mixture("fraction", "log_width")), SIZES | BOTH, one_by_one(line, spread, mixture), outliers=True
+        Independent(*SCALES, RELATIVE, tails=Mixture("fraction", "log_width")),
+        SIZES | BOTH,
+        one_by_one(line, spread, mixture),
+        outliers=True,
     ),
     "positions": Case(
-        Independent(Scale(0.05), Scale(), np.ones(N), encoder_step=0.2), {},
+        Independent(Scale(0.05), Scale(), np.ones(N), encoder_step=0.2),
+        {},
         Normally(line, lambda named: (0.05**2 + 0.2**2 / 12.0) * np.eye(N)),
     ),
     "differentiated": differences(),
@@ -349,11 +480,24 @@ CASES = {
     "binomial fractions": fractions(),
     "event times": events(),
     "errors of x": Case(
-        Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)), {}, along_the_line(0.2, 0.1),
-        smeared(0.2, 0.1, lambda named: (stats.norm.pdf, stats.norm.cdf)), within=3e-3,
+        Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)),
+        {},
+        along_the_line(0.2, 0.1),
+        smeared(0.2, 0.1, lambda named: (stats.norm.pdf, stats.norm.cdf)),
+        within=3e-3,
     ),
     "errors of x, mixture": Case(
-        Independent(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.015), tails=Mixture("fraction", "log_width")), BOTH,
-        smeared(0.015, 0.1, mixture), smeared(0.015, 0.1, mixture), within=3e-3, outliers=True,
+        Independent(
+            Scale(0.1),
+            Scale(),
+            np.ones(N),
+            sigma_x=Scale(0.015),
+            tails=Mixture("fraction", "log_width"),
+        ),
+        BOTH,
+        smeared(0.015, 0.1, mixture),
+        smeared(0.015, 0.1, mixture),
+        within=3e-3,
+        outliers=True,
     ),
 }

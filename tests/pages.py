@@ -1,8 +1,10 @@
-"""Runs a page of documentation as it stands: its commands, its files and its Python, and what it says that they print.
+"""Runs a page of documentation as it stands: its commands, its files and its Python, and what it
+says that they print.
 
-Fenced blocks are taken in order.  ```sh: commands, all of them `estim ...`.  ```python: run, with the names of the page's blocks before it.
-```toml NAME (any language with a NAME): a file that is written.  ```text after commands or Python: what they print; a line `...` stands for
-any lines.  Other blocks are for reading.
+Fenced blocks are taken in order.  ```sh: commands, all of them `estim ...`.  ```python: run, with
+the names of the page's blocks before it.  ```toml NAME (any language with a NAME): a file that is
+written.  ```text after commands or Python: what they print; a line `...` stands for any lines.
+Other blocks are for reading.
 """
 
 from __future__ import annotations
@@ -20,12 +22,15 @@ from estim.cli.commands import cli
 _BLOCK = re.compile(r"^```(\w+)[ \t]*([^\n]*)\n(.*?)^```", flags=re.S | re.M)
 _NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[−+-]?\d+)?")
 _PAIR = re.compile(r"([−-]?\d+\.?\d*) ± (\d+\.?\d*)")
-_PART_OF_U = 0.5  # by how much of its ± a value may differ, for draws are fewer in tests and random numbers others with other versions
+# by how much of its ± a value may differ, for draws are fewer in tests and random numbers others
+# with other versions
+_PART_OF_U = 0.5
 _SHARE = 0.35  # the same of any other number
 
 
 def run_page(page: Path, folder: Path) -> dict[str, object]:
-    """Runs the blocks of `page`; files that it writes go to `folder`, which is the working folder.  What Python has defined comes back.
+    """Runs the blocks of `page`; files that it writes go to `folder`, which is the working folder.
+    What Python has defined comes back.
 
     Raises AssertionError where a command fails, or says something else than the page.
     """
@@ -53,14 +58,21 @@ def _ran(line: str) -> str:
     assert program == "estim", line
     done = CliRunner().invoke(cli, arguments)
     assert done.exit_code in (0, 3), f"{line}: {done.output}{done.exception!r}"
-    assert (done.exit_code == 3) == (re.search(r"^.*: (?!ok)[a-z-]+$", done.output, flags=re.M) is not None), done.output
+    assert (done.exit_code == 3) == (
+        re.search(r"^.*: (?!ok)[a-z-]+$", done.output, flags=re.M) is not None
+    ), done.output
     return done.output
 
 
 def difference(expected: str, printed: str) -> str:
-    """The first line that is not as expected; "" where all are, numbers within what other random numbers do to them."""
+    """The first line that is not as expected; "" where all are, numbers within what other random
+    numbers do to them.
+    """
     # a line about draws.nc comes where no extra is installed
-    lines, skipping = iter([line for line in printed.splitlines() if not line.startswith("draws.nc (the draws")]), False
+    lines, skipping = (
+        iter([line for line in printed.splitlines() if not line.startswith("draws.nc (the draws")]),
+        False,
+    )
     for wanted in expected.splitlines():
         if wanted.strip() == "...":
             skipping = True
@@ -76,10 +88,14 @@ def difference(expected: str, printed: str) -> str:
 
 
 def _alike(wanted: str, line: str) -> bool:
-    if [" ".join(part.split()) for part in _NUMBER.split(wanted)] != [" ".join(part.split()) for part in _NUMBER.split(line)]:
+    if [" ".join(part.split()) for part in _NUMBER.split(wanted)] != [
+        " ".join(part.split()) for part in _NUMBER.split(line)
+    ]:
         return False
     for (a, u), (b, v) in zip(_PAIR.findall(wanted), _PAIR.findall(line), strict=True):
-        if abs(_number(a) - _number(b)) > _PART_OF_U * _number(u) or abs(_number(u) - _number(v)) > _SHARE * _number(u):
+        if abs(_number(a) - _number(b)) > _PART_OF_U * _number(u) or abs(
+            _number(u) - _number(v)
+        ) > _SHARE * _number(u):
             return False
     others = (_NUMBER.findall(_PAIR.sub("", text)) for text in (wanted, line))
     return all(_close(a, b) for a, b in zip(*others, strict=True))

@@ -7,7 +7,11 @@ import re
 
 def words(text: str) -> list[str]:
     """Those with two letters or more, neither of a figure nor of a link."""
-    return [word for word in re.sub(r"!\[[^\]]*\]\([^)]*\)|[*_#|`]", " ", text).split() if re.search(r"[^\W\d_]{2,}", word)]
+    return [
+        word
+        for word in re.sub(r"!\[[^\]]*\]\([^)]*\)|[*_#|`]", " ", text).split()
+        if re.search(r"[^\W\d_]{2,}", word)
+    ]
 
 
 def first_screen(report: str) -> str:

@@ -1,4 +1,6 @@
-"""Densities with known moments and evidence, for the tests of samplers and of importance sampling."""
+"""Densities with known moments and evidence, for the tests of samplers and of importance
+sampling.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-COV = np.array([[1.0, 0.9, 0.0, 0.0], [0.9, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.0], [0.0, 0.0, -1.0, 0.5]])
+COV = np.array(
+    [[1.0, 0.9, 0.0, 0.0], [0.9, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.0], [0.0, 0.0, -1.0, 0.5]]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +34,12 @@ class Known:
 def normal(cov: np.ndarray) -> Known:
     precision = np.linalg.inv(cov)
     log_evidence = 0.5 * len(cov) * np.log(2.0 * np.pi) + 0.5 * np.linalg.slogdet(cov)[1]
-    return Known(lambda x: -0.5 * np.sum(x @ precision * x, axis=1), log_evidence, np.zeros(len(cov)), np.sqrt(np.diag(cov)))
+    return Known(
+        lambda x: -0.5 * np.sum(x @ precision * x, axis=1),
+        log_evidence,
+        np.zeros(len(cov)),
+        np.sqrt(np.diag(cov)),
+    )
 
 
 def half_normal(n_par: int) -> Known:
@@ -53,7 +62,12 @@ def exponential(n_par: int) -> Known:
 def box(n_par: int) -> Known:
     """Flat between hard edges at -1 and 1."""
     log_evidence, sd = n_par * np.log(2.0), np.full(n_par, 1.0 / np.sqrt(3.0))
-    return Known(lambda x: np.where(np.all(np.abs(x) <= 1.0, axis=1), 0.0, -np.inf), log_evidence, np.zeros(n_par), sd)
+    return Known(
+        lambda x: np.where(np.all(np.abs(x) <= 1.0, axis=1), 0.0, -np.inf),
+        log_evidence,
+        np.zeros(n_par),
+        sd,
+    )
 
 
 def banana(bend: float) -> Known:
@@ -62,11 +76,15 @@ def banana(bend: float) -> Known:
     def log_density(x: np.ndarray) -> np.ndarray:
         return -0.5 * x[:, 0] ** 2 - 0.5 * (x[:, 1] - bend * (x[:, 0] ** 2 - 1.0)) ** 2
 
-    return Known(log_density, np.log(2.0 * np.pi), np.zeros(2), np.array([1.0, np.sqrt(1.0 + 2.0 * bend**2)]))
+    return Known(
+        log_density, np.log(2.0 * np.pi), np.zeros(2), np.array([1.0, np.sqrt(1.0 + 2.0 * bend**2)])
+    )
 
 
 def bimodal(n_par: int, share: float = 0.3, apart: float = 4.0) -> Known:
-    """Unit normals at +apart (weight `share`) and of half the width at -apart, in every parameter."""
+    """Unit normals at +apart (weight `share`) and of half the width at -apart, in every
+    parameter.
+    """
 
     def log_density(x: np.ndarray) -> np.ndarray:
         narrow = -2.0 * np.sum((x + apart) ** 2, axis=1) + n_par * np.log(2.0) + np.log(1.0 - share)
@@ -74,4 +92,6 @@ def bimodal(n_par: int, share: float = 0.3, apart: float = 4.0) -> Known:
 
     mean = (2.0 * share - 1.0) * apart
     sd = np.sqrt(share + 0.25 * (1.0 - share) + apart**2 - mean**2)
-    return Known(log_density, 0.5 * n_par * np.log(2.0 * np.pi), np.full(n_par, mean), np.full(n_par, sd))
+    return Known(
+        log_density, 0.5 * n_par * np.log(2.0 * np.pi), np.full(n_par, mean), np.full(n_par, sd)
+    )

@@ -1,4 +1,6 @@
-"""The shape of the code, read from its imports: two packages, one direction, and one file for each thing that is done in one place."""
+"""The shape of the code, read from its imports: two packages, one direction, and one file for each
+thing that is done in one place.
+"""
 
 from __future__ import annotations
 
@@ -19,17 +21,30 @@ from estim.common.statuses import Amount, Finding
 
 PROJECT = Path(__file__).resolve().parents[1]
 FILES = {
-    f"{package}.{path.relative_to(PROJECT / package).with_suffix('').as_posix().replace('/', '.')}": path
+    ".".join((package, *path.relative_to(PROJECT / package).with_suffix("").parts)): path
     for package in ("model", "estim")
     for path in sorted((PROJECT / package).rglob("*.py"))
 }
 MODEL = [m for m in FILES if m.startswith("model.")]
 ESTIM = [m for m in FILES if m.startswith("estim.")]
-HEAVY = {"lmfit", "emcee", "matplotlib", "arviz_stats", "corner", "jinja2", "tqdm", "scipy", "numpy", "uncertainties"}
+HEAVY = {
+    "lmfit",
+    "emcee",
+    "matplotlib",
+    "arviz_stats",
+    "corner",
+    "jinja2",
+    "tqdm",
+    "scipy",
+    "numpy",
+    "uncertainties",
+}
 
 
 def imported(nodes):
-    """Every module that the nodes of a tree import anywhere, as dotted names; from a import b gives a and a.b."""
+    """Every module that the nodes of a tree import anywhere, as dotted names; from a import b gives
+    a and a.b.
+    """
     names = set()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -64,13 +79,20 @@ def importers(package):
 
 
 def test_the_code_is_found():
-    assert {"model.body", "model.phase", "estim.cli.commands", "estim.campaign.bodies", "estim.fitting.least_squares"} <= set(FILES)
+    assert {
+        "model.body",
+        "model.phase",
+        "estim.cli.commands",
+        "estim.campaign.bodies",
+        "estim.fitting.least_squares",
+    } <= set(FILES)
     assert importers("numpy") > {"model.phase", "estim.problem.priors"}
 
 
 def test_physics_needs_numpy_and_nothing_else():
     for module in MODEL:
-        more = {"numba"} if module == "model.compiled" else set()  # the extra `fast`, without which NumPy computes the same
+        # the extra `fast`, without which NumPy computes the same
+        more = {"numba"} if module == "model.compiled" else set()
         assert packages(module) <= {"model", "numpy", *more, *sys.stdlib_module_names}, module
 
 
@@ -80,23 +102,45 @@ def test_the_command_line_alone_knows_click():
 
 def test_inference_meets_physics_in_eight_files():
     found = {f"estim.campaign.{name}" for name in ("binding", "design", "parts", "quantities")}
-    found |= {"estim.curves.disturbed", "estim.curves.regimes", "estim.curves.rolling", "estim.line.release_likelihood"}
+    found |= {
+        "estim.curves.disturbed",
+        "estim.curves.regimes",
+        "estim.curves.rolling",
+        "estim.line.release_likelihood",
+    }
     assert {m for m in importers("model") if m in ESTIM} == found
 
 
-@pytest.mark.parametrize(("package", "module"), [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.ensembles")])
+@pytest.mark.parametrize(
+    ("package", "module"),
+    [("lmfit", "estim.fitting.least_squares"), ("emcee", "estim.sampling.ensembles")],
+)
 def test_one_file_knows_each_engine(package, module):
     assert importers(package) == {module}
 
 
 ARCHITECTURE = (PROJECT / "docs" / "architecture.md").read_text()
-ORDER = ["model", *(f"estim.{name}" for name in re.findall(r"^\| `(\w+)` \|", ARCHITECTURE, re.M) if name != "model")]
-PAGES = [m.removesuffix(".__init__") for m in FILES if m.startswith("estim.") and m.endswith(".__init__") and m.count(".") == 2]
-FRONT = {"estim.__init__", "estim.__main__", "model.__init__"}  # they export and start; nothing imports them
+ORDER = [
+    "model",
+    *(
+        f"estim.{name}"
+        for name in re.findall(r"^\| `(\w+)` \|", ARCHITECTURE, re.M)
+        if name != "model"
+    ),
+]
+PAGES = [
+    m.removesuffix(".__init__")
+    for m in FILES
+    if m.startswith("estim.") and m.endswith(".__init__") and m.count(".") == 2
+]
+# they export and start; nothing imports them
+FRONT = {"estim.__init__", "estim.__main__", "model.__init__"}
 
 
 def room(name):
-    """The package of `estim` (or the file beside the packages) that a dotted name belongs to; "model" for physics."""
+    """The package of `estim` (or the file beside the packages) that a dotted name belongs to;
+    "model" for physics.
+    """
     parts = name.split(".")
     return "model" if parts[0] == "model" else ".".join(parts[:2])
 
@@ -104,8 +148,11 @@ def room(name):
 def of_the_house(module):
     """The modules and pages of the project that a file imports from."""
     return {
-        node.module for node in nodes()[module]
-        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] in ("model", "estim")
+        node.module
+        for node in nodes()[module]
+        if isinstance(node, ast.ImportFrom)
+        and node.module
+        and node.module.split(".")[0] in ("model", "estim")
     }
 
 
@@ -119,17 +166,31 @@ def test_every_import_goes_to_a_package_below():
     for module in sorted(set(FILES) - FRONT):
         below = ORDER[: ORDER.index(room(module))]
         for name in of_the_house(module):
-            assert room(name) == room(module) or room(name) in below, f"{module} imports {name}, which is not below it"
+            assert room(name) == room(module) or room(name) in below, (
+                f"{module} imports {name}, which is not below it"
+            )
             # from another package through its page, so that the page says what others build on
-            assert room(name) in (name, room(module), "model"), f"{module} imports {name}: import from {room(name)}"
+            assert room(name) in (name, room(module), "model"), (
+                f"{module} imports {name}: import from {room(name)}"
+            )
 
 
 def test_the_check_of_the_order_sees_an_arrow_up():
-    assert ORDER.index("estim.checks") > ORDER.index("estim.problem") > ORDER.index("estim.common") > ORDER.index("model") == 0
+    assert (
+        ORDER.index("estim.checks")
+        > ORDER.index("estim.problem")
+        > ORDER.index("estim.common")
+        > ORDER.index("model")
+        == 0
+    )
 
 
 def test_no_circles_inside_a_package():
-    graph = {m: {n for n in imports()[m] if n in FILES and room(n) == room(m)} - {m} for m in FILES if not m.endswith("__init__")}
+    graph = {
+        m: {n for n in imports()[m] if n in FILES and room(n) == room(m)} - {m}
+        for m in FILES
+        if not m.endswith("__init__")
+    }
     try:
         assert len(list(TopologicalSorter(graph).static_order())) >= len(graph)
     except CycleError as error:
@@ -137,30 +198,74 @@ def test_no_circles_inside_a_package():
 
 
 def test_nobody_asks_which_kind_of_noise_it_is():
-    kinds = {"Independent", "Differentiated", "Readings", "Correlated", "RobustErrors", "GaussianErrors", "LatentErrors", "Counts", "Events",
-        "StudentT", "Mixture"}
+    kinds = {
+        "Independent",
+        "Differentiated",
+        "Readings",
+        "Correlated",
+        "RobustErrors",
+        "GaussianErrors",
+        "LatentErrors",
+        "Counts",
+        "Events",
+        "StudentT",
+        "Mixture",
+    }
     for module in ESTIM:
         for node in nodes()[module]:
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("isinstance", "issubclass"):
-                assert not kinds & {getattr(part, "id", getattr(part, "attr", "")) for part in ast.walk(node.args[1])}, module
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in (
+                "isinstance",
+                "issubclass",
+            ):
+                assert not kinds & {
+                    getattr(part, "id", getattr(part, "attr", ""))
+                    for part in ast.walk(node.args[1])
+                }, module
 
 
 def test_a_page_offers_what_others_use():
     assert len(PAGES) > 10
     for page in PAGES:
-        offered = {alias.name for node in nodes()[f"{page}.__init__"] if isinstance(node, ast.ImportFrom) for alias in node.names}
+        offered = {
+            alias.name
+            for node in nodes()[f"{page}.__init__"]
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
         files = {m.rpartition(".")[2] for m in FILES if m.startswith(f"{page}.")}
         assert not offered & files, f"{page}: a name must not be that of a file"
-        used = {name.rpartition(".")[2] for m in set(FILES) - FRONT if room(m) != page for name in imports()[m] if name.rpartition(".")[0] == page}
+        used = {
+            name.rpartition(".")[2]
+            for m in set(FILES) - FRONT
+            if room(m) != page
+            for name in imports()[m]
+            if name.rpartition(".")[0] == page
+        }
         assert offered == used, page
 
 
-WRITING = {"print", "echo", "write_text", "write_bytes", "mkdir", "makedirs", "unlink", "rename", "touch", "rmdir", "mkstemp", "fdopen", "savetxt"}
+WRITING = {
+    "print",
+    "echo",
+    "write_text",
+    "write_bytes",
+    "mkdir",
+    "makedirs",
+    "unlink",
+    "rename",
+    "touch",
+    "rmdir",
+    "mkstemp",
+    "fdopen",
+    "savetxt",
+}
 WRITING |= {"rmtree", "fsync"}
 
 
 def outputs(nodes):
-    """Lines on which the nodes of a tree print or write: calls by name, and `open` for anything but reading."""
+    """Lines on which the nodes of a tree print or write: calls by name, and `open` for anything but
+    reading.
+    """
     found = []
     for node in nodes:
         if not isinstance(node, ast.Call):
@@ -169,29 +274,56 @@ def outputs(nodes):
             continue
         method = isinstance(node.func, ast.Attribute)
         name = node.func.attr if method else getattr(node.func, "id", "")
-        modes = [k.value for k in node.keywords if k.arg == "mode"] + (node.args[:1] if method else node.args[1:2])
-        opens = name == "open" and any(not isinstance(m, ast.Constant) or set(str(m.value)) & set("wax+") for m in modes)
+        modes = [k.value for k in node.keywords if k.arg == "mode"] + (
+            node.args[:1] if method else node.args[1:2]
+        )
+        opens = name == "open" and any(
+            not isinstance(m, ast.Constant) or set(str(m.value)) & set("wax+") for m in modes
+        )
         if name in WRITING or opens:
             found.append(node.lineno)
     return found
 
 
 def test_the_check_for_output_sees_output():
-    seen = "print(1)\nopen('a', 'w')\np.write_text('a')\nclick.echo('a')\nsys.stderr.write('a')\np.open(mode='wb')\n"
+    seen = (
+        "print(1)\nopen('a', "
+        "'w')\np.write_text('a')\nclick.echo('a')\nsys.stderr.write('a')\np.open(mode='wb')\n"
+    )
     assert sorted(outputs(ast.walk(ast.parse(seen)))) == [1, 2, 3, 4, 5, 6]
     assert outputs(ast.walk(ast.parse("open('a')\np.read_text()\nopen('a', 'rb')\n"))) == []
 
 
 def test_one_place_prints_and_one_file_writes():
-    printing = {"estim.__main__", "estim.cli.output_streams", "estim.cli.terminal", "estim.common.storage"}
+    printing = {
+        "estim.__main__",
+        "estim.cli.output_streams",
+        "estim.cli.terminal",
+        "estim.common.storage",
+    }
     assert {module for module, found in nodes().items() if outputs(found)} == printing
-    assert not any(getattr(node, "attr", "") == "echo" for module in ESTIM for node in nodes()[module])  # `terminal.say` escapes
-    storage = {f"estim.common.{node.name}" for node in trees()["estim.common.storage"].body if isinstance(node, ast.FunctionDef)}
+    # `terminal.say` escapes
+    assert not any(
+        getattr(node, "attr", "") == "echo" for module in ESTIM for node in nodes()[module]
+    )
+    storage = {
+        f"estim.common.{node.name}"
+        for node in trees()["estim.common.storage"].body
+        if isinstance(node, ast.FunctionDef)
+    }
     storage -= {"estim.common.note_input", "estim.common.inputs_read"}  # which keep no file
-    keeping = {"estim.batch.rows", "estim.cli.origin_record", "estim.cli.terminal", "estim.cli.verifying", "estim.cli.batching"}
-    keeping |= {"estim.reports.curve"}  # a report asked for in Python has no command line to write it
+    keeping = {
+        "estim.batch.rows",
+        "estim.cli.origin_record",
+        "estim.cli.terminal",
+        "estim.cli.verifying",
+        "estim.cli.batching",
+    }
+    # a report asked for in Python has no command line to write it
+    keeping |= {"estim.reports.curve"}
     assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping
-    assert importers("pickle") | importers("shelve") <= {"estim.common.jobs"}  # between processes only, never from a file
+    # between processes only, never from a file
+    assert importers("pickle") | importers("shelve") <= {"estim.common.jobs"}
     assert importers("h5py") <= {"estim.reports.interop"}
 
 
@@ -201,29 +333,73 @@ RECORDS = {"Finding", "Amount"}
 def free_texts(nodes):
     """Lines on which the nodes of a tree give a finding a sentence, or make one on the spot."""
     calls = [n for n in nodes if isinstance(n, ast.Call) and getattr(n.func, "id", "") in RECORDS]
-    given = [(n.lineno, value) for n in calls for value in (*n.args, *(k.value for k in n.keywords))]
+    given = [
+        (n.lineno, value) for n in calls for value in (*n.args, *(k.value for k in n.keywords))
+    ]
 
     def text(node):
-        return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and " " in str(node.value))
+        return isinstance(node, ast.JoinedStr) or (
+            isinstance(node, ast.Constant) and " " in str(node.value)
+        )
 
     return sorted({line for line, value in given if any(map(text, ast.walk(value)))})
 
 
 def test_a_finding_holds_facts_and_no_sentence():
-    assert free_texts(ast.walk(ast.parse("Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', size=1.0)"))) == [1, 2]
+    assert free_texts(
+        ast.walk(
+            ast.parse(
+                "Finding(kind, test=f'p = {p}')\nAmount('a b')\nFinding(kind, test='chi2', "
+                "size=1.0)"
+            )
+        )
+    ) == [1, 2]
     assert [m for m, found in nodes().items() if free_texts(found)] == []
-    texts = {field.name for record in (Finding, Amount) for field in fields(record) if "str" in str(field.type)}
-    assert texts == {"run", "test", "names", "name", "numbers"}  # names of runs, tests, arguments, parameters and numbers
+    texts = {
+        field.name
+        for record in (Finding, Amount)
+        for field in fields(record)
+        if "str" in str(field.type)
+    }
+    # names of runs, tests, arguments, parameters and numbers
+    assert texts == {"run", "test", "names", "name", "numbers"}
 
 
-PROSE = {"reason", "reasons", "advice", "note", "notes", "message", "sentence", "sentences", "warning", "warnings", "fact", "facts", "words"}
-SEARCHES = {"startswith", "endswith", "partition", "rpartition", "split", "removeprefix", "removesuffix", "find", "index", "replace", "count"}
+PROSE = {
+    "reason",
+    "reasons",
+    "advice",
+    "note",
+    "notes",
+    "message",
+    "sentence",
+    "sentences",
+    "warning",
+    "warnings",
+    "fact",
+    "facts",
+    "words",
+}
+SEARCHES = {
+    "startswith",
+    "endswith",
+    "partition",
+    "rpartition",
+    "split",
+    "removeprefix",
+    "removesuffix",
+    "find",
+    "index",
+    "replace",
+    "count",
+}
 SEARCHES |= {"match", "search", "fullmatch", "findall", "sub"}
 OF_OTHERS = {  # words that are not estim's, or that stand in a file
     "estim.campaign.campaign_file",  # messages of msgspec
     "estim.campaign.mismatch",
     "estim.reading.toml",  # messages of tomllib
-    "estim.reading.tracker.importing",  # the head of a CSV file that `estim import` made, of any version
+    # the head of a CSV file that `estim import` made, of any version
+    "estim.reading.tracker.importing",
     "estim.reading.tracker.plausibility",
 }
 FILLING = {"estim.words.telling"}  # names of choices put into advice
@@ -231,7 +407,9 @@ FILLING = {"estim.words.telling"}  # names of choices put into advice
 
 def is_prose(node):
     return getattr(node, "attr", getattr(node, "id", "")) in PROSE or (
-        isinstance(node, ast.Call) and getattr(node.func, "id", "") == "str" and getattr(node.args[0], "id", "") == "error"
+        isinstance(node, ast.Call)
+        and getattr(node.func, "id", "") == "str"
+        and getattr(node.args[0], "id", "") == "error"
     )
 
 
@@ -240,10 +418,18 @@ def readings(nodes):
     found = []
     for node in nodes:
         if isinstance(node, ast.Compare):
-            for op, a, b in zip(node.ops, (node.left, *node.comparators), node.comparators, strict=False):
-                if not isinstance(op, ast.Is | ast.IsNot) and (is_prose(b) or (is_prose(a) and isinstance(op, ast.Eq | ast.NotEq))):
+            for op, a, b in zip(
+                node.ops, (node.left, *node.comparators), node.comparators, strict=False
+            ):
+                if not isinstance(op, ast.Is | ast.IsNot) and (
+                    is_prose(b) or (is_prose(a) and isinstance(op, ast.Eq | ast.NotEq))
+                ):
                     found.append(node.lineno)
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in SEARCHES:
+        elif (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Attribute)
+            and node.func.attr in SEARCHES
+        ):
             asked = node.args if getattr(node.func.value, "id", "") == "re" else [node.func.value]
             if any(is_prose(part) for part in asked):
                 found.append(node.lineno)
@@ -251,24 +437,56 @@ def readings(nodes):
 
 
 def test_no_sentence_is_read_back():
-    seen = "'a' in run.reason\nfit.message == 'b'\nreason.startswith('c')\nre.match('d', fact)\nstr(error).partition(' at ')\n"
+    seen = (
+        "'a' in run.reason\nfit.message == 'b'\nreason.startswith('c')\nre.match('d', "
+        "fact)\nstr(error).partition(' at ')\n"
+    )
     assert readings(ast.walk(ast.parse(seen))) == [1, 2, 3, 4, 5]
-    assert readings(ast.walk(ast.parse("'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is Kind.WAY_BACK\n"))) == []
+    assert (
+        readings(
+            ast.walk(
+                ast.parse(
+                    "'a' in names\nstatus == 'ok'\nname.partition('[')\nfinding.kind is "
+                    "Kind.WAY_BACK\n"
+                )
+            )
+        )
+        == []
+    )
     assert {m for m in ESTIM if readings(nodes()[m])} == OF_OTHERS | FILLING
 
 
 def test_one_place_knows_to_which_status_a_finding_leads():
-    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in imports()[m]} == {"estim.common.statuses"}
+    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in imports()[m]} == {
+        "estim.common.statuses"
+    }
 
 
 def test_the_command_line_starts_without_the_heavy_packages():
     code = f"import sys, estim.cli.commands; print(*sorted({HEAVY!r} & set(sys.modules)))"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT
+    )
     assert ran.stdout.split() == []
 
 
-SLOW = {"scipy.stats", "scipy.optimize", "matplotlib", "lmfit", "emcee", "arviz_stats", "pandas", "xarray", "corner", "jinja2", "h5py"}
-COMMAND = "import sys; sys.argv = ['estim', *{words}]\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit as ended: print(ended.code)"
+SLOW = {
+    "scipy.stats",
+    "scipy.optimize",
+    "matplotlib",
+    "lmfit",
+    "emcee",
+    "arviz_stats",
+    "pandas",
+    "xarray",
+    "corner",
+    "jinja2",
+    "h5py",
+}
+COMMAND = (
+    "import sys; sys.argv = ['estim', *{words}]\nfrom estim.__main__ import main\ntry: "
+    "main()\nexcept SystemExit as ended: print(ended.code)"
+)
 REFUSED = COMMAND.format(words=["fit", "data/replica/campaign.toml", "--run", "nope"])
 
 
@@ -276,46 +494,87 @@ REFUSED = COMMAND.format(words=["fit", "data/replica/campaign.toml", "--run", "n
     ("code", "said", "without"),
     [
         *((COMMAND.format(words=[word]), "0", HEAVY | SLOW) for word in ("--help", "--version")),
-        ("import estim; print(estim.fit_line is estim.fit_curve, dir(estim) == estim.__all__)", "False True", SLOW),
+        (
+            "import estim; print(estim.fit_line is estim.fit_curve, dir(estim) == estim.__all__)",
+            "False True",
+            SLOW,
+        ),
         (REFUSED, "2", SLOW),
-        ("import estim; print(estim.propagate_linear(lambda q: 2.0 * q['a'], [estim.Input('a', 1.0, 0.1, dof=5)]).value)", "2.0", SLOW),
-        ("import estim; print(estim.fit_line([0.0, 1.0, 2.0], [1.0, 3.0, 5.0], u_y=0.1).dof)", "1", SLOW - {"scipy.optimize"}),
+        (
+            "import estim; print(estim.propagate_linear(lambda q: 2.0 * q['a'], "
+            "[estim.Input('a', 1.0, 0.1, dof=5)]).value)",
+            "2.0",
+            SLOW,
+        ),
+        (
+            "import estim; print(estim.fit_line([0.0, 1.0, 2.0], [1.0, 3.0, 5.0], u_y=0.1).dof)",
+            "1",
+            SLOW - {"scipy.optimize"},
+        ),
     ],
 )
 def test_what_is_slow_to_import_waits_until_it_is_used(code, said, without):
-    """In a process of its own: a refusal, a straight line or a budget must not wait for what fits and draws."""
+    """In a process of its own: a refusal, a straight line or a budget must not wait for what fits
+    and draws.
+    """
     code += f"\nimport sys; print(*sorted({without!r} & set(sys.modules)), sep=',')"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT
+    )
     assert ran.stdout.splitlines()[-2:] == [said, ""]
 
 
 def test_importing_the_package_loads_none_of_its_stages():
     code = "import sys, estim; print(*sorted(m for m in sys.modules if m.startswith('estim.')))"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT
+    )
     assert ran.stdout.split() == []
 
 
 def test_physics_works_where_inference_is_not_installed():
     heavy = "{'scipy', 'estim.common.errors', 'uncertainties'}"
-    code = f"import sys; sys.modules['estim'] = None; import model; print(*sorted({heavy} & set(sys.modules)))"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT)
+    code = (
+        f"import sys; sys.modules['estim'] = None; import model; print(*sorted({heavy} & "
+        "set(sys.modules)))"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT
+    )
     assert ran.stdout.split() == []
 
 
-NAMES = "import sys, estim, model, importlib\nfor name in sys.argv[1:]: importlib.import_module(name)\n"
-NAMES += "for package in (estim, model):\n for name in package.__all__: print(package.__name__, name, type(getattr(package, name)).__name__)"
+NAMES = (
+    "import sys, estim, model, importlib\nfor name in sys.argv[1:]: importlib.import_module(name)\n"
+)
+NAMES += (
+    "for package in (estim, model):\n for name in package.__all__: print(package.__name__, "
+    "name, type(getattr(package, name)).__name__)"
+)
 
 
 def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
     absent = {"model.compiled"} if find_spec("numba") is None else set()
-    modules = [module.removesuffix(".__init__") for module in sorted(FILES.keys() - absent) if not module.endswith("__main__")]
+    modules = [
+        module.removesuffix(".__init__")
+        for module in sorted(FILES.keys() - absent)
+        if not module.endswith("__main__")
+    ]
     fresh, after = (
-        subprocess.run([sys.executable, "-c", NAMES, *first], capture_output=True, text=True, check=True, cwd=PROJECT).stdout
+        subprocess.run(
+            [sys.executable, "-c", NAMES, *first],
+            capture_output=True,
+            text=True,
+            check=True,
+            cwd=PROJECT,
+        ).stdout
         for first in ([], modules)
     )
     assert after == fresh
     assert "module" not in fresh.split()
-    assert {"estim budget function", "estim line_posterior function", "model Body type"} <= set(fresh.splitlines())
+    assert {"estim budget function", "estim line_posterior function", "model Body type"} <= set(
+        fresh.splitlines()
+    )
 
 
 @pytest.mark.parametrize("package", ["estim", "model"])
@@ -335,5 +594,9 @@ def test_every_file_opens_by_saying_what_it_is_for():
 
 def test_no_file_swallows_every_error():
     for module, found in nodes().items():
-        bare = [node.lineno for node in found if isinstance(node, ast.ExceptHandler) and node.type is None]
+        bare = [
+            node.lineno
+            for node in found
+            if isinstance(node, ast.ExceptHandler) and node.type is None
+        ]
         assert not bare, module

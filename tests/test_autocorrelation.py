@@ -11,8 +11,12 @@ from emcee.autocorr import integrated_time
 from estim.sampling.diagnostics import autocorrelation_time, effective_size, mixing_of, r_hat
 
 
-def remembering(rng: np.random.Generator, shares: tuple[float, ...], shape: tuple[int, int, int]) -> np.ndarray:
-    """Chains x_k = share x_(k-1) + noise, (n_ensemble, n_step, n_walker, n_par), one share a parameter."""
+def remembering(
+    rng: np.random.Generator, shares: tuple[float, ...], shape: tuple[int, int, int]
+) -> np.ndarray:
+    """Chains x_k = share x_(k-1) + noise, (n_ensemble, n_step, n_walker, n_par), one share a
+    parameter.
+    """
     noise = rng.standard_normal((*shape, len(shares)))
     chain = np.zeros_like(noise)
     for step in range(1, shape[1]):
@@ -28,8 +32,12 @@ def test_time_is_emcees(n_step: int, rng: np.random.Generator) -> None:
 
 
 def test_time_of_an_autoregression_is_known(rng: np.random.Generator) -> None:
-    """tau = (1 + share)/(1 - share), 9 for .8.  Error of the sum over a window of M = 45 steps: sqrt(2 (2 M + 1)/N) = 1.1 % for N = 1.6e6."""
-    assert autocorrelation_time(remembering(rng, (0.8,), (4, 20_000, 20))) == pytest.approx(9.0, rel=0.044)
+    """tau = (1 + share)/(1 - share), 9 for .8.  Error of the sum over a window of M = 45 steps:
+    sqrt(2 (2 M + 1)/N) = 1.1 % for N = 1.6e6.
+    """
+    assert autocorrelation_time(remembering(rng, (0.8,), (4, 20_000, 20))) == pytest.approx(
+        9.0, rel=0.044
+    )
 
 
 def test_a_walker_that_never_moved_has_no_time(rng: np.random.Generator) -> None:

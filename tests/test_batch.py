@@ -1,4 +1,6 @@
-"""`estim batch`: many runs one by one, whatever befalls any of them, and the same numbers however the work is spread."""
+"""`estim batch`: many runs one by one, whatever befalls any of them, and the same numbers however
+the work is spread.
+"""
 
 from __future__ import annotations
 
@@ -32,11 +34,19 @@ TIMES = np.arange(0.0, 3.0, 0.25)
 def campaign(folder: Path, runs: dict[str, float], kind: str = "synthetic") -> Path:
     """Straight lines of the slopes `runs`, each with its own noise."""
     folder.mkdir(parents=True)
-    text = f'title = "{folder.name}"\nkind = "{kind}"\n[curve]\nexpression = "a + b*x"\nx = {{column = "t", unit = "s"}}\n'
-    text += 'y = {column = "y", unit = "m"}\nu_y = 0.1\n[curve.parameters]\na = {start = 0.0}\nb = {start = 1.0, unit = "m/s"}\n'
+    text = (
+        f'title = "{folder.name}"\nkind = "{kind}"\n[curve]\nexpression = "a + b*x"\nx = '
+        f'{{column = "t", unit = "s"}}\n'
+    )
+    text += (
+        'y = {column = "y", unit = "m"}\nu_y = 0.1\n[curve.parameters]\na = {start = 0.0}\nb '
+        '= {start = 1.0, unit = "m/s"}\n'
+    )
     for i, (name, slope) in enumerate(runs.items()):
         y = 1.0 + slope * TIMES + 0.1 * np.random.default_rng(i).standard_normal(TIMES.size)
-        (folder / f"{name}.csv").write_text("t,y\n" + "".join(f"{t},{v:.6f}\n" for t, v in zip(TIMES, y, strict=True)))
+        (folder / f"{name}.csv").write_text(
+            "t,y\n" + "".join(f"{t},{v:.6f}\n" for t, v in zip(TIMES, y, strict=True))
+        )
         text += f'[[runs]]\nname = "{name}"\nfile = "{name}.csv"\n'
     (folder / "campaign.toml").write_text(text)
     return folder / "campaign.toml"
@@ -52,25 +62,41 @@ def batch(*arguments: object):
 
 
 def files_in(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("result.json"))}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("result.json"))
+    }
 
 
 def test_one_bad_file_stops_no_other_and_is_told(three: Path, tmp_path: Path) -> None:
-    (three / "b.csv").write_text("t,y\n0.0,1.0\n0.5,word\n" + "".join(f"{t},{t}\n" for t in range(1, 9)))
+    (three / "b.csv").write_text(
+        "t,y\n0.0,1.0\n0.5,word\n" + "".join(f"{t},{t}\n" for t in range(1, 9))
+    )
     (tmp_path / "in" / "worse").mkdir()
     (tmp_path / "in" / "worse" / "campaign.toml").write_text("title = 3\n")
     done = batch(tmp_path / "in", "--out", tmp_path / "out")
     assert done.exit_code == 3
     assert "4 runs: 2 ok, 2 without a result" in done.output
-    for words in ("error: b: ", "b.csv:3: 'y' must be a number", "worse/campaign.toml:1: 'title' must be text"):
+    for words in (
+        "error: b: ",
+        "b.csv:3: 'y' must be a number",
+        "worse/campaign.toml:1: 'title' must be text",
+    ):
         assert words in done.stderr
     with (tmp_path / "out" / "summary.csv").open() as file:
         lines = {line["run"]: line for line in csv.DictReader(file)}
-    assert [lines[name]["status"] for name in ("a", "b", "c", "")] == ["ok", "no result", "ok", "no result"]
+    assert [lines[name]["status"] for name in ("a", "b", "c", "")] == [
+        "ok",
+        "no result",
+        "ok",
+        "no result",
+    ]
     assert abs(float(lines["a"]["b [m/s]"]) - 2.0) < 4.0 * float(lines["a"]["b [m/s] sd"])
     assert (lines["a"]["why"], lines["b"]["b [m/s]"]) == ("", "")
     report = (tmp_path / "out" / "report.md").read_text()
-    assert report.index("SYNTHETIC data") < report.index("## Quantities") < report.index("## Not ok")
+    assert (
+        report.index("SYNTHETIC data") < report.index("## Quantities") < report.index("## Not ok")
+    )
     assert "![" in report
     assert (tmp_path / "out" / "figures" / "overview.png").stat().st_size > 5000
     assert sorted(files_in(tmp_path / "out")) == ["spring/a/result.json", "spring/c/result.json"]
@@ -78,12 +104,29 @@ def test_one_bad_file_stops_no_other_and_is_told(three: Path, tmp_path: Path) ->
 
 def test_a_run_in_a_batch_has_the_numbers_of_the_run_alone(three: Path, tmp_path: Path) -> None:
     batch(three, "--out", tmp_path / "out", "--no-figures")
-    runner().invoke(cli, ["fit", str(three / "campaign.toml"), "--run", "b", "--out", str(tmp_path / "alone"), "--no-figures"])
+    runner().invoke(
+        cli,
+        [
+            "fit",
+            str(three / "campaign.toml"),
+            "--run",
+            "b",
+            "--out",
+            str(tmp_path / "alone"),
+            "--no-figures",
+        ],
+    )
     alone = json.loads((tmp_path / "alone" / "result.json").read_text())
-    assert json.loads((tmp_path / "out" / "spring" / "b" / "result.json").read_text()) == {**alone, "profile": None}  # not computed for a table
+    # not computed for a table
+    assert json.loads((tmp_path / "out" / "spring" / "b" / "result.json").read_text()) == {
+        **alone,
+        "profile": None,
+    }
 
 
-def test_what_is_there_stays_and_what_changed_is_done_again(three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_there_stays_and_what_changed_is_done_again(
+    three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     units, out = units_of([three]), tmp_path / "out"
     first = run_batch(units, out, report=lean_files, settings=QUICK)
     (three / "b.csv").write_text((three / "b.csv").read_text().replace("0.0,", "0.00,"))
@@ -101,7 +144,9 @@ def test_what_is_there_stays_and_what_changed_is_done_again(three: Path, tmp_pat
     assert done == ["b", "c", "a", "b", "c"]
 
 
-def test_a_run_that_was_changed_is_read_again_and_one_that_fails_keeps_no_older_result(tmp_path: Path) -> None:
+def test_a_run_that_was_changed_is_read_again_and_one_that_fails_keeps_no_older_result(
+    tmp_path: Path,
+) -> None:
     path = campaign(tmp_path / "one", {"a": 2.0})
     units, out = units_of([path]), tmp_path / "out"
     (first,) = run_batch(units, out, report=lean_files, settings=QUICK)
@@ -127,14 +172,25 @@ def test_a_fault_of_the_program_is_a_line_and_not_the_end(three: Path, tmp_path:
 
 def pictures(subject, analysis):
     """A whole report, as far as files go."""
-    return {**lean_files(subject, analysis), "report.md": b"![a](figures/a.png)", "report.html": b"a page", "figures/a.png": b"a picture"}
+    return {
+        **lean_files(subject, analysis),
+        "report.md": b"![a](figures/a.png)",
+        "report.html": b"a page",
+        "figures/a.png": b"a picture",
+    }
 
 
 def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Path) -> None:
     path = campaign(tmp_path / "one", {"a": 2.0})
     units, out = units_of([path]), tmp_path / "out"
     run_batch(units, out, report=pictures, settings=QUICK)
-    assert {p.name for p in (out / "one" / "a").rglob("*.*")} == {"a.png", "report.html", "report.md", "result.json", "row.json"}
+    assert {p.name for p in (out / "one" / "a").rglob("*.*")} == {
+        "a.png",
+        "report.html",
+        "report.md",
+        "result.json",
+        "row.json",
+    }
     run_batch(units, out, report=lean_files, settings=QUICK)
     assert {p.name for p in (out / "one" / "a").rglob("*")} == {"result.json", "row.json"}
     run_batch(units, out, report=pictures, settings=QUICK)
@@ -143,8 +199,12 @@ def test_nothing_of_an_earlier_batch_stands_beside_what_is_made_now(tmp_path: Pa
     assert list((out / "one" / "a").rglob("*")) == []
 
 
-def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    def key(*, campaign: str = "c", data: str = "d", truth: float = 1.0, run: str = "a", seed: int = 1) -> str:
+def test_whatever_decides_a_result_decides_whether_it_is_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def key(
+        *, campaign: str = "c", data: str = "d", truth: float = 1.0, run: str = "a", seed: int = 1
+    ) -> str:
         tables = {name: SimpleNamespace(sha256=data) for name in "ab"}
         read = SimpleNamespace(sha256=campaign, tables=tables, truth={"p": truth})
         return key_of(Campaign.digests(read, [run]), Settings(seed=seed))  # type: ignore[arg-type]
@@ -155,10 +215,14 @@ def test_whatever_decides_a_result_decides_whether_it_is_kept(monkeypatch: pytes
     assert len({*keys, key()}) == 7
 
 
-def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_stands_only_beside_its_own_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (plain,) = rows_of(np.array([1.0]), 0.1)
     unit = Unit(Path("c.toml"), "r0", plain.place)
-    monkeypatch.setattr("estim.batch.rows.row_of", lambda unit, data, *, key, seconds, interval: rows[data.decode()])
+    monkeypatch.setattr(
+        "estim.batch.rows.row_of", lambda unit, data, *, key, seconds, interval: rows[data.decode()]
+    )
     rows = {text: msgspec.structs.replace(plain, key=text) for text in ("one", "two")}
     keep(tmp_path, rows["one"], {"result.json": b"one"})
     assert kept(tmp_path, unit, "one", None) == rows["one"]
@@ -179,7 +243,9 @@ def test_a_row_stands_only_beside_its_own_result(tmp_path: Path, monkeypatch: py
     assert kept(tmp_path, unit, "one", None) is None
 
 
-def test_a_row_that_somebody_edited_is_not_believed_and_a_result_is_refused(three: Path, tmp_path: Path) -> None:
+def test_a_row_that_somebody_edited_is_not_believed_and_a_result_is_refused(
+    three: Path, tmp_path: Path
+) -> None:
     units, out = units_of([three]), tmp_path / "out"
     first = run_batch(units, out, report=lean_files, settings=QUICK)
     row, result = out / "spring" / "a" / "row.json", out / "spring" / "a" / "result.json"
@@ -190,7 +256,9 @@ def test_a_row_that_somebody_edited_is_not_believed_and_a_result_is_refused(thre
     assert [(one.values, one.kind) for one in again] == [(one.values, one.kind) for one in first]
     result.write_text(result.read_text().replace("synthetic", "measured"))
     for resume in (True, False):
-        with pytest.raises(EstimError, match=r"a/result.json: was not written by estim, or was changed since"):
+        with pytest.raises(
+            EstimError, match=r"a/result.json: was not written by estim, or was changed since"
+        ):
             run_batch(units, out, report=lean_files, settings=QUICK, resume=resume)
 
 
@@ -209,7 +277,9 @@ def test_a_folder_whose_name_is_not_utf8_is_a_run_like_any_other(tmp_path: Path)
 
 
 @pytest.mark.parametrize("kind", ["pipe", "dangling", "device", "folder without access"])
-def test_a_campaign_that_is_no_file_is_told_in_a_line(kind: str, three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_campaign_that_is_no_file_is_told_in_a_line(
+    kind: str, three: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     place = three.parent / "odd"
     place.mkdir()
     if kind == "pipe":
@@ -233,8 +303,12 @@ def test_a_campaign_that_is_no_file_is_told_in_a_line(kind: str, three: Path, tm
     assert rows[0].error.startswith(str(place / "campaign.toml"))
 
 
-@pytest.mark.parametrize(("status", "error", "code"), [("ok", "", 0), ("poor-fit", "", 3), ("", "cannot be read", 3)])
-def test_one_run_that_is_not_ok_ends_the_command_with_3(status: str, error: str, code: int, three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("status", "error", "code"), [("ok", "", 0), ("poor-fit", "", 3), ("", "cannot be read", 3)]
+)
+def test_one_run_that_is_not_ok_ends_the_command_with_3(
+    status: str, error: str, code: int, three: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rows = rows_of(np.array([1.0, 1.1]), 0.1)
     rows[1] = msgspec.structs.replace(rows[1], status=status, error=error)
     monkeypatch.setattr("estim.batch.run_batch", lambda *_, **__: rows)
@@ -245,25 +319,45 @@ def test_one_name_in_two_units_is_two_quantities() -> None:
     rows = rows_of(np.array([1.0, 1.1]), 0.1)
     other = [replace_row(row, unit="V", mean=100.0 + i) for i, row in enumerate(rows)]
     assert [(one.name, one.unit, one.rows, one.median) for one in spreads([*rows, *other])] == [
-        ("a", "m", (0, 1), 1.05), ("a", "V", (2, 3), 100.5),
+        ("a", "m", (0, 1), 1.05),
+        ("a", "V", (2, 3), 100.5),
     ]
-    table = list(csv.DictReader(batch_report([*rows, *other], figures=False)["summary.csv"].decode().splitlines()))
-    assert [(line["a [m]"], line["a [V]"]) for line in table] == [("1.0", ""), ("1.1", ""), ("", "100.0"), ("", "101.0")]
+    table = list(
+        csv.DictReader(
+            batch_report([*rows, *other], figures=False)["summary.csv"].decode().splitlines()
+        )
+    )
+    assert [(line["a [m]"], line["a [V]"]) for line in table] == [
+        ("1.0", ""),
+        ("1.1", ""),
+        ("", "100.0"),
+        ("", "101.0"),
+    ]
 
 
 def replace_row(row: Row, *, unit: str, mean: float) -> Row:
-    return msgspec.structs.replace(row, values={"a": msgspec.structs.replace(row.values["a"], unit=unit, mean=mean)})
+    return msgspec.structs.replace(
+        row, values={"a": msgspec.structs.replace(row.values["a"], unit=unit, mean=mean)}
+    )
 
 
 def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> None:
-    rows = [msgspec.structs.replace(row, interval=dt) for row, dt in zip(rows_of(np.full(4, 1.0), 0.1), (0.04, 0.04, 0.02, None), strict=True)]
+    rows = [
+        msgspec.structs.replace(row, interval=dt)
+        for row, dt in zip(rows_of(np.full(4, 1.0), 0.1), (0.04, 0.04, 0.02, None), strict=True)
+    ]
     text = batch_report(rows, figures=False)["report.md"].decode().replace("\u00a0", " ")
-    assert "| c.toml | r2 | the frames are 0.02 s apart, while those of most runs are 0.04 s apart: is the frame rate right? |" in text
+    assert (
+        "| c.toml | r2 | the frames are 0.02 s apart, while those of most runs are 0.04 s "
+        "apart: is the frame rate right? |" in text
+    )
     elsewhere = [msgspec.structs.replace(row, campaign=f"{i}.toml") for i, row in enumerate(rows)]
     assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
 
 
-def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path / "one", {"a": 2.0})
     done = batch("one", "--reports", "--no-figures", "--out", "out")
@@ -271,7 +365,11 @@ def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wa
     assert "1 run: 1 ok (" in done.output
     assert (tmp_path / "out" / "one" / "a" / "report.md").is_file()
     assert not list((tmp_path / "out").rglob("*.png"))
-    assert (tmp_path / "out" / "times.csv").read_text().startswith("campaign,run,cpu_s\none/campaign.toml,a,")
+    assert (
+        (tmp_path / "out" / "times.csv")
+        .read_text()
+        .startswith("campaign,run,cpu_s\none/campaign.toml,a,")
+    )
     checked = runner().invoke(cli, ["verify", "out"])
     assert checked.exit_code == 0, checked.output
 
@@ -283,7 +381,14 @@ def test_shards_and_any_executor_give_the_same_bytes(three: Path, tmp_path: Path
         run_batch(shard_of(units, part), tmp_path / "shards", report=lean_files, settings=QUICK)
     with ThreadPoolExecutor(2) as executor:
         seen: list[int] = []
-        rows = run_batch(units, tmp_path / "threads", report=lean_files, settings=QUICK, executor=executor, progress=seen.append)
+        rows = run_batch(
+            units,
+            tmp_path / "threads",
+            report=lean_files,
+            settings=QUICK,
+            executor=executor,
+            progress=seen.append,
+        )
     assert [row.run for row in rows] == ["a", "b", "c"]
     assert seen == [1, 2, 3]
     whole = files_in(tmp_path / "whole")
@@ -291,8 +396,12 @@ def test_shards_and_any_executor_give_the_same_bytes(three: Path, tmp_path: Path
     assert files_in(tmp_path / "shards") == files_in(tmp_path / "threads") == whole
 
 
-def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A stand-in for dask.distributed: which address is asked, and that its executor does the work."""
+def test_a_cluster_does_the_work_where_one_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stand-in for dask.distributed: which address is asked, and that its executor does the
+    work.
+    """
     asked: list[str] = []
 
     class Client:
@@ -321,36 +430,66 @@ def test_a_cluster_does_the_work_where_one_is_named(tmp_path: Path, monkeypatch:
 
     monkeypatch.setitem(sys.modules, "distributed", type("distributed", (), {"Client": Client}))
     only = campaign(tmp_path / "one", {"a": 2.0})
-    assert batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures").exit_code == 0
+    assert (
+        batch(
+            only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures"
+        ).exit_code
+        == 0
+    )
     assert asked == ["tcp://here:1", "executor"]
-    assert "cannot be reached (Timed out)" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception)
+    assert "cannot be reached (Timed out)" in str(
+        batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception
+    )
     monkeypatch.setattr(Client, "get_executor", lambda self: Lost())
     lost = batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures")
-    assert str(lost.exception) == "'--scheduler' was lost (CancelledError); what is done is kept: continue with --resume: tcp://here:1"
+    assert (
+        str(lost.exception)
+        == "'--scheduler' was lost (CancelledError); what is done is kept: continue with "
+        "--resume: tcp://here:1"
+    )
     monkeypatch.setitem(sys.modules, "distributed", None)
-    assert "pip install distributed" in str(batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception)
+    assert "pip install distributed" in str(
+        batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://here:1").exception
+    )
 
 
 def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path) -> None:
-    assert runner().invoke(cli, ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"]).exit_code == 0
+    assert (
+        runner()
+        .invoke(
+            cli,
+            ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"],
+        )
+        .exit_code
+        == 0
+    )
     inputs = json.loads((tmp_path / "out" / "origin.json").read_text())["inputs"]
     assert {Path(path).name for path in inputs} == {"campaign.toml", "a.csv", "b.csv", "c.csv"}
 
 
-def test_a_quantity_that_follows_from_other_runs_too_stops_none(project: Path, tmp_path: Path) -> None:
+def test_a_quantity_that_follows_from_other_runs_too_stops_none(
+    project: Path, tmp_path: Path
+) -> None:
     """As `estim fit --run` leaves it out where the other runs are not fit."""
     shutil.copytree(project / "data" / "replica", tmp_path / "replica")
     file = tmp_path / "replica" / "campaign.toml"
-    file.write_text(file.read_text() + '\n[derived]\nratio = "gamma[heavy]/gamma[light]"\nown = "2*gamma"\n')
+    file.write_text(
+        file.read_text() + '\n[derived]\nratio = "gamma[heavy]/gamma[light]"\nown = "2*gamma"\n'
+    )
     for run in ("light-01", "heavy-02"):
         campaign = load_campaign(file, only=run)
         assert campaign.run_names == (run,)
         (sought,) = {one.sought for one in campaign.problem([run]).runs}
-        assert [(one.name, one.lacking != ()) for one in sought] == [("ratio", True), ("own", False)]
+        assert [(one.name, one.lacking != ()) for one in sought] == [
+            ("ratio", True),
+            ("own", False),
+        ]
 
 
 def test_a_campaign_without_runs_is_a_line_of_its_own(project: Path, tmp_path: Path) -> None:
-    (row,) = run_batch(units_of([project / "data" / "trials"]), tmp_path, report=lean_files, settings=QUICK)
+    (row,) = run_batch(
+        units_of([project / "data" / "trials"]), tmp_path, report=lean_files, settings=QUICK
+    )
     assert row.status == ""
     assert row.error.endswith("campaign.toml: 'campaign' has no [[runs]]")
 
@@ -367,8 +506,10 @@ def test_places_are_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "rule"),
     [
-        (["empty"], "'folder' holds no campaign.toml"), (["full", "--shard", "3/2"], "'--shard' must be I/N"),
-        (["full", "--shard", "0/2"], "'--shard' must be I/N"), (["nothing-there"], "cannot be found"),
+        (["empty"], "'folder' holds no campaign.toml"),
+        (["full", "--shard", "3/2"], "'--shard' must be I/N"),
+        (["full", "--shard", "0/2"], "'--shard' must be I/N"),
+        (["nothing-there"], "cannot be found"),
     ],
 )
 def test_what_is_no_batch_is_refused(tmp_path: Path, arguments: list[str], rule: str) -> None:
@@ -381,15 +522,21 @@ def test_what_is_no_batch_is_refused(tmp_path: Path, arguments: list[str], rule:
 
 
 def rows_of(means: np.ndarray, sd: float, *, informed: bool = True) -> list[Row]:
-    values = [Value(float(m), sd, float(m - 2 * sd), float(m + 2 * sd), "m", informed) for m in means]
-    return [Row("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "") for i, v in enumerate(values)]
+    values = [
+        Value(float(m), sd, float(m - 2 * sd), float(m + 2 * sd), "m", informed) for m in means
+    ]
+    return [
+        Row("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "")
+        for i, v in enumerate(values)
+    ]
 
 
 def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
     means = np.random.default_rng(5).normal(3.0, 0.5, 400)
     (clean,) = spreads(rows_of(means, 0.1))
     assert clean.apart == ()
-    assert clean.scatter == pytest.approx(0.5, abs=4.0 * 1.17 * 0.5 / 20.0)  # the estimator's sd is 1.17 sigma/sqrt(n)
+    # the estimator's sd is 1.17 sigma/sqrt(n)
+    assert clean.scatter == pytest.approx(0.5, abs=4.0 * 1.17 * 0.5 / 20.0)
     assert clean.median == pytest.approx(3.0, abs=4.0 * 1.25 * 0.5 / 20.0)
     means[17] += 4.0
     (spoiled,) = spreads(rows_of(means, 0.1))

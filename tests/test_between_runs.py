@@ -1,4 +1,6 @@
-"""Quantities that vary between runs: their curve, the key, what is offered where runs disagree, and a spread that is known is found again."""
+"""Quantities that vary between runs: their curve, the key, what is offered where runs disagree, and
+a spread that is known is found again.
+"""
 
 from __future__ import annotations
 
@@ -19,45 +21,80 @@ from estim.words import tell
 
 X = np.linspace(0.05, 0.3, 5)
 OFF = "unmodelled_force = 0\n"
-VARIES = 'between_runs = {gamma = 0.02}\n'
+VARIES = "between_runs = {gamma = 0.02}\n"
 
 
 def test_a_run_has_the_curve_of_its_own_value() -> None:
     curve = VaryingCurve(PhaseCurve(False), ("gamma", "phi"))
-    varied = BODY | {"gamma spread": 0.02, "gamma shift": -1.5, "phi spread": 0.01, "phi shift": 0.7}
+    varied = BODY | {
+        "gamma spread": 0.02,
+        "gamma shift": -1.5,
+        "phi spread": 0.01,
+        "phi shift": 0.7,
+    }
     plain = BODY | {"gamma": BODY["gamma"] - 0.03, "phi": BODY["phi"] + 0.007}
     assert curve.value(X, varied) == pytest.approx(PhaseCurve(False).value(X, plain), rel=1e-12)
-    assert curve.time_derivative(X, varied, 2) == pytest.approx(PhaseCurve(False).time_derivative(X, plain, 2), rel=1e-12)
+    assert curve.time_derivative(X, varied, 2) == pytest.approx(
+        PhaseCurve(False).time_derivative(X, plain, 2), rel=1e-12
+    )
     gradient = curve.local(X, varied).gradient
     for name in ("gamma", "gamma spread", "gamma shift", "phi spread", "phi shift", "kappa"):
-        low, high = (np.ravel(curve.value(X, varied | {name: varied[name] + step})) for step in (-1e-6, 1e-6))
+        low, high = (
+            np.ravel(curve.value(X, varied | {name: varied[name] + step})) for step in (-1e-6, 1e-6)
+        )
         assert np.ravel(gradient[name]) == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-8)
     motion = VaryingMotion(RollingMotion(False, 0.3, False), ("gamma", "phi"))
     assert motion.end(varied) == pytest.approx(motion.motion.end(plain))
-    assert motion.derived(varied)["slope"].values == pytest.approx(motion.motion.derived(plain)["slope"].values)
+    assert motion.derived(varied)["slope"].values == pytest.approx(
+        motion.motion.derived(plain)["slope"].values
+    )
 
 
 def simulated(folder: Path, gammas: tuple[float, ...], shared: str):
-    return simulated_campaign(folder, np.random.default_rng(100), gammas=gammas, stated_gamma="0.187(50)", kappa="0.45", shared=OFF + shared)
+    return simulated_campaign(
+        folder,
+        np.random.default_rng(100),
+        gammas=gammas,
+        stated_gamma="0.187(50)",
+        kappa="0.45",
+        shared=OFF + shared,
+    )
 
 
-def test_the_key_gives_a_mean_a_spread_and_a_shift_of_each_run_that_shares_them(tmp_path: Path) -> None:
+def test_the_key_gives_a_mean_a_spread_and_a_shift_of_each_run_that_shares_them(
+    tmp_path: Path,
+) -> None:
     campaign = simulated(tmp_path, (0.19, 0.17), VARIES)
     joint = campaign.problem(campaign.run_names)
-    assert [name for name in joint.names if name.startswith("gamma")] == ["gamma[b]", "gamma_spread", "gamma_shift[r0]", "gamma_shift[r1]"]
+    assert [name for name in joint.names if name.startswith("gamma")] == [
+        "gamma[b]",
+        "gamma_spread",
+        "gamma_shift[r0]",
+        "gamma_shift[r1]",
+    ]
     spread = joint.parameters[joint.names.index("gamma_spread")]
     assert spread.between
     assert spread.prior.describe().startswith("half-normal")
-    assert campaign.problem(["r0"]).names == simulated(tmp_path, (0.19, 0.17), "").problem(["r0"]).names  # a run alone has one value
+    # a run alone has one value
+    assert (
+        campaign.problem(["r0"]).names
+        == simulated(tmp_path, (0.19, 0.17), "").problem(["r0"]).names
+    )
 
 
 @pytest.mark.parametrize(
     ("line", "rule"),
     [
         ("between_runs = {gama = 0.02}", "'gama' must name a quantity"),
-        ("between_runs = {gamma = 0.0}", "'gamma' is the scale of a standard deviation: it must be > 0: 0"),
+        (
+            "between_runs = {gamma = 0.0}",
+            "'gamma' is the scale of a standard deviation: it must be > 0: 0",
+        ),
         ("between_runs = {phi_deg = nan}", "'phi_deg' is the scale"),
-        ("between_runs = {theta0_deg = 1.0}", "'theta0_deg' has nothing to vary: 0 of 2 runs take it from here"),
+        (
+            "between_runs = {theta0_deg = 1.0}",
+            "'theta0_deg' has nothing to vary: 0 of 2 runs take it from here",
+        ),
     ],
 )
 def test_bad_spreads_are_refused_in_one_line(tmp_path: Path, line: str, rule: str) -> None:
@@ -80,7 +117,9 @@ GAMMAS = (0.165, 0.2, 0.187, 0.21, 0.175)
 
 def fitted(folder: Path, shared: str) -> Fit:
     campaign = simulated(folder, GAMMAS, shared)
-    return fit_least_squares(campaign.problem(campaign.run_names), rng=np.random.default_rng(1), n_start=1)
+    return fit_least_squares(
+        campaign.problem(campaign.run_names), rng=np.random.default_rng(1), n_start=1
+    )
 
 
 def test_where_runs_disagree_the_line_is_offered_and_with_it_they_agree(tmp_path: Path) -> None:
@@ -95,16 +134,27 @@ def test_where_runs_disagree_the_line_is_offered_and_with_it_they_agree(tmp_path
 
 
 @pytest.mark.statistics
-def test_a_known_spread_is_found_again_as_a_grid_over_the_runs_by_themselves_has_it(tmp_path: Path) -> None:
-    """Runs one by one, then mean and spread on a grid, by the textbook's random-effects density; polynomials for the runs' values fail here."""
+def test_a_known_spread_is_found_again_as_a_grid_over_the_runs_by_themselves_has_it(
+    tmp_path: Path,
+) -> None:
+    """Runs one by one, then mean and spread on a grid, by the textbook's random-effects density;
+    polynomials for the runs' values fail here.
+    """
     alone = check_consistency(fitted(tmp_path, ""))
     prior = 1.0 / 0.05**2
     sd = np.array([(one.sd[0] ** -2 - prior) ** -0.5 for one in alone.alone.values()])
-    value = np.array([(one.mean[0] / one.sd[0] ** 2 - prior * 0.187) * s**2 for one, s in zip(alone.alone.values(), sd, strict=True)])
+    value = np.array(
+        [
+            (one.mean[0] / one.sd[0] ** 2 - prior * 0.187) * s**2
+            for one, s in zip(alone.alone.values(), sd, strict=True)
+        ]
+    )
     mean, spread = np.linspace(0.1, 0.28, 400)[:, None], np.linspace(1e-4, 0.1, 500)
     log_p = -0.5 * ((mean - 0.187) / 0.05) ** 2 - 0.5 * (spread / 0.02) ** 2
     for one, s in zip(value, sd, strict=True):
-        log_p = log_p - 0.5 * np.log(s**2 + spread**2) - 0.5 * (one - mean) ** 2 / (s**2 + spread**2)
+        log_p = (
+            log_p - 0.5 * np.log(s**2 + spread**2) - 0.5 * (one - mean) ** 2 / (s**2 + spread**2)
+        )
     weight = np.exp(log_p - log_p.max())
     weight /= weight.sum()
     fit = fitted(tmp_path, VARIES)

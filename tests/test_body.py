@@ -1,4 +1,6 @@
-"""The body: ratios from masses, the inertia ratio against a sum over parts, and uncertainties that pass through."""
+"""The body: ratios from masses, the inertia ratio against a sum over parts, and uncertainties that
+pass through.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ from uncertainties import ufloat
 
 from model import Body
 
-WHEEL = Body.from_masses(0.235, 11.7, 3.4, kappa=(0.203 / 0.235) ** 2, rho=0.178 / 0.235, mass_trailing=0.7, particle_gyration=0.019 / 0.235 / 2**0.5)
+WHEEL = Body.from_masses(
+    0.235,
+    11.7,
+    3.4,
+    kappa=(0.203 / 0.235) ** 2,
+    rho=0.178 / 0.235,
+    mass_trailing=0.7,
+    particle_gyration=0.019 / 0.235 / 2**0.5,
+)
 
 
 def test_gamma_of_the_paper_is_the_particles_share_of_the_mass():
@@ -28,8 +38,11 @@ def test_inertia_ratio_of_the_paper():
 
 
 def test_centre_of_mass_of_the_wheel_is_that_of_its_parts():
-    # x of the centre of mass of cylinder, trailing frame and mass when the mass stands beside the axle
-    assert WHEEL.gamma * 0.235 == pytest.approx((11.7 * 0.0 + 0.7 * 0.0 + 3.4 * 0.178) / 15.8, rel=1e-14)
+    # x of the centre of mass of cylinder, trailing frame and mass when the mass stands beside the
+    # axle
+    assert WHEEL.gamma * 0.235 == pytest.approx(
+        (11.7 * 0.0 + 0.7 * 0.0 + 3.4 * 0.178) / 15.8, rel=1e-14
+    )
 
 
 def test_inertia_ratio_of_the_wheel_is_the_sum_over_its_parts():
@@ -39,23 +52,32 @@ def test_inertia_ratio_of_the_wheel_is_the_sum_over_its_parts():
 
 
 def test_trailing_mass_lowers_gamma_and_inertia_alike():
-    bare, towed = (Body.from_masses(0.15, 0.3, 0.07, kappa=0.45, mass_trailing=m) for m in (0.0, 0.37))
+    bare, towed = (
+        Body.from_masses(0.15, 0.3, 0.07, kappa=0.45, mass_trailing=m) for m in (0.0, 0.37)
+    )
     assert towed.trailing_fraction == pytest.approx(0.5)
     assert towed.gamma == pytest.approx(bare.gamma / 2)
     assert towed.inertia_ratio == pytest.approx(bare.inertia_ratio / 2)
 
 
-@pytest.mark.parametrize("name", ["gamma", "kappa", "rho", "trailing_fraction", "particle_gyration"])
+@pytest.mark.parametrize(
+    "name", ["gamma", "kappa", "rho", "trailing_fraction", "particle_gyration"]
+)
 def test_inertia_gradient_is_the_complex_step(name):
     step = 1e-30
     moved = dataclasses.replace(WHEEL, **{name: getattr(WHEEL, name) + 1j * step})
-    assert WHEEL.inertia_ratio_gradient()[name] == pytest.approx(moved.inertia_ratio.imag / step, rel=1e-13)
+    assert WHEEL.inertia_ratio_gradient()[name] == pytest.approx(
+        moved.inertia_ratio.imag / step, rel=1e-13
+    )
 
 
 def test_inertia_depends_on_no_field_outside_its_gradient():
     moved = dataclasses.replace(WHEEL, radius=7.0, mass=None)
     assert moved.inertia_ratio == WHEEL.inertia_ratio
-    assert set(WHEEL.inertia_ratio_gradient()) == {f.name for f in dataclasses.fields(Body)} - {"radius", "mass"}
+    assert set(WHEEL.inertia_ratio_gradient()) == {f.name for f in dataclasses.fields(Body)} - {
+        "radius",
+        "mass",
+    }
 
 
 def test_uncertainties_pass_through_the_masses():
@@ -66,7 +88,9 @@ def test_uncertainties_pass_through_the_masses():
     assert body.gamma.std_dev == pytest.approx(expected, rel=1e-9)
     # j = (1 - gamma) kappa + gamma, and gamma is the same gamma in both places
     gamma = body.gamma.nominal_value
-    assert body.inertia_ratio.std_dev == pytest.approx(math.hypot((1 - 0.45) * expected, (1 - gamma) * 0.02), rel=1e-9)
+    assert body.inertia_ratio.std_dev == pytest.approx(
+        math.hypot((1 - 0.45) * expected, (1 - gamma) * 0.02), rel=1e-9
+    )
 
 
 def test_fields_may_be_columns_of_draws():

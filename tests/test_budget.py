@@ -1,4 +1,6 @@
-"""Where the uncertainty of a fit comes from: against matrices written out, refits with one input moved, and draws."""
+"""Where the uncertainty of a fit comes from: against matrices written out, refits with one input
+moved, and draws.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,13 @@ U, U_CLOCK, U_B = 0.05, 0.02, 0.03
 def line() -> CurveFit:
     y = 2.0 * X + 0.1 + U * np.random.default_rng(5).standard_normal(X.size)
     return fit_curve(
-        "a*x + b", X, y, u_y=U, start={"a": 1.0, "b": 0.0}, priors={"b": Normal(0.1, U_B)}, errors=[Component("scale_x", U_CLOCK, "clock")],
+        "a*x + b",
+        X,
+        y,
+        u_y=U,
+        start={"a": 1.0, "b": 0.0},
+        priors={"b": Normal(0.1, U_B)},
+        errors=[Component("scale_x", U_CLOCK, "clock")],
         derived={"root": "-b/a", "twice": "2*a"},
     )
 
@@ -39,7 +47,10 @@ def made(fit: Fit, draws: np.ndarray | None = None) -> Budget:
 def test_parts_are_those_of_matrices_written_out() -> None:
     fit = line()
     budget, (a, _, clock) = made(fit.fit), (fit.values[name] for name in fit.names)
-    jacobian = np.column_stack([X / (1.0 + clock), np.ones(X.size), -a * X / (1.0 + clock) ** 2]) / U  # the instrument reads (1 + d) x
+    # the instrument reads (1 + d) x
+    jacobian = (
+        np.column_stack([X / (1.0 + clock), np.ones(X.size), -a * X / (1.0 + clock) ** 2]) / U
+    )
     prior = np.diag([0.0, 1.0 / U_B**2, 1.0 / U_CLOCK**2])
     cov = np.linalg.inv(jacobian.T @ jacobian + prior)
     readings = np.sqrt(np.diag(cov @ jacobian.T @ jacobian @ cov))
@@ -60,7 +71,10 @@ def test_squares_add_up_for_parameters_and_for_what_follows_from_them() -> None:
 
 def moved(problem: Problem, name: str, by: float) -> Problem:
     """The problem with another stated value."""
-    parameters = tuple(replace(p, prior=Normal(p.prior.centre + by, p.prior.sd)) if p.name == name else p for p in problem.parameters)
+    parameters = tuple(
+        replace(p, prior=Normal(p.prior.centre + by, p.prior.sd)) if p.name == name else p
+        for p in problem.parameters
+    )
     return replace(problem, parameters=parameters)
 
 
@@ -68,21 +82,37 @@ def test_a_stated_value_that_is_off_by_its_uncertainty_moves_a_refit_by_its_part
     fit = line().fit
     budget, step = made(fit), 0.01
     for i, (name, u) in enumerate((("b", U_B), ("clock", U_CLOCK))):
-        low, high = (refit(moved(fit.problem, name, sign * step * u), fit.values).values for sign in (-1.0, 1.0))
-        assert (high - low) / (2.0 * step) == pytest.approx(budget.contributions[i, :3], rel=2e-3, abs=1e-6)
+        low, high = (
+            refit(moved(fit.problem, name, sign * step * u), fit.values).values
+            for sign in (-1.0, 1.0)
+        )
+        assert (high - low) / (2.0 * step) == pytest.approx(
+            budget.contributions[i, :3], rel=2e-3, abs=1e-6
+        )
 
 
 def test_holding_one_source_fixed_takes_away_more_than_its_part() -> None:
-    """The customary difference of squares is no part of a sum: it gives correlated sources the credit of each other."""
+    """The customary difference of squares is no part of a sum: it gives correlated sources the
+    credit of each other.
+    """
     fit = line()
     budget = made(fit.fit)
-    frozen = fit_curve("(1 + clock)*a*x + b", X, fit.fit.problem.runs[0].y, u_y=U, start={"a": 1.0}, fixed={"b": fit.values["b"], "clock": 0.0})
+    frozen = fit_curve(
+        "(1 + clock)*a*x + b",
+        X,
+        fit.fit.problem.runs[0].y,
+        u_y=U,
+        start={"a": 1.0},
+        fixed={"b": fit.values["b"], "clock": 0.0},
+    )
     readings_alone = frozen.sds["a"]
     assert readings_alone < 0.9 * budget.contributions[2, 0]
 
 
 def test_parts_of_a_simulated_experiment_are_how_it_scatters() -> None:
-    """Readings alone anew, stated values held: the scatter of refits is the part of the readings, and not the whole."""
+    """Readings alone anew, stated values held: the scatter of refits is the part of the readings,
+    and not the whole.
+    """
     fit, rng = line().fit, np.random.default_rng(8)
     budget, (run,) = made(fit), fit.problem.runs
     true, ends = run.curve.value(run.x, run.bind(fit.problem.named(fit.values)))[0], []
@@ -99,16 +129,21 @@ def test_parts_of_a_simulated_experiment_are_how_it_scatters() -> None:
 def report() -> tuple[Budget, dict[str, bytes]]:
     fit = line()
     analysis = sample_curve(fit, seed=2, target=Target(ess=2000))
-    return made(fit.fit, analysis.chain.flat), curve_report(fit, analysis, title="Line", kind="synthetic", figures=False)
+    return made(fit.fit, analysis.chain.flat), curve_report(
+        fit, analysis, title="Line", kind="synthetic", figures=False
+    )
 
 
 def test_draws_say_the_same_of_stated_values(report: tuple[Budget, dict[str, bytes]]) -> None:
-    """dE[q]/dm = Cov(q, p)/u^2; a covariance from 2000 independent draws is known to a share of 0.022 of both standard deviations."""
+    """dE[q]/dm = Cov(q, p)/u^2; a covariance from 2000 independent draws is known to a share of
+    0.022 of both standard deviations.
+    """
     budget, _ = report
     error = budget.posterior[:3] / np.sqrt(2000.0)
     assert np.all(np.abs(budget.drawn[:2, :3] - budget.contributions[:2, :3]) < 4.0 * error)
     assert np.all(np.isnan(budget.drawn[2]))
-    assert abs(budget.drawn[0, 0] + budget.contributions[0, 0]) > 4.0 * error[0]  # the other sign would be wrong
+    # the other sign would be wrong
+    assert abs(budget.drawn[0, 0] + budget.contributions[0, 0]) > 4.0 * error[0]
 
 
 def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[str, bytes]]) -> None:
@@ -138,17 +173,25 @@ def rolled(project: Path) -> Fit:
 
 
 def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: Fit) -> None:
-    """The readings are what remains; here written out: the white part of the covariance by itself."""
+    """The readings are what remains; here written out: the white part of the covariance by
+    itself.
+    """
     budget = made(rolled)
     names = [one.name for one in budget.sources]
     assert {"unmodelled force", "start", "scale_x", "readings", "phi[heavy-04]"} <= set(names)
     assert np.sum(budget.contributions**2, axis=0) == pytest.approx(budget.sds**2, rel=1e-6)
     (likelihood,), named = rolled.posterior.likelihoods, rolled.problem.named(rolled.values)
     mixture, raw = likelihood.mixture, likelihood.residuals_at(named)  # type: ignore[attr-defined]
-    moves = np.linalg.solve(covariance_of(mixture.likely(raw)), likelihood.gradient(named, rolled.names) @ rolled.cov)  # type: ignore[attr-defined]
+    moves = np.linalg.solve(
+        covariance_of(mixture.likely(raw)), likelihood.gradient(named, rolled.names) @ rolled.cov
+    )  # type: ignore[attr-defined]
     whole = np.einsum("nq,nm,mq->q", moves, covariance_of(mixture.likely(raw)), moves)
-    stated = [i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior", "common")]
+    stated = [
+        i for i, one in enumerate(budget.sources) if one.kind in ("stated", "prior", "common")
+    ]
     others = budget.sds**2 - np.sum(budget.contributions[stated] ** 2, axis=0)
     assert whole == pytest.approx(others, rel=1e-3)
-    white = mixture.lifted(raw)[2] * np.sum(covariance_of(mixture.deviation.root) @ moves * moves, axis=0)
+    white = mixture.lifted(raw)[2] * np.sum(
+        covariance_of(mixture.deviation.root) @ moves * moves, axis=0
+    )
     assert budget.contributions[names.index("readings")] ** 2 == pytest.approx(white, rel=1e-3)

@@ -1,4 +1,6 @@
-"""What may be missing: the right cause is named on data solved by SciPy (`benchmarks/truth`), none on clean data."""
+"""What may be missing: the right cause is named on data solved by SciPy (`benchmarks/truth`), none
+on clean data.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,16 @@ from estim.checks import check_goodness
 from estim.common.kinds import Kind
 from estim.common.labels import Notation
 from estim.common.statuses import Status
-from estim.explanation import Candidate, Estimated, Explanation, Outcome, Suspects, across_runs, explain, verdict
+from estim.explanation import (
+    Candidate,
+    Estimated,
+    Explanation,
+    Outcome,
+    Suspects,
+    across_runs,
+    explain,
+    verdict,
+)
 from estim.explanation.bad_frames import frame_causes
 from estim.explanation.explaining import badness
 from estim.fitting.least_squares import fit_least_squares, refit
@@ -28,18 +39,27 @@ from truth.recordings import SIGMA, Camera, Disturbance, write_campaign
 QUICK = ("start", "length_scale", "tilt", "sag")  # a few seconds less than all
 
 
-def suspects(folder: Path, disturbance: Disturbance, *, seed: int = 5, noise: str = "speeds") -> Suspects:
-    write_campaign(folder, disturbance, priors="sharp", noise=noise, rng=np.random.default_rng(seed))
+def suspects(
+    folder: Path, disturbance: Disturbance, *, seed: int = 5, noise: str = "speeds"
+) -> Suspects:
+    write_campaign(
+        folder, disturbance, priors="sharp", noise=noise, rng=np.random.default_rng(seed)
+    )
     return load_campaign(folder / "campaign.toml").suspects(["r"])
 
 
 def explained(folder: Path, disturbance: Disturbance) -> Explanation:
     posed = suspects(folder, disturbance)
-    return explain(replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in QUICK)), rng=np.random.default_rng(1))
+    return explain(
+        replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in QUICK)),
+        rng=np.random.default_rng(1),
+    )
 
 
 @pytest.mark.parametrize("name", ["scale", "push", "sag"])
-def test_what_is_wrong_comes_first_and_makes_the_residuals_random(tmp_path: Path, name: str) -> None:
+def test_what_is_wrong_comes_first_and_makes_the_residuals_random(
+    tmp_path: Path, name: str
+) -> None:
     found = explained(tmp_path, CASES[name][0])
     first = found.candidates[0]
     assert first.name == CASES[name][1]
@@ -62,14 +82,33 @@ def test_every_key_that_is_not_said_is_tried_and_none_that_is(tmp_path: Path) ->
     posed = suspects(tmp_path, CASES["none"][0])
     names = {cause.name for cause in posed.causes if not cause.slip}
     assert names == {
-        "start", "load_resistance", "viscous_drag", "quadratic_drag", "moment_once", "moment_twice", "clock", "length_scale", "distortion",
-        "angle_at_release", "tilt", "bend", "sag", "blur",
+        "start",
+        "load_resistance",
+        "viscous_drag",
+        "quadratic_drag",
+        "moment_once",
+        "moment_twice",
+        "clock",
+        "length_scale",
+        "distortion",
+        "angle_at_release",
+        "tilt",
+        "bend",
+        "sag",
+        "blur",
     }
     text = (tmp_path / "campaign.toml").read_text()
-    said = 'scale_x = "0.000(3)"\nviscous_drag_per_s = 0\nphi_slope_deg_m = "0.0(1)"\nrelease_energy = "0.00(1)"\n'
+    said = (
+        'scale_x = "0.000(3)"\nviscous_drag_per_s = 0\nphi_slope_deg_m = '
+        '"0.0(1)"\nrelease_energy = "0.00(1)"\n'
+    )
     said += "mass_disk_kg = 0.3252\nmass_particle_kg = 0.0748\n"
     (tmp_path / "campaign.toml").write_text(text.replace("[shared]\n", "[shared]\n" + said))
-    left = {cause.name for cause in load_campaign(tmp_path / "campaign.toml").suspects(["r"]).causes if not cause.slip}
+    left = {
+        cause.name
+        for cause in load_campaign(tmp_path / "campaign.toml").suspects(["r"]).causes
+        if not cause.slip
+    }
     assert left == names - {"start", "length_scale", "bend", "sag"} | {"resisting_moment"}
 
 
@@ -80,19 +119,34 @@ def test_the_lines_to_add_say_what_was_tried(tmp_path: Path) -> None:
     for cause in (one for one in posed.causes if not one.slip):
         table, *lines = cause.lines
         said = ", ".join(lines)
-        new = text.replace("}\n", f", {said}}}\n") if table == "noise" else text.replace(f"{table}\n", f"{table}\n" + "\n".join(lines) + "\n")
-        (tmp_path / "campaign.toml").write_text(new if table != "noise" else text.replace('"central"}', f'"central", {said}}}'))
+        new = (
+            text.replace("}\n", f", {said}}}\n")
+            if table == "noise"
+            else text.replace(f"{table}\n", f"{table}\n" + "\n".join(lines) + "\n")
+        )
+        (tmp_path / "campaign.toml").write_text(
+            new if table != "noise" else text.replace('"central"}', f'"central", {said}}}')
+        )
         problem = load_campaign(tmp_path / "campaign.toml").suspects(["r"]).plain
         ours = {p.name.partition("[")[0]: p.prior.describe() for p in problem.parameters}
-        assert {p.name.partition("[")[0]: p.prior.describe() for p in cause.problem.parameters} == ours, cause.name
+        assert {
+            p.name.partition("[")[0]: p.prior.describe() for p in cause.problem.parameters
+        } == ours, cause.name
         start = problem.start()
         both = [one.runs[0].points.value(one.named(start)) for one in (problem, cause.problem)]
         assert both[0] == pytest.approx(both[1], rel=1e-9)
 
 
 def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
-    """By linear algebra; its gain is that of a fit in which the error is an unknown, and of a good recording none is bad."""
-    bad = Disturbance("bad", camera=Camera(after=lambda rng, t, x: (t, x + np.where(np.arange(x.size) == 20, 0.02, 0.0))))
+    """By linear algebra; its gain is that of a fit in which the error is an unknown, and of a good
+    recording none is bad.
+    """
+    bad = Disturbance(
+        "bad",
+        camera=Camera(
+            after=lambda rng, t, x: (t, x + np.where(np.arange(x.size) == 20, 0.02, 0.0))
+        ),
+    )
     for disturbance, is_bad in ((bad, True), (CASES["none"][0], False)):
         posed = suspects(tmp_path, disturbance)
         found = explain(replace(posed, causes=()), rng=np.random.default_rng(1))
@@ -106,13 +160,27 @@ def test_one_bad_reading_is_named_with_its_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("noise", ["speeds", "positions"])
 @pytest.mark.parametrize("row", [12, 20])
-def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_from_it(tmp_path: Path, row: int, noise: str) -> None:
-    """As by counts that an encoder lost: every later position is shifted, and speeds by differences on both sides are off."""
-    lost = Disturbance("lost", camera=Camera(after=lambda rng, t, x: (t, x - np.where(np.arange(x.size) >= row, 0.02, 0.0))))
+def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_from_it(
+    tmp_path: Path, row: int, noise: str
+) -> None:
+    """As by counts that an encoder lost: every later position is shifted, and speeds by differences
+    on both sides are off.
+    """
+    lost = Disturbance(
+        "lost",
+        camera=Camera(
+            after=lambda rng, t, x: (t, x - np.where(np.arange(x.size) >= row, 0.02, 0.0))
+        ),
+    )
     campaign = suspects(tmp_path, lost, noise=noise)
     found = explain(replace(campaign, causes=()), rng=np.random.default_rng(1))
     shift = next(one for one in found.candidates if one.name == "bad_frame[r]")
-    dropped = 0 if noise == "speeds" else len(np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1)) - campaign.plain.runs[0].n_obs
+    dropped = (
+        0
+        if noise == "speeds"
+        else len(np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1))
+        - campaign.plain.runs[0].n_obs
+    )
     assert found.candidates[0] is shift
     place = "row" if noise == "speeds" else "fitted point"
     assert f"all readings from {place} {row + 1 - dropped} onwards" in shift.words
@@ -129,7 +197,9 @@ def test_a_shift_that_stays_is_named_where_it_begins_and_no_single_reading_far_f
 
 def test_errors_that_follow_each_other_are_told_from_white_ones(tmp_path: Path) -> None:
     for name in ("alike", "none"):
-        found = explain(replace(suspects(tmp_path, CASES[name][0]), causes=()), rng=np.random.default_rng(1))
+        found = explain(
+            replace(suspects(tmp_path, CASES[name][0]), causes=()), rng=np.random.default_rng(1)
+        )
         alike = next(one for one in found.candidates if one.name == "correlated_errors")
         assert alike.found == (name == "alike")
         assert not alike.found or (found.candidates[0] is alike and alike.random)
@@ -148,13 +218,19 @@ def wheel_with(folder: Path, lines: tuple[str, ...]) -> Campaign:
     return load_campaign(folder / "c.toml")
 
 
-def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_the_force_stays(tmp_path: Path) -> None:
-    """Beside white noise a bend of the ramp takes up all that a real run lacks, -0.21(2) degrees a metre; the campaign with it says 0.1(4)."""
+def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_the_force_stays(
+    tmp_path: Path,
+) -> None:
+    """Beside white noise a bend of the ramp takes up all that a real run lacks, -0.21(2) degrees a
+    metre; the campaign with it says 0.1(4).
+    """
     campaign, run = wheel_with(tmp_path, ()), "class-unbalanced_3"
     posed = campaign.suspects([run])
     bend = next(cause for cause in posed.causes if cause.name == "bend")
     analysis = analyse(campaign, [run], seed=1)
-    found = explain(replace(posed, causes=(bend,)), rng=np.random.default_rng(1)).with_outcomes(lambda one: outcome_of(campaign, one, seed=1))
+    found = explain(replace(posed, causes=(bend,)), rng=np.random.default_rng(1)).with_outcomes(
+        lambda one: outcome_of(campaign, one, seed=1)
+    )
     first = found.candidates[0]
     assert (first.name, first.random) == ("bend", True)
     assert first.numbers[0].value / first.numbers[0].sd < -5.0
@@ -174,36 +250,58 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     assert "to add" not in said
     assert "`phi_slope_deg_m" not in explanation_text(found)
     # where nothing is asked of the campaign it would be offered
-    unasked = replace(found, candidates=tuple(replace(one, outcome=None) for one in found.candidates))
+    unasked = replace(
+        found, candidates=tuple(replace(one, outcome=None) for one in found.candidates)
+    )
     assert unasked.offered is not None
     assert analysis.diagnosis.ok
 
 
 def test_an_addition_that_ends_badly_is_not_offered_and_a_true_cause_is(tmp_path: Path) -> None:
     for name, line in (("sag", "sag_m"), ("push", "release_energy")):
-        write_campaign(tmp_path, CASES[name][0], priors="sharp", noise="speeds", rng=np.random.default_rng(5))
+        write_campaign(
+            tmp_path, CASES[name][0], priors="sharp", noise="speeds", rng=np.random.default_rng(5)
+        )
         campaign = load_campaign(tmp_path / "campaign.toml")
         posed = campaign.suspects(["r"])
         posed = replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in QUICK))
         tried = explain(posed, rng=np.random.default_rng(1))
-        found = tried.with_outcomes(lambda one, campaign=campaign: outcome_of(campaign, one, seed=1))
+        found = tried.with_outcomes(
+            lambda one, campaign=campaign: outcome_of(campaign, one, seed=1)
+        )
         assert found.offered is not None
         assert line in found.offered.lines[1]
         assert found.offered.outcome is not None
         assert found.offered.outcome.cures
         bad = tried.with_outcomes(lambda one: Outcome(Status.MULTIMODAL, (), False))
         assert bad.offered is None
-        assert all("multimodal" in line for line in explanation_lines(bad)[1 : 1 + len(bad.tied)] if "added" in line)
+        assert all(
+            "multimodal" in line
+            for line in explanation_lines(bad)[1 : 1 + len(bad.tied)]
+            if "added" in line
+        )
         assert not any("to add" in line for line in explanation_lines(bad))
 
 
 def candidate(value: float, sd: float = 0.001) -> Candidate:
-    return Candidate("clock", "a clock", (), "", 20.0, (Estimated("scale_t", value, sd, Notation("δ_t").label("1")),))
+    return Candidate(
+        "clock",
+        "a clock",
+        (),
+        "",
+        20.0,
+        (Estimated("scale_t", value, sd, Notation("δ_t").label("1")),),
+    )
 
 
-@pytest.mark.parametrize(("values", "agree"), [((0.010, 0.011, 0.0105), True), ((0.010, 0.030, -0.010), False)])
+@pytest.mark.parametrize(
+    ("values", "agree"), [((0.010, 0.011, 0.0105), True), ((0.010, 0.030, -0.010), False)]
+)
 def test_runs_agree_about_a_cause_or_do_not(values: tuple[float, ...], agree: bool) -> None:
-    runs = [Explanation((f"r{i}",), candidate(0.0), (candidate(value),)) for i, value in enumerate(values)]
+    runs = [
+        Explanation((f"r{i}",), candidate(0.0), (candidate(value),))
+        for i, value in enumerate(values)
+    ]
     (found,) = across_runs(runs)
     assert found.means[0].value == pytest.approx(np.mean(values))
     assert found.means[0].sd == pytest.approx(0.001 / 3**0.5)
@@ -212,8 +310,12 @@ def test_runs_agree_about_a_cause_or_do_not(values: tuple[float, ...], agree: bo
 
 
 def test_a_gain_is_not_paid_for_noise_that_was_stated_too_small(tmp_path: Path) -> None:
-    """Readings three times as uncertain as stated: with a size of noise held, a number that fits noise would gain nine times as much."""
-    loud = Disturbance("loud", camera=Camera(noise=lambda rng, v: 3.0 * SIGMA * rng.standard_normal(v.size)))
+    """Readings three times as uncertain as stated: with a size of noise held, a number that fits
+    noise would gain nine times as much.
+    """
+    loud = Disturbance(
+        "loud", camera=Camera(noise=lambda rng, v: 3.0 * SIGMA * rng.standard_normal(v.size))
+    )
     found = explained(tmp_path, loud)
     assert found.found == ()
     assert not found.plain.as_large_as_stated
@@ -224,14 +326,17 @@ def test_a_start_of_positions_is_found_from_rest(tmp_path: Path) -> None:
     posed = suspects(tmp_path, CASES["push"][0], noise="positions")
     start = next(cause for cause in posed.causes if cause.name == "start")
     base = fit_least_squares(posed.plain, rng=np.random.default_rng(1), n_start=1)
-    found = explain(replace(posed, causes=(start,)), rng=np.random.default_rng(1), values=base.values)
+    found = explain(
+        replace(posed, causes=(start,)), rng=np.random.default_rng(1), values=base.values
+    )
     first = found.candidates[0]
     assert first.name == "start"
     assert abs(abs(first.numbers[0].value) - 0.1) < 3.5 * first.numbers[0].sd
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("name", [name for name in CASES if name not in ("none", "distortion")])  # a bowed image is seen for what it is half the time
+# a bowed image is seen for what it is half the time
+@pytest.mark.parametrize("name", [name for name in CASES if name not in ("none", "distortion")])
 def test_each_cause_is_first_or_tied_with_its_aliases(name: str) -> None:
     found = [named(name, "sharp", "speeds", replica) for replica in range(2)]
     assert all(CASES[name][1] in tied for _, tied in found)

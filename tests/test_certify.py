@@ -1,4 +1,6 @@
-"""Importance sampling against exact moments, exact evidence and brute-force quadrature; its verdicts on right and wrong chains."""
+"""Importance sampling against exact moments, exact evidence and brute-force quadrature; its
+verdicts on right and wrong chains.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,13 @@ from estim.common.errors import NumericalError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling import certificate as importance
 from estim.sampling import proposal
-from estim.sampling.certificate import PROBABILITIES, Certificate, certify, chain_errors, compare_with_chain
+from estim.sampling.certificate import (
+    PROBABILITIES,
+    Certificate,
+    certify,
+    chain_errors,
+    compare_with_chain,
+)
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.proposal import Proposal, adapt_proposal
@@ -35,15 +43,28 @@ TARGETS = {
 
 
 def certificate_of(
-    density: Density, start: np.ndarray, cov: np.ndarray, *, rng: np.random.Generator, starts: Sequence[np.ndarray] = ()
+    density: Density,
+    start: np.ndarray,
+    cov: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    starts: Sequence[np.ndarray] = (),
 ) -> Certificate:
     return certify(density, adapt_proposal(density, start, cov, rng=rng, starts=starts), rng=rng)
 
 
 def deviations(certificate: Certificate, known: Known) -> np.ndarray:
-    """Deviations from the truth of means, standard deviations and evidence, in stated Monte-Carlo errors."""
+    """Deviations from the truth of means, standard deviations and evidence, in stated Monte-Carlo
+    errors.
+    """
     evidence = (certificate.log_evidence - known.log_evidence) / certificate.u_log_evidence
-    return np.array([*(certificate.mean - known.mean) / certificate.mcse_mean, *(certificate.sd - known.sd) / certificate.mcse_sd, evidence])
+    return np.array(
+        [
+            *(certificate.mean - known.mean) / certificate.mcse_mean,
+            *(certificate.sd - known.sd) / certificate.mcse_sd,
+            evidence,
+        ]
+    )
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -62,7 +83,10 @@ def test_moments_and_evidence_are_the_known_ones(name: str, rng: np.random.Gener
 def test_stated_monte_carlo_errors_are_the_scatter_of_repeated_runs(name: str) -> None:
     known, start, cov = TARGETS[name]
     n_repeat = 40
-    runs = [certificate_of(known, start, cov, rng=np.random.default_rng([3, i])) for i in range(n_repeat)]
+    runs = [
+        certificate_of(known, start, cov, rng=np.random.default_rng([3, i]))
+        for i in range(n_repeat)
+    ]
     z = np.array([deviations(run, known) for run in runs])
     rms = np.sqrt(np.mean(z**2))
     # parameters of one run are correlated: count the runs alone as independent
@@ -78,33 +102,53 @@ def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Gene
 
     certificate = certificate_of(*TARGETS["half-normal"], rng=rng)
     for p in PROBABILITIES:
-        assert np.all(np.abs(halfnorm.cdf(certificate.quantiles[p]) - p) < 4.5 * certificate.mcse_shares[p])
+        assert np.all(
+            np.abs(halfnorm.cdf(certificate.quantiles[p]) - p) < 4.5 * certificate.mcse_shares[p]
+        )
         assert np.all(np.abs(certificate.quantiles[p] - halfnorm.ppf(p)) < 0.2)
         assert np.all(certificate.mcse_shares[p] < 0.015)
 
 
 @pytest.mark.statistics
-def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An error that is right on average and scatters by a fifth makes false alarms: the tails of the ratio are those of Student's t."""
+def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little_themselves(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """An error that is right on average and scatters by a fifth makes false alarms: the tails of
+    the ratio are those of Student's t.
+    """
     from scipy.stats import norm
 
-    known, proposal, n_repeat, p = normal(np.eye(6)), Proposal.single(np.zeros(6), np.eye(6)), 60, np.array(PROBABILITIES)[:, None]
+    known, proposal, n_repeat, p = (
+        normal(np.eye(6)),
+        Proposal.single(np.zeros(6), np.eye(6)),
+        60,
+        np.array(PROBABILITIES)[:, None],
+    )
 
     def repeated() -> tuple[np.ndarray, np.ndarray]:
         """Deviations in stated errors, and those errors, both (n_repeat, n_probability, n_par)."""
-        runs = [certify(known, proposal, rng=np.random.default_rng([6, i])) for i in range(n_repeat)]
+        runs = [
+            certify(known, proposal, rng=np.random.default_rng([6, i])) for i in range(n_repeat)
+        ]
         errors = np.array([[run.mcse_shares[q] for q in PROBABILITIES] for run in runs])
-        return np.array([norm.cdf([run.quantiles[q] for q in PROBABILITIES]) - p for run in runs]) / errors, errors
+        return np.array(
+            [norm.cdf([run.quantiles[q] for q in PROBABILITIES]) - p for run in runs]
+        ) / errors, errors
 
     z, errors = repeated()
     chance = 4.0 / math.sqrt(2.0 * n_repeat * 6)
     assert np.all(np.abs(np.sqrt(np.mean(z**2, axis=(0, 2))) - 1.0) < chance)
     assert np.max(np.std(errors, axis=0) / np.mean(errors, axis=0)) < 0.03
 
-    # the density at an end by the few draws within an error of it, and errors of draws that all weigh the same
+    # the density at an end by the few draws within an error of it, and errors of draws that all
+    # weigh the same
     def error_of_a_few(column: importance._Column, p: float) -> float:
         u = math.sqrt(float(np.sum(column.weights**2 * ((column.values <= column.at(p)) - p) ** 2)))
-        return float(norm.pdf(norm.ppf(p))) * 0.5 * (column.at(min(p + u, 1.0)) - column.at(max(p - u, 0.0)))
+        return (
+            float(norm.pdf(norm.ppf(p)))
+            * 0.5
+            * (column.at(min(p + u, 1.0)) - column.at(max(p - u, 0.0)))
+        )
 
     naive = np.sqrt(p * (1.0 - p) / 8000.0)
     assert np.all(np.sqrt(np.mean((z * errors / naive) ** 2, axis=(0, 2)))[1:4] > 1.0 + chance)
@@ -131,15 +175,24 @@ def test_ends_of_a_short_chain_are_compared_in_errors_that_are_those_of_a_normal
 def test_resampled_draws_have_the_moments_of_the_weighted_ones(rng: np.random.Generator) -> None:
     certificate = certificate_of(*TARGETS["normal"], rng=rng)
     n = certificate.draws.shape[0]
-    assert np.all(np.abs(certificate.draws.mean(axis=0) - certificate.mean) < 5.0 * certificate.sd / math.sqrt(n))
+    assert np.all(
+        np.abs(certificate.draws.mean(axis=0) - certificate.mean)
+        < 5.0 * certificate.sd / math.sqrt(n)
+    )
     # in random order: the halves agree as well
     first, second = certificate.draws[: n // 2], certificate.draws[n // 2 :]
-    assert np.all(np.abs(first.mean(axis=0) - second.mean(axis=0)) < 5.0 * certificate.sd * 2.0 / math.sqrt(n))
+    assert np.all(
+        np.abs(first.mean(axis=0) - second.mean(axis=0)) < 5.0 * certificate.sd * 2.0 / math.sqrt(n)
+    )
 
 
-def test_two_modes_are_weighed_rightly_when_both_starts_are_given_and_one_is_missed_otherwise(rng: np.random.Generator) -> None:
+def test_two_modes_are_weighed_rightly_when_both_starts_are_given_and_one_is_missed_otherwise(
+    rng: np.random.Generator,
+) -> None:
     known = bimodal(3)
-    both = certificate_of(known, np.full(3, -4.0), 0.25 * np.eye(3), rng=rng, starts=[np.full(3, 4.0)])
+    both = certificate_of(
+        known, np.full(3, -4.0), 0.25 * np.eye(3), rng=rng, starts=[np.full(3, 4.0)]
+    )
     assert both.reliable
     assert np.all(np.abs(deviations(both, known)) < 4.5)
     one = certificate_of(known, np.full(3, -4.0), 0.25 * np.eye(3), rng=rng)
@@ -154,7 +207,10 @@ def test_proposal_with_tails_too_light_is_flagged(rng: np.random.Generator) -> N
     right = certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng)
     assert right.reliable
     assert right.n_draw == 8000
-    assert compare_with_chain(wrong, chain_of(rng.standard_normal((4, 200, 10, 4)))).verdict == "missing"
+    assert (
+        compare_with_chain(wrong, chain_of(rng.standard_normal((4, 200, 10, 4)))).verdict
+        == "missing"
+    )
 
 
 def test_wide_draws_mend_a_proposal_that_is_too_narrow(rng: np.random.Generator) -> None:
@@ -166,7 +222,9 @@ def test_wide_draws_mend_a_proposal_that_is_too_narrow(rng: np.random.Generator)
     assert np.all(np.abs(deviations(mended, known)) < 4.5)
 
 
-def test_pareto_smoothed_leave_ordinary_weights_alone_and_tame_the_largest(rng: np.random.Generator) -> None:
+def test_pareto_smoothed_leave_ordinary_weights_alone_and_tame_the_largest(
+    rng: np.random.Generator,
+) -> None:
     even, k_even, log_mean = pareto_smoothed(0.1 * rng.standard_normal(5000))
     assert k_even < 0.3
     assert np.exp(even).sum() == pytest.approx(1.0)
@@ -185,18 +243,25 @@ def test_proposal_density_is_normalised_and_is_that_of_its_draws(rng: np.random.
     factors = np.stack([np.eye(2), np.array([[0.5, 0.0], [0.3, 0.2]])])
     proposal = Proposal(np.array([0.3, 0.7]), np.array([[0.0, 0.0], [2.0, 1.0]]), factors)
     points = rng.standard_normal((50, 2))
-    parts = [w * multivariate_t(m, f @ f.T, df=5).pdf(points) for w, m, f in zip(proposal.weights, proposal.means, factors, strict=True)]
+    parts = [
+        w * multivariate_t(m, f @ f.T, df=5).pdf(points)
+        for w, m, f in zip(proposal.weights, proposal.means, factors, strict=True)
+    ]
     assert np.allclose(np.exp(proposal.log_density(points)), sum(parts), rtol=1e-10)
     draws = proposal.draw(rng, 40_000)
     covariance = [5.0 / 3.0 * f @ f.T for f in factors]
     mean = 0.3 * proposal.means[0] + 0.7 * proposal.means[1]
     between = 0.21 * np.outer(proposal.means[1], proposal.means[1])
     assert np.allclose(draws.mean(axis=0), mean, atol=0.04)
-    assert np.allclose(np.cov(draws.T), 0.3 * covariance[0] + 0.7 * covariance[1] + between, atol=0.06)
+    assert np.allclose(
+        np.cov(draws.T), 0.3 * covariance[0] + 0.7 * covariance[1] + between, atol=0.06
+    )
 
 
 def test_density_that_is_not_a_number_is_an_error(rng: np.random.Generator) -> None:
-    broken = dataclasses.replace(normal(COV), function=lambda x: np.where(x[:, 0] > 0.0, np.nan, 0.0))
+    broken = dataclasses.replace(
+        normal(COV), function=lambda x: np.where(x[:, 0] > 0.0, np.nan, 0.0)
+    )
     with pytest.raises(NumericalError, match=r"not a number .* at p0 = "):
         adapt_proposal(broken, np.zeros(4), COV, rng=rng)
     nowhere = dataclasses.replace(normal(COV), function=lambda x: np.full(len(x), -np.inf))
@@ -221,11 +286,15 @@ def chain_of(draws: np.ndarray) -> Chain:
     """A chain record around given draws (n_ensemble, n_step, n_walker, n_par)."""
     convergence = Convergence(draws.shape[1], 1.0, 1e4, 1e4, 1.0, 0.0, True, ())
     names = tuple(f"p{i}" for i in range(draws.shape[-1]))
-    return Chain(names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence)
+    return Chain(
+        names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence
+    )
 
 
 def autoregressive(rng: np.random.Generator, shape: tuple[int, ...], memory: float) -> np.ndarray:
-    """Normal draws along axis 1 with correlation `memory` between neighbours: a chain whose Monte-Carlo errors are known."""
+    """Normal draws along axis 1 with correlation `memory` between neighbours: a chain whose
+    Monte-Carlo errors are known.
+    """
     draws = rng.standard_normal(shape)
     for i in range(1, shape[1]):
         draws[:, i] = memory * draws[:, i - 1] + math.sqrt(1.0 - memory**2) * draws[:, i]
@@ -239,7 +308,9 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
     for i in range(150):
         rng = np.random.default_rng([8, i])
         chain = chain_of(autoregressive(rng, (4, 150, 16, 4), 0.6))
-        comparison = compare_with_chain(certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng), chain)
+        comparison = compare_with_chain(
+            certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng), chain
+        )
         verdicts.append(comparison.verdict)
         zs.append([*comparison.z_mean, *comparison.z_sd])
         naive.append(chain.flat.mean(axis=0) * math.sqrt(chain.flat.shape[0]))
@@ -247,11 +318,14 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
     rms = np.sqrt(np.mean(np.square(zs), axis=0))
     # 1/sqrt(2 n) is the standard error of each; 8 of them
     assert np.all(np.abs(rms - 1.0) < 4.0 / math.sqrt(300.0))
-    # errors that forget the correlation of the chain would be caught: (1 + 0.6)/(1 - 0.6) = 4 times the variance
+    # errors that forget the correlation of the chain would be caught: (1 + 0.6)/(1 - 0.6) = 4 times
+    # the variance
     assert np.all(np.sqrt(np.mean(np.square(naive), axis=0)) > 1.0 + 4.0 / math.sqrt(300.0))
 
 
-def test_chain_errors_are_those_of_theory_for_a_chain_with_known_memory(rng: np.random.Generator) -> None:
+def test_chain_errors_are_those_of_theory_for_a_chain_with_known_memory(
+    rng: np.random.Generator,
+) -> None:
     draws = autoregressive(rng, (4, 2000, 20, 2), 0.6)
     u_mean, u_sd = chain_errors(chain_of(draws))
     n = draws[..., 0].size
@@ -260,8 +334,12 @@ def test_chain_errors_are_those_of_theory_for_a_chain_with_known_memory(rng: np.
     assert u_sd == pytest.approx(math.sqrt(0.5 * (1.36 / 0.64) / n), rel=0.07)
 
 
-@pytest.mark.parametrize(("shift", "stretch", "word"), [(0.15, 1.0, "mean"), (0.0, 1.12, "standard deviation")])
-def test_chain_that_is_off_is_called_and_the_parameter_named(shift: float, stretch: float, word: str, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(
+    ("shift", "stretch", "word"), [(0.15, 1.0, "mean"), (0.0, 1.12, "standard deviation")]
+)
+def test_chain_that_is_off_is_called_and_the_parameter_named(
+    shift: float, stretch: float, word: str, rng: np.random.Generator
+) -> None:
     certificate = certificate_of(normal(np.eye(4)), np.zeros(4), np.eye(4), rng=rng)
     draws = rng.standard_normal((4, 100, 20, 4))
     assert compare_with_chain(certificate, chain_of(draws)).verdict == "agree"
@@ -273,19 +351,31 @@ def test_chain_that_is_off_is_called_and_the_parameter_named(shift: float, stret
     off = np.abs([comparison.difference_mean, comparison.difference_sd])
     assert np.max(off) == pytest.approx(max(shift, stretch - 1.0), abs=0.05)
     # the ends of the interval move by both
-    assert comparison.difference_ends[:, 2] == pytest.approx([shift - 1.96 * (stretch - 1.0), shift + 1.96 * (stretch - 1.0)], abs=0.1)
-    assert comparison.largest_difference == max(np.max(off), np.max(np.abs(comparison.difference_ends)))
+    assert comparison.difference_ends[:, 2] == pytest.approx(
+        [shift - 1.96 * (stretch - 1.0), shift + 1.96 * (stretch - 1.0)], abs=0.1
+    )
+    assert comparison.largest_difference == max(
+        np.max(off), np.max(np.abs(comparison.difference_ends))
+    )
 
 
-def test_negligible_difference_is_not_called_however_well_it_is_known(rng: np.random.Generator) -> None:
+def test_negligible_difference_is_not_called_however_well_it_is_known(
+    rng: np.random.Generator,
+) -> None:
     known = normal(np.eye(1))
-    certificate = certify(known, Proposal(np.ones(1), np.zeros((1, 1)), np.eye(1)[None]), rng=rng, n_draw=64_000)
-    comparison = compare_with_chain(certificate, chain_of(rng.standard_normal((4, 4000, 20, 1)) + 0.02))
+    certificate = certify(
+        known, Proposal(np.ones(1), np.zeros((1, 1)), np.eye(1)[None]), rng=rng, n_draw=64_000
+    )
+    comparison = compare_with_chain(
+        certificate, chain_of(rng.standard_normal((4, 4000, 20, 1)) + 0.02)
+    )
     assert abs(comparison.z_mean[0]) > comparison.limit / 1.5
     assert comparison.verdict == "agree"
 
 
-def test_no_verdict_where_importance_sampling_or_the_chain_cannot_tell(rng: np.random.Generator) -> None:
+def test_no_verdict_where_importance_sampling_or_the_chain_cannot_tell(
+    rng: np.random.Generator,
+) -> None:
     many = certificate_of(normal(np.eye(15)), np.zeros(15), np.eye(15), rng=rng)
     comparison = compare_with_chain(many, chain_of(rng.standard_normal((4, 100, 30, 15))))
     assert comparison.verdict == "missing"
@@ -296,10 +386,16 @@ def test_no_verdict_where_importance_sampling_or_the_chain_cannot_tell(rng: np.r
     assert "too large for a decision" in comparison.reason
 
 
-def replica_fit(replica: Path, folder: Path, runs: Sequence[str], replace: Sequence[tuple[str, str]] = ()) -> Fit:
+def replica_fit(
+    replica: Path, folder: Path, runs: Sequence[str], replace: Sequence[tuple[str, str]] = ()
+) -> Fit:
     """The fit of runs of the replica campaign, with some of its quantities said otherwise."""
     text = (replica / "campaign.toml").read_text()
-    for old, new in [('file = "runs/', f'file = "{replica}/runs/'), ('published = "../paper/published.toml"\n', ""), *replace]:
+    for old, new in [
+        ('file = "runs/', f'file = "{replica}/runs/'),
+        ('published = "../paper/published.toml"\n', ""),
+        *replace,
+    ]:
         assert old in text
         text = text.replace(old, new)
     path = folder / "campaign.toml"
@@ -308,26 +404,37 @@ def replica_fit(replica: Path, folder: Path, runs: Sequence[str], replace: Seque
 
 
 def quadrature(fit: Fit, *, n: int, reach: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Means, standard deviations and log evidence by the trapezoidal rule on n^n_par points along the axes of the fit's covariance."""
+    """Means, standard deviations and log evidence by the trapezoidal rule on n^n_par points along
+    the axes of the fit's covariance.
+    """
     values, vectors = np.linalg.eigh(fit.cov)
     axes = vectors * np.sqrt(values)
     steps = np.linspace(-reach, reach, n)
     grid = np.stack([g.ravel() for g in np.meshgrid(*[steps] * len(values), indexing="ij")], axis=1)
     points = fit.values + grid @ axes.T
-    log_p = np.concatenate([fit.posterior.log_density(part) for part in np.array_split(points, 100)])
+    log_p = np.concatenate(
+        [fit.posterior.log_density(part) for part in np.array_split(points, 100)]
+    )
     edge = np.any(np.abs(grid) > reach - 1e-9, axis=1)
     assert np.max(log_p[edge]) < np.max(log_p) - 12.0, "the grid is too small"
     weights = np.exp(log_p - np.max(log_p))
-    log_evidence = np.max(log_p) + np.log(weights.sum()) + np.log(np.abs(np.linalg.det(axes)) * (steps[1] - steps[0]) ** len(values))
+    log_evidence = (
+        np.max(log_p)
+        + np.log(weights.sum())
+        + np.log(np.abs(np.linalg.det(axes)) * (steps[1] - steps[0]) ** len(values))
+    )
     weights /= weights.sum()
     mean = weights @ points
     return mean, np.sqrt(weights @ (points - mean) ** 2), float(log_evidence)
 
 
 @pytest.mark.slow
-def test_certificate_and_chain_agree_with_brute_force_quadrature(replica: Path, tmp_path: Path) -> None:
+def test_certificate_and_chain_agree_with_brute_force_quadrature(
+    replica: Path, tmp_path: Path
+) -> None:
     exact = [
-        ('"0.14929(50)"', "0.14929"), ('phi_deg = "3.69(40)"', "phi_deg = 3.69"),
+        ('"0.14929(50)"', "0.14929"),
+        ('phi_deg = "3.69(40)"', "phi_deg = 3.69"),
         ('rolling_resistance = {prior = "half-normal", scale = 0.005}', "rolling_resistance = 0.0"),
     ]
     fit = replica_fit(replica, tmp_path, ["heavy-04"], exact)
@@ -339,15 +446,27 @@ def test_certificate_and_chain_agree_with_brute_force_quadrature(replica: Path, 
     proposal = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng)
     certificate = certify(fit.posterior, proposal, rng=rng, n_draw=300_000)
     assert certificate.reliable
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=150_000, n_walker=400), rng=rng, proposal=proposal)
+    chain = sample_posterior(
+        fit.posterior,
+        fit.values,
+        fit.cov,
+        target=Target(ess=150_000, n_walker=400),
+        rng=rng,
+        proposal=proposal,
+    )
     assert chain.convergence.met
     # 150 000 effective draws: Monte-Carlo errors of 0.26 % of an sd
-    for found_mean, found_sd in ((certificate.mean, certificate.sd), (chain.flat.mean(axis=0), chain.flat.std(axis=0))):
+    for found_mean, found_sd in (
+        (certificate.mean, certificate.sd),
+        (chain.flat.mean(axis=0), chain.flat.std(axis=0)),
+    ):
         assert np.all(np.abs(found_mean - mean) < 0.01 * sd)
         assert np.all(np.abs(found_sd / sd - 1.0) < 0.01)
     assert abs(certificate.log_evidence - log_evidence) < 4.5 * certificate.u_log_evidence < 0.02
     # the Gaussian approximation of the fit would not pass
-    assert np.any(np.abs(fit.values - mean) > 0.01 * sd) or np.any(np.abs(np.sqrt(np.diag(fit.cov)) / sd - 1.0) > 0.01)
+    assert np.any(np.abs(fit.values - mean) > 0.01 * sd) or np.any(
+        np.abs(np.sqrt(np.diag(fit.cov)) / sd - 1.0) > 0.01
+    )
 
 
 def assert_agree(certificate: Certificate, chain: Chain) -> None:
@@ -360,25 +479,40 @@ def assert_agree(certificate: Certificate, chain: Chain) -> None:
 
 
 @pytest.mark.slow
-def test_chain_and_certificate_agree_for_the_runs_of_the_replica_one_by_one_and_together(reanalysed: Reanalysis) -> None:
+def test_chain_and_certificate_agree_for_the_runs_of_the_replica_one_by_one_and_together(
+    reanalysed: Reanalysis,
+) -> None:
     for analysis in (*reanalysed.single_runs.values(), *(body.joint for body in reanalysed.bodies)):
         assert analysis.certificate is not None
         assert_agree(analysis.certificate, analysis.chain)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("which", ["class-unbalanced_1", pytest.param("mixed-balanced_1", marks=pytest.mark.statistics), "banana", "half-normal"])
+@pytest.mark.parametrize(
+    "which",
+    [
+        "class-unbalanced_1",
+        pytest.param("mixed-balanced_1", marks=pytest.mark.statistics),
+        "banana",
+        "half-normal",
+    ],
+)
 def test_chain_and_certificate_agree(which: str, project: Path) -> None:
     rng = np.random.default_rng(17)
     if which in TARGETS:
         density, start, cov = TARGETS[which]
     else:
         campaign = "campaign.toml" if which.startswith("class-") else "mixed.toml"
-        fit = fit_least_squares(load_campaign(project / "data" / "wheel" / campaign).problem([which]), rng=rng)
+        fit = fit_least_squares(
+            load_campaign(project / "data" / "wheel" / campaign).problem([which]), rng=rng
+        )
         density, start, cov = fit.posterior, fit.values, fit.cov
     proposal = adapt_proposal(density, start, cov, rng=rng)
     certificate = certify(density, proposal, rng=rng)
-    assert_agree(certificate, sample_posterior(density, start, cov, target=Target(), rng=rng, proposal=proposal))
+    assert_agree(
+        certificate,
+        sample_posterior(density, start, cov, target=Target(), rng=rng, proposal=proposal),
+    )
 
 
 def test_draws_of_which_one_has_all_the_weight_are_one_component(rng: np.random.Generator) -> None:

@@ -19,7 +19,12 @@ Command = Callable[..., subprocess.CompletedProcess[str]]
 
 def process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     """The command in a process of its own, without a terminal."""
-    return subprocess.run([sys.executable, "-m", "estim", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "estim", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 @pytest.fixture
@@ -59,7 +64,9 @@ def test_fit_writes_report_json_and_figures(fitted: Path) -> None:
 
 
 def alternatives_sorted(schema: object) -> object:
-    """A JSON Schema whose alternatives stand in one order: which comes first differs from version to version of msgspec, and means nothing."""
+    """A JSON Schema whose alternatives stand in one order: which comes first differs from version
+    to version of msgspec, and means nothing.
+    """
     if isinstance(schema, dict):
         inner = {key: alternatives_sorted(value) for key, value in schema.items()}
         return inner | {"anyOf": sorted(inner["anyOf"], key=repr)} if "anyOf" in inner else inner
@@ -70,16 +77,29 @@ def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) 
     from estim.reports.result import json_schema
 
     published = (project / "docs" / "estim-result-1.schema.json").read_bytes()
-    assert alternatives_sorted(json.loads(published)) == alternatives_sorted(json.loads(json_schema()))
+    assert alternatives_sorted(json.loads(published)) == alternatives_sorted(
+        json.loads(json_schema())
+    )
     result = json.loads((fitted / "result.json").read_text())
     jsonschema.validate(result, json.loads(published))
     assert result["schema"] == "estim-result/1"
-    parameters = {"gamma[heavy]", "kappa[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "rolling_resistance", "radius", "scale_x", "scale_t"}
+    parameters = {
+        "gamma[heavy]",
+        "kappa[heavy]",
+        "theta0[heavy-04]",
+        "phi[heavy-04]",
+        "rolling_resistance",
+        "radius",
+        "scale_x",
+        "scale_t",
+    }
     assert set(result["parameters"]) == parameters
     assert result["provenance"]["seed"] == 1
 
 
-def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: Path, replica: Path) -> None:
+def test_same_seed_gives_the_same_bytes(
+    estim: Command, fitted: Path, tmp_path: Path, replica: Path
+) -> None:
     estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--seed", "1")
     for file in ("result.json", "report.md", "figures/phase.png"):
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
@@ -94,13 +114,21 @@ def test_same_seed_gives_the_same_bytes(estim: Command, fitted: Path, tmp_path: 
         (("fit", "{campaign}", "--seed", "1" + 30 * "0"), "'--seed'"),
         (("fit", "{campaign}", "--sead", "1"), "--sead"),
         (("fit", "{campaign}", "--sead\r\x1b[2K", "1"), "--sead"),
-        (("fit", "{campaign}", "--resume", "--out", 300 * "x"), "cannot be read (file name too long)"),
+        (
+            ("fit", "{campaign}", "--resume", "--out", 300 * "x"),
+            "cannot be read (file name too long)",
+        ),
         (("fit", "{campaign}", "--resume", "--out", "/proc/x"), "cannot be written"),
         (("simulate", "{campaign}", "--out", "x"), "is not a known key"),
     ],
 )
 def test_wrong_input_is_one_line_and_exit_code_2(
-    estim: Command, arguments: tuple[str, ...], message: str, replica: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    estim: Command,
+    arguments: tuple[str, ...],
+    message: str,
+    replica: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = estim(*(a.replace("{campaign}", str(replica / "campaign.toml")) for a in arguments))
@@ -112,7 +140,9 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert done.stdout == ""
 
 
-def test_output_folder_that_cannot_be_made_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_output_folder_that_cannot_be_made_is_one_line(
+    estim: Command, tmp_path: Path, replica: Path
+) -> None:
     (tmp_path / "file").write_text("in the way")
     done = estim("simulate", replica / "design.toml", "--out", tmp_path / "file" / "x")
     assert done.returncode == 2
@@ -123,7 +153,8 @@ def test_help_loads_nothing_heavy() -> None:
     code = """
 import atexit, sys
 from estim.__main__ import main
-atexit.register(lambda: print("loaded:", *sorted({"numpy", "scipy", "lmfit", "emcee", "matplotlib", "msgspec", "jinja2"} & set(sys.modules))))
+atexit.register(lambda: print("loaded:", *sorted({"numpy", "scipy", "lmfit", "emcee",
+    "matplotlib", "msgspec", "jinja2"} & set(sys.modules))))
 sys.argv = ["estim", "--help"]
 main()
 """
@@ -133,12 +164,27 @@ main()
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_capped_chains_of_several_runs_get_a_folder_each_and_an_index_and_exit_with_3(
+    estim: Command, tmp_path: Path, replica: Path
+) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     text = (replica / "campaign.toml").read_text()
-    (tmp_path / "c.toml").write_text(text[: text.index("[line]")].replace("[shared]", "[shared]\nunmodelled_force = 0"))
+    (tmp_path / "c.toml").write_text(
+        text[: text.index("[line]")].replace("[shared]", "[shared]\nunmodelled_force = 0")
+    )
     out = tmp_path / "out"
-    done = estim("fit", tmp_path / "c.toml", "--run", "heavy-04", "--run", "heavy-06", "--out", out, "--max-steps", "60")
+    done = estim(
+        "fit",
+        tmp_path / "c.toml",
+        "--run",
+        "heavy-04",
+        "--run",
+        "heavy-06",
+        "--out",
+        out,
+        "--max-steps",
+        "60",
+    )
     assert done.returncode == 3
     assert "not-converged" in done.stdout
     index = (out / "report.md").read_text()
@@ -180,7 +226,10 @@ def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path)
     done = estim("energy", replica / "campaign.toml", *asked)
     assert done.returncode == 3, done.stderr
     assert "heavy-04: not-identified\n  Allowing a loss improves" in done.stdout
-    report, result = (tmp_path / "out" / "report.md").read_text(), json.loads((tmp_path / "out" / "result.json").read_text())
+    report, result = (
+        (tmp_path / "out" / "report.md").read_text(),
+        json.loads((tmp_path / "out" / "result.json").read_text()),
+    )
     assert "**Status: not-identified**" in report
     assert "can be used as it stands" not in report
     assert "| heavy-04 |" not in report  # a loss that is the prior's over again
@@ -192,11 +241,15 @@ def test_energy_writes_its_report(estim: Command, tmp_path: Path, replica: Path)
     (tmp_path / "wide.toml").write_text(text)
     done = estim("energy", tmp_path / "wide.toml", *asked)
     assert done.returncode == 0, done.stderr
-    assert re.search(r"heavy-04: ok\n  (no loss is detected, c_rr ≤ 0\.0\d+|a loss is measured) \(", done.stdout)
+    assert re.search(
+        r"heavy-04: ok\n  (no loss is detected, c_rr ≤ 0\.0\d+|a loss is measured) \(", done.stdout
+    )
     assert "| heavy-04 |" in (tmp_path / "out" / "report.md").read_text()
 
 
-def test_campaign_without_unknowns_or_runs_is_one_line(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_campaign_without_unknowns_or_runs_is_one_line(
+    estim: Command, tmp_path: Path, replica: Path
+) -> None:
     text = (replica / "campaign.toml").read_text()
     head, tail = text[: text.index("[[runs]]")], text[text.index("[line]") :]
     (tmp_path / "theta_min.csv").write_text((replica / "theta_min.csv").read_text())
@@ -206,14 +259,21 @@ def test_campaign_without_unknowns_or_runs_is_one_line(estim: Command, tmp_path:
         assert (done.returncode, done.stderr.count("\n"), done.stdout) == (2, 1, "")
         assert "[[runs]]" in done.stderr
     (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())
-    exact = 'title = "x"\nkind = "measured"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.187\nkappa = 0.45\n[[runs]]\nname = "r"\nbody = "b"\n'
-    (tmp_path / "exact.toml").write_text(exact + 'file = "r.csv"\nphi_deg = 4.0\ntheta0_deg = 60.0\nnoise = {sigma_x_m = 0.001}\n')
+    exact = (
+        'title = "x"\nkind = "measured"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.187\nkappa = '
+        '0.45\n[[runs]]\nname = "r"\nbody = "b"\n'
+    )
+    (tmp_path / "exact.toml").write_text(
+        exact + 'file = "r.csv"\nphi_deg = 4.0\ntheta0_deg = 60.0\nnoise = {sigma_x_m = 0.001}\n'
+    )
     done = estim("fit", tmp_path / "exact.toml")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert "nothing to fit" in done.stderr
 
 
-def test_degrees_under_a_radian_key_are_refused(estim: Command, tmp_path: Path, replica: Path) -> None:
+def test_degrees_under_a_radian_key_are_refused(
+    estim: Command, tmp_path: Path, replica: Path
+) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     text = (replica / "campaign.toml").read_text()
     (tmp_path / "c.toml").write_text(text.replace("phi_deg =", "phi_rad ="))
@@ -224,12 +284,18 @@ def test_degrees_under_a_radian_key_are_refused(estim: Command, tmp_path: Path, 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("unrendered", "few_draws")
-def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Command, tmp_path: Path, replica: Path) -> None:
-    """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing, but a report."""
+def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(
+    estim: Command, tmp_path: Path, replica: Path
+) -> None:
+    """kappa stated for each run, every input of the curve exact or uniform: no band, no narrowing,
+    but a report.
+    """
     (tmp_path / "r.csv").write_text((replica / "runs" / "heavy-04.csv").read_text())
     (tmp_path / "c.toml").write_text(
-        'title = "x"\nkind = "synthetic"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.187\n[[runs]]\nname = "r"\nbody = "b"\nfile = "r.csv"\n'
-        'phi_deg = 4.0\ntheta0_deg = {prior = "uniform", low = 50.0, high = 70.0}\nkappa = {prior = "uniform", low = 0.0, high = 1.0}\n'
+        'title = "x"\nkind = "synthetic"\n[bodies.b]\nradius_m = 0.15\ngamma = '
+        '0.187\n[[runs]]\nname = "r"\nbody = "b"\nfile = "r.csv"\n'
+        'phi_deg = 4.0\ntheta0_deg = {prior = "uniform", low = 50.0, high = 70.0}\nkappa = '
+        '{prior = "uniform", low = 0.0, high = 1.0}\n'
         "noise = {sigma_x_m = 0.001}\n"
     )
     done = estim("reanalyse", tmp_path / "c.toml", "--jobs", "1", "--out", tmp_path / "out")
@@ -239,17 +305,26 @@ def test_reanalyse_survives_what_has_no_band_and_nothing_in_common(estim: Comman
     assert "taken as exact" in report
 
 
-@pytest.mark.parametrize(("file", "folder"), [
-    ("replica/campaign.toml", "out/replica/line"), ("gallery/muon.toml", "out/muon/line"), ("gallery/a.b.toml", "out/a.b/line"),
-])
-def test_two_campaigns_of_one_folder_have_folders_of_their_own(tmp_path: Path, file: str, folder: str) -> None:
+@pytest.mark.parametrize(
+    ("file", "folder"),
+    [
+        ("replica/campaign.toml", "out/replica/line"),
+        ("gallery/muon.toml", "out/muon/line"),
+        ("gallery/a.b.toml", "out/a.b/line"),
+    ],
+)
+def test_two_campaigns_of_one_folder_have_folders_of_their_own(
+    tmp_path: Path, file: str, folder: str
+) -> None:
     from estim.cli.options import out_folder
 
     assert out_folder(tmp_path / file, "line") == Path(folder)
 
 
 @pytest.mark.parametrize("command", ["new", "verify", "diff", "batch", "fit", "line"])
-def test_a_name_that_is_too_long_for_a_file_is_one_line(estim: Command, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_name_that_is_too_long_for_a_file_is_one_line(
+    estim: Command, command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     done = estim(command, *["a" * 300] * (2 if command == "diff" else 1))
     assert (done.returncode, done.stdout, len(done.stderr.splitlines())) == (2, "", 1)

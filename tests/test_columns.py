@@ -1,4 +1,6 @@
-"""Tables of other people's making: the same numbers whatever the dialect, or one line that says the cure; never other numbers."""
+"""Tables of other people's making: the same numbers whatever the dialect, or one line that says the
+cure; never other numbers.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,14 @@ from estim.reading.dialect import Dialect, name_and_unit
 from estim.reading.layout import read_layout
 
 
-def read(path: Path, data: str | bytes, needed: tuple[str, ...] = ("t", "y"), *, letters: str = "utf-8", **said) -> dict[str, list[float]]:
+def read(
+    path: Path,
+    data: str | bytes,
+    needed: tuple[str, ...] = ("t", "y"),
+    *,
+    letters: str = "utf-8",
+    **said,
+) -> dict[str, list[float]]:
     path.write_bytes(data if isinstance(data, bytes) else data.encode(letters))
     table = read_columns(path, needed=needed, min_rows=2, shown_as="a.csv", dialect=Dialect(**said))
     return {name: column.tolist() for name, column in table.columns.items()}
@@ -48,7 +57,9 @@ def read(path: Path, data: str | bytes, needed: tuple[str, ...] = ("t", "y"), *,
         ("Group 3;;\nt;10 periods (s);y\n0,5;8,9;1\n1;9,1;2\n", {}, [0.5, 1], [1, 2]),
     ],
 )
-def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict, t: list[float], y: list[float]) -> None:
+def test_a_table_is_read_as_it_is_written(
+    tmp_path: Path, text: str, said: dict, t: list[float], y: list[float]
+) -> None:
     for written in (text, text.replace("\n", "\r\n"), text.rstrip("\n")):
         assert read(tmp_path / "a.csv", written, **said) == {"t": t, "y": y}
 
@@ -56,31 +67,74 @@ def test_a_table_is_read_as_it_is_written(tmp_path: Path, text: str, said: dict,
 @pytest.mark.parametrize(
     ("text", "said", "says"),
     [
-        ("t;y\n1,234;1\n2,345;2\n", {}, "a.csv:2: 'comma' may part thousands or be a decimal comma, .* --decimal comma"),
-        ("t;y\n1.234;1,5\n2.345;2\n", {}, "a.csv:2: 'row' has numbers with decimal points and others with commas"),
-        ("t;y\n1,5;1\n2.5;2\n", {"decimal": "comma"}, "a.csv:3: 't' must be a number with a decimal comma, not a point: 2.5"),
+        (
+            "t;y\n1,234;1\n2,345;2\n",
+            {},
+            "a.csv:2: 'comma' may part thousands or be a decimal comma, .* --decimal comma",
+        ),
+        (
+            "t;y\n1.234;1,5\n2.345;2\n",
+            {},
+            "a.csv:2: 'row' has numbers with decimal points and others with commas",
+        ),
+        (
+            "t;y\n1,5;1\n2.5;2\n",
+            {"decimal": "comma"},
+            "a.csv:3: 't' must be a number with a decimal comma, not a point: 2.5",
+        ),
         ("t;y\n1.234,5;1\n2.345,5;2\n", {}, "a.csv:3: 'row' must hold numbers|a.csv:2: "),
-        ("t;y\n1;2\n1 000;3\n1;2\n", {}, "a.csv:3: 't' must be a number without marks between thousands: 1 000"),
+        (
+            "t;y\n1;2\n1 000;3\n1;2\n",
+            {},
+            "a.csv:3: 't' must be a number without marks between thousands: 1 000",
+        ),
         ("t,y\n0,5,1,2\n1,0,2,0\n", {}, r"a.csv:2: 'row' must have 2 cells \(decimal commas\?"),
         ("t,y,n\n1,2,3\n4,5,6\n", {}, "a.csv:2: 'row' may hold decimal commas: .* --decimal point"),
-        ("0.1\t0.2\t3\n0.1\t0.2\t3\n", {}, r"a.csv:1: 'header' has no line of column names: name its 3 columns .*--columns a,b,\.\.\.; columns = "),
-        ("0.1\t0.2\t3\n0.1\t0.2\t3\n", {"columns": ("t", "y")}, "a.csv:1: 'columns' must name all 3 columns"),
-        ("t,t,y\n0.5,1,2\n1,3,2\n", {}, "a.csv:1: 't' occurs twice in the header: name all columns"),
+        (
+            "0.1\t0.2\t3\n0.1\t0.2\t3\n",
+            {},
+            r"a.csv:1: 'header' has no line of column names: name its 3 columns .*--columns "
+            r"a,b,\.\.\.; columns = ",
+        ),
+        (
+            "0.1\t0.2\t3\n0.1\t0.2\t3\n",
+            {"columns": ("t", "y")},
+            "a.csv:1: 'columns' must name all 3 columns",
+        ),
+        (
+            "t,t,y\n0.5,1,2\n1,3,2\n",
+            {},
+            "a.csv:1: 't' occurs twice in the header: name all columns",
+        ),
         ("t,u\n0.5,1\n1,3\n", {}, r"a.csv:1: 'y' is missing \(the header has t, u\)"),
         ("t,y\n0.1,1\n0.2\n0.3,2\n", {}, "a.csv:3: 'row' must have 2 cells: 1"),
-        ("t,y\n0.0,1.0,3\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' is a row with another number of cells .*--skip-rows"),
+        (
+            "t,y\n0.0,1.0,3\n0.2,2\n0.3,2\n",
+            {},
+            "a.csv:2: 'row' is a row with another number of cells .*--skip-rows",
+        ),
         ("t,y\n0.1,1x\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers"),
-        ("t,y\n10 s (or so),1\n0.2,2\n0.3,2\n", {}, "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter"),
+        (
+            "t,y\n10 s (or so),1\n0.2,2\n0.3,2\n",
+            {},
+            "a.csv:2: 'row' must be a row of numbers.* names, which begin with a letter",
+        ),
         ("t,y\n0.1,1\n0.2,2x\n0.3,2\n", {}, "a.csv:3: 'y' must be a number: 2x"),
         ("t,y\n0,1\n% 1,2\n1,3\n2,3\n", {}, "a.csv:3: 't' must be a number: % 1"),
-        ("t,y\n0,inf\n1,3\n2,3\n", {}, "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf"),
+        (
+            "t,y\n0,inf\n1,3\n2,3\n",
+            {},
+            "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf",
+        ),
         ("t,y\n", {}, "a.csv:1: 'row' must hold numbers"),
         (b"PK\x03\x04 and so on", {}, "a.csv: 'file' must be a text file, not a workbook"),
         (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
         ("t,y\n1,2\n2,3\n", {"header": True, "skip_rows": 3}, "a.csv: has no rows of numbers"),
     ],
 )
-def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(tmp_path: Path, text: str | bytes, said: dict, says: str) -> None:
+def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(
+    tmp_path: Path, text: str | bytes, said: dict, says: str
+) -> None:
     with pytest.raises(InputError, match=says) as told:
         read(tmp_path / "a.csv", text, **said)
     assert "\n" not in str(told.value)
@@ -89,8 +143,10 @@ def test_what_may_be_read_in_two_ways_is_one_line_with_the_cure(tmp_path: Path, 
 @pytest.mark.parametrize(
     ("said", "says"),
     [
-        ({"delimiter": "%"}, "'delimiter' must be one of tab"), ({"skip_rows": -1}, "'skip_rows' must be"),
-        ({"columns": ("a", "a")}, "'columns' must name"), ({"header": False}, "'columns' is missing"),
+        ({"delimiter": "%"}, "'delimiter' must be one of tab"),
+        ({"skip_rows": -1}, "'skip_rows' must be"),
+        ({"columns": ("a", "a")}, "'columns' must name"),
+        ({"header": False}, "'columns' is missing"),
         ({"columns": ("a", "b"), "header": True}, "'header' cannot be true"),
     ],
 )
@@ -110,8 +166,13 @@ def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
-        ([4, 7, 10, 13], "4, 7, 10, 13"), ([3, 4, 5, 6], "3 to 6"), ([3, 5, 8, 9, 10], "3, 5, 8 to 10"), ([3, 4, 9], "3, 4, 9"), ([7], "7"),
-        (list(range(2, 40, 3)), "2, 5, 8, 11, 14, 17, and 7 more"), ([*range(2, 500), 600], "2 to 499, 600"),
+        ([4, 7, 10, 13], "4, 7, 10, 13"),
+        ([3, 4, 5, 6], "3 to 6"),
+        ([3, 5, 8, 9, 10], "3, 5, 8 to 10"),
+        ([3, 4, 9], "3, 4, 9"),
+        ([7], "7"),
+        (list(range(2, 40, 3)), "2, 5, 8, 11, 14, 17, and 7 more"),
+        ([*range(2, 500), 600], "2 to 499, 600"),
     ],
 )
 def test_only_lines_without_a_value_are_told(lines: list[int], said: str) -> None:
@@ -129,7 +190,14 @@ def test_letters_of_other_encodings_change_no_number(tmp_path: Path, encoding: s
 
 @pytest.mark.parametrize(
     ("cell", "name", "unit"),
-    [("U (mV)", "U", "mV"), ("time [s]", "time", "s"), ("x / cm", "x", "cm"), ("a/b", "a/b", ""), ("t_s", "t_s", ""), ("v (m/s)", "v", "m/s")],
+    [
+        ("U (mV)", "U", "mV"),
+        ("time [s]", "time", "s"),
+        ("x / cm", "x", "cm"),
+        ("a/b", "a/b", ""),
+        ("t_s", "t_s", ""),
+        ("v (m/s)", "v", "m/s"),
+    ],
 )
 def test_a_unit_in_the_header(cell: str, name: str, unit: str) -> None:
     assert name_and_unit(cell) == (name, unit)
@@ -146,7 +214,10 @@ def written(source: random.Random, t: list[float], y: list[float]) -> str:
 
     further = source.randrange(3)
     names = ["t", "y", "n", "note"][: 2 + further]
-    rows = [[number(a), number(b), str(i), source.choice(("good", "3", "b2"))][: 2 + further] for i, (a, b) in enumerate(zip(t, y, strict=True))]
+    rows = [
+        [number(a), number(b), str(i), source.choice(("good", "3", "b2"))][: 2 + further]
+        for i, (a, b) in enumerate(zip(t, y, strict=True))
+    ]
     head = source.choice((["# made by hand"], ["A measurement", ""], []))
     return "\n".join([*head, *(mark.join(row) for row in [names, *rows])]) + "\n"
 
@@ -160,22 +231,36 @@ def tried(path: Path, text: str) -> tuple[dict[str, list[float]], str]:
 
 
 def test_every_dialect_gives_the_same_numbers_or_is_refused(tmp_path: Path) -> None:
-    """Also with slips: a mark that is lost, doubled or changed for another never gives other numbers in as many rows."""
+    """Also with slips: a mark that is lost, doubled or changed for another never gives other
+    numbers in as many rows.
+    """
     source, read_plain, read_slips = random.Random(5), 0, 0
     for _ in range(400):
-        t, y = ([source.choice((source.random(), source.randrange(9), 1e-7 * source.random(), -2.5)) for _ in range(5)] for _ in "ty")
+        t, y = (
+            [
+                source.choice((source.random(), source.randrange(9), 1e-7 * source.random(), -2.5))
+                for _ in range(5)
+            ]
+            for _ in "ty"
+        )
         text = written(source, t, y)
         found, refusal = tried(tmp_path / "a.csv", text)
         assert found == {"t": t, "y": y} or re.search(r"--\w+|decimal commas\?", refusal), text
         read_plain += bool(found)
         places = [i for i, mark in enumerate(text) if mark in ",.;|\t"]
         place = source.choice(places)
-        slipped = text[:place] + source.choice(("", ",", ".", ";", text[place] * 2)) + text[place + 1 :]
+        slipped = (
+            text[:place] + source.choice(("", ",", ".", ";", text[place] * 2)) + text[place + 1 :]
+        )
         found, _ = tried(tmp_path / "a.csv", slipped)
         if not found:
             continue
         read_slips += 1
-        different = sum(a != b for name, true in (("t", t), ("y", y)) for a, b in zip(found[name], true, strict=False))
+        different = sum(
+            a != b
+            for name, true in (("t", t), ("y", y))
+            for a, b in zip(found[name], true, strict=False)
+        )
         assert different <= 1, slipped  # the number whose own mark was lost
     assert read_plain > 300
     assert read_slips > 30
@@ -186,17 +271,37 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         return  # a plain clone
     shared = next(folder for folder in real_files[0].parents if folder.name == "tracker").parent
     rows = {
-        "tracker/halfpipe/Klipp0.csv": 4143, "tracker/halfpipe/52.txt": 2017, "tracker/rolling_ball/kulefullbane.txt": 40,
-        "tracker/rolling_ball/Vid3.txt": 47, "tracker/viscosity/a1.txt": 50, "wheel/class_2015/balanced_1.txt": 161,
-        "lines/hogg_bovy_lang_2010_table1.csv": 20, "gallery/table_length_2009.txt": 17, "gallery/hubble_1929.csv": 24,
+        "tracker/halfpipe/Klipp0.csv": 4143,
+        "tracker/halfpipe/52.txt": 2017,
+        "tracker/rolling_ball/kulefullbane.txt": 40,
+        "tracker/rolling_ball/Vid3.txt": 47,
+        "tracker/viscosity/a1.txt": 50,
+        "wheel/class_2015/balanced_1.txt": 161,
+        "lines/hogg_bovy_lang_2010_table1.csv": 20,
+        "gallery/table_length_2009.txt": 17,
+        "gallery/hubble_1929.csv": 24,
     }
     for name, n in rows.items():
         layout = read_layout(shared / name, Dialect(), shown_as=name)
-        table = read_columns(shared / name, needed=[*layout.names][1:3] if len(layout.names) > 2 else layout.names, min_rows=3, shown_as=name)
+        table = read_columns(
+            shared / name,
+            needed=[*layout.names][1:3] if len(layout.names) > 2 else layout.names,
+            min_rows=3,
+            shown_as=name,
+        )
         assert table.lines.size == n, name
-    nist = read_columns(shared / "nist_strd" / "Misra1a.dat", needed=("x", "y"), min_rows=3, shown_as="n", dialect=Dialect(columns=("y", "x")))
+    nist = read_columns(
+        shared / "nist_strd" / "Misra1a.dat",
+        needed=("x", "y"),
+        min_rows=3,
+        shown_as="n",
+        dialect=Dialect(columns=("y", "x")),
+    )
     np.testing.assert_array_equal(nist.columns["x"][[0, -1]], [77.6, 760.0])
-    destroyed, named = shared / "tracker" / "halfpipe" / "Klipp5.csv", Dialect(columns=("t", "x", "y", "v", "a"))
+    destroyed, named = (
+        shared / "tracker" / "halfpipe" / "Klipp5.csv",
+        Dialect(columns=("t", "x", "y", "v", "a")),
+    )
     with pytest.raises(InputError, match="decimal points and others with commas"):
         read_columns(destroyed, needed=("t", "y"), min_rows=3, shown_as="n", dialect=named)
 
@@ -204,20 +309,44 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
 def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
     def table(head: str, **said):
         (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
-        return read_columns(tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2, shown_as="a.csv", dialect=Dialect(**said))
+        return read_columns(
+            tmp_path / "a.csv",
+            needed=("t", "y", "u_y"),
+            min_rows=2,
+            shown_as="a.csv",
+            dialect=Dialect(**said),
+        )
 
-    for head, said in (("t,y [V],u_y [mV]", {}), ("x,x,x", {"columns": ("t", "y (V)", "u_y (%)")}), ("t,y,u_y\ns,V,mV", {})):
-        with pytest.raises(InputError, match=r"a\.csv(:[12])?: 'u_y' must be in the unit of 'y', V; write it in that unit, or name the columns"):
+    for head, said in (
+        ("t,y [V],u_y [mV]", {}),
+        ("x,x,x", {"columns": ("t", "y (V)", "u_y (%)")}),
+        ("t,y,u_y\ns,V,mV", {}),
+    ):
+        with pytest.raises(
+            InputError,
+            match=r"a\.csv(:[12])?: 'u_y' must be in the unit of 'y', V; write it in that unit, "
+            r"or name the columns",
+        ):
             table(head, **said).require_unit("u_y", "y")
-    for head, said in (("t,y [V],u_y [V]", {}), ("t,y [V],u_y", {}), ("t,y,u_y [V]", {}), ("t,y [µm],u_y [um]", {}), ("t,y,u_y\ns,V,V", {})):
+    for head, said in (
+        ("t,y [V],u_y [V]", {}),
+        ("t,y [V],u_y", {}),
+        ("t,y,u_y [V]", {}),
+        ("t,y [µm],u_y [um]", {}),
+        ("t,y,u_y\ns,V,V", {}),
+    ):
         table(head, **said).require_unit("u_y", "y")
 
 
 COPIES = [
-    ("t,y\n1,5\n2,6\n2,6\n3,7\n", "line 4 is identical to line 3: if it is a copy, it is counted twice, so remove it"),
+    (
+        "t,y\n1,5\n2,6\n2,6\n3,7\n",
+        "line 4 is identical to line 3: if it is a copy, it is counted twice, so remove it",
+    ),
     (
         "t,y\n1,5\n2,6\n3,7\n1,5\n2,6\n",
-        "2 rows are identical to an earlier one (lines 5, 6): if they are copies, they are counted twice, so remove them",
+        "2 rows are identical to an earlier one (lines 5, 6): if they are copies, they are "
+        "counted twice, so remove them",
     ),
     ("t;y;n\n1;5;1\n2;6;2\n2;6;3\n3;7;4\n", ""),  # another reading, by its number
     ("t,y\n1,5\n1,6\n2,6\n2,6\n3,7\n", ""),  # readings at the same t
@@ -226,7 +355,9 @@ COPIES = [
 
 
 @pytest.mark.parametrize(("text", "told"), COPIES)
-def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(tmp_path: Path, text: str, told: str) -> None:
+def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(
+    tmp_path: Path, text: str, told: str
+) -> None:
     (tmp_path / "a.csv").write_text(text)
     table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2, shown_as="a.csv")
     assert list(table.warnings) == ([told] if told else [])

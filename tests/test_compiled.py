@@ -1,4 +1,6 @@
-"""Motion in machine code (numba, the extra `fast`) against the same in NumPy, which is tested against an ODE solver."""
+"""Motion in machine code (numba, the extra `fast`) against the same in NumPy, which is tested
+against an ODE solver.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,14 @@ def by_numpy(monkeypatch, function, *args, **keywords):
 
 
 def settled(t, body, place, n_draw):
-    return compiled.states(np.asarray(t, dtype=float), body, {"rolling_resistance": 0.0, "g": 9.81} | place, n_draw, n_leg=16, speeds=True)[2]
+    return compiled.states(
+        np.asarray(t, dtype=float),
+        body,
+        {"rolling_resistance": 0.0, "g": 9.81} | place,
+        n_draw,
+        n_leg=16,
+        speeds=True,
+    )[2]
 
 
 def within(a, b, tolerance):
@@ -31,10 +40,17 @@ def within(a, b, tolerance):
 
 
 def any_draws(rng, **ranges):
-    """Draws of everything between wide limits: bodies that turn, roll on, stay, and may be balanced the wrong way."""
+    """Draws of everything between wide limits: bodies that turn, roll on, stay, and may be balanced
+    the wrong way.
+    """
     wide = {
-        "radius": (0.02, 0.5), "gamma": (-0.05, 0.5), "kappa": (0.3, 1.0), "rho": (0.5, 1.0),
-        "phi": (-0.3, 0.3), "theta0": (-7.0, 7.0), "rolling_resistance": (0.0, 0.02),
+        "radius": (0.02, 0.5),
+        "gamma": (-0.05, 0.5),
+        "kappa": (0.3, 1.0),
+        "rho": (0.5, 1.0),
+        "phi": (-0.3, 0.3),
+        "theta0": (-7.0, 7.0),
+        "rolling_resistance": (0.0, 0.02),
     } | ranges
     columns = {name: rng.uniform(low, high, (N, 1)) for name, (low, high) in wide.items()}
     body = Body(**{name: columns.pop(name) for name in ("radius", "gamma", "kappa", "rho")})
@@ -42,7 +58,10 @@ def any_draws(rng, **ranges):
 
 
 @pytest.mark.parametrize("own_times", [False, True])
-@pytest.mark.parametrize("ranges", [{}, {"phi": (-0.02, 0.02)}, {"gamma": (0.05, 0.2), "phi": (0.01, 0.08), "theta0": (0.6, 2.0)}])
+@pytest.mark.parametrize(
+    "ranges",
+    [{}, {"phi": (-0.02, 0.02)}, {"gamma": (0.05, 0.2), "phi": (0.01, 0.08), "theta0": (0.6, 2.0)}],
+)
 def test_any_draws_move_as_numpy_says(rng, monkeypatch, ranges, own_times):
     body, place = any_draws(rng, **ranges)
     t = rng.uniform(-0.2, 4.0, (N, 25)) if own_times else np.linspace(-0.1, 5.0, 25)
@@ -53,11 +72,23 @@ def test_any_draws_move_as_numpy_says(rng, monkeypatch, ranges, own_times):
     assert within(x, positions_at(t, body, **place), 1e-10)
     assert np.mean(settled(t, body, place, N)) > 0.5  # the machine code did it
     assert np.any(v < 0.0)
-    assert not np.allclose(x, by_numpy(monkeypatch, positions_at, t, body, **place | {"theta0": place["theta0"] + 1e-6}), rtol=0.0, atol=1e-9)
+    assert not np.allclose(
+        x,
+        by_numpy(monkeypatch, positions_at, t, body, **place | {"theta0": place["theta0"] + 1e-6}),
+        rtol=0.0,
+        atol=1e-9,
+    )
 
 
 def test_all_draws_of_a_usual_run_are_settled(rng):
-    body, place = any_draws(rng, gamma=(0.17, 0.2), kappa=(0.4, 0.5), rho=(0.95, 1.0), phi=(0.06, 0.08), theta0=(1.0, 1.1))
+    body, place = any_draws(
+        rng,
+        gamma=(0.17, 0.2),
+        kappa=(0.4, 0.5),
+        rho=(0.95, 1.0),
+        phi=(0.06, 0.08),
+        theta0=(1.0, 1.1),
+    )
     assert np.all(settled(np.linspace(-0.1, 3.0, 60), body, place, N))
 
 
@@ -67,11 +98,19 @@ def test_what_is_hard_is_left_to_numpy(monkeypatch):
     theta0 = np.array([[1.05], [1e-4 + crest], [np.nan], [1.05], [1.05]])
     gamma = np.array([[0.187], [0.187], [0.187], [np.nan], [0.187]])
     phi = np.array([[math.radians(4.0)]] * 4 + [[-0.3]])
-    body, place, t = Body(0.15, gamma, 0.45), {"phi": phi, "theta0": theta0}, np.linspace(0.0, 40.0, 80)
+    body, place, t = (
+        Body(0.15, gamma, 0.45),
+        {"phi": phi, "theta0": theta0},
+        np.linspace(0.0, 40.0, 80),
+    )
     assert settled(t, body, place, 5).tolist() == [False] * 5  # the first turns more than 16 times
     assert settled(t[:5], body, place, 5).tolist() == [True, False, False, False, False]
     with np.errstate(all="ignore"):
-        for one, other in zip(by_numpy(monkeypatch, back_and_forth, t, body, **place), back_and_forth(t, body, **place), strict=True):
+        for one, other in zip(
+            by_numpy(monkeypatch, back_and_forth, t, body, **place),
+            back_and_forth(t, body, **place),
+            strict=True,
+        ):
             assert within(one, other, 1e-12)
 
 
@@ -91,6 +130,12 @@ def test_numbers_of_one_run_need_no_columns():
 
 def test_numba_that_compiles_nothing_is_not_used():
     code = "from model import motion; print(motion._compiled())"
-    done = subprocess.run([sys.executable, "-c", code], env={"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert done.stdout.strip() == "None"
     assert motion._compiled() is compiled.states

@@ -1,4 +1,6 @@
-"""Bands of the curve together with what it lacks: against dense matrices, and against motions of an integrator that shares no code."""
+"""Bands of the curve together with what it lacks: against dense matrices, and against motions of an
+integrator that shares no code.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,12 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Analysis, Motion]:
     """A recording analysed by the default, and the true motion."""
     folder = tmp_path_factory.mktemp("pushed")
     write_campaign(folder, PUSHED, priors="default", noise="speeds", rng=np.random.default_rng(5))
-    analysis = analyse(load_campaign(folder / "campaign.toml"), ["r"], seed=1, target=Target(ess=400.0, n_ensemble=2))
+    analysis = analyse(
+        load_campaign(folder / "campaign.toml"),
+        ["r"],
+        seed=1,
+        target=Target(ess=400.0, n_ensemble=2),
+    )
     return analysis, solve(PUSHED.motion(np.random.default_rng(5), BASE), 3.0)
 
 
@@ -41,8 +48,12 @@ def known(analysis: Analysis) -> Completed:
     return found.completed
 
 
-def test_start_and_force_given_the_points_are_those_of_dense_matrices(pushed: tuple[Analysis, Motion]) -> None:
-    """Mean and variance of the energy at a place, of the joint normal distribution of energy and points of each component."""
+def test_start_and_force_given_the_points_are_those_of_dense_matrices(
+    pushed: tuple[Analysis, Motion],
+) -> None:
+    """Mean and variance of the energy at a place, of the joint normal distribution of energy and
+    points of each component.
+    """
     fit, completed = pushed[0].fit, known(pushed[0])
     x = np.array([0.05, 0.2, 0.35])
     named = fit.problem.named(np.tile(fit.values, (20_000, 1)))
@@ -54,15 +65,23 @@ def test_start_and_force_given_the_points_are_those_of_dense_matrices(pushed: tu
     stated, push = covariance_of(mixture.deviation.root), START_SD * along.radian
     means, squares, shares, start = np.zeros(3), np.zeros(3), mixture.shares(residuals), 0
     for family in mixture.deviation.families:
-        kernel = without_mean(force_kernel(along.track, family.length, radius=along.radian), along.track.weights)
+        kernel = without_mean(
+            force_kernel(along.track, family.length, radius=along.radian), along.track.weights
+        )
         lever, work = along.response.force, work_along(along.track, x)
         for amplitude, scale in zip(family.amplitude, family.scale, strict=True):
-            points = scale**2 * stated + amplitude**2 * lever @ kernel @ lever.T + np.outer(along.push, along.push)
+            points = (
+                scale**2 * stated
+                + amplitude**2 * lever @ kernel @ lever.T
+                + np.outer(along.push, along.push)
+            )
             cross = amplitude**2 * work @ kernel @ lever.T + push * along.push
             prior = amplitude**2 * np.diag(work @ kernel @ work.T) + push**2
             mean = cross @ np.linalg.solve(points, residuals)
             means += shares[start] * mean
-            squares += shares[start] * (prior - np.diag(cross @ np.linalg.solve(points, cross.T)) + mean**2)
+            squares += shares[start] * (
+                prior - np.diag(cross @ np.linalg.solve(points, cross.T)) + mean**2
+            )
             start += 1
     sds = np.sqrt(squares - means**2)
     np.testing.assert_allclose(gained.mean(axis=0), means * lift, atol=0.04 * np.max(sds * lift))
@@ -70,10 +89,14 @@ def test_start_and_force_given_the_points_are_those_of_dense_matrices(pushed: tu
 
 
 def test_bands_hold_the_true_speed_and_the_points(pushed: tuple[Analysis, Motion]) -> None:
-    """The curve alone, at the same draws, is off.  (Seven such recordings: 98 % of the true speeds, 73 % for the curve alone.)"""
+    """The curve alone, at the same draws, is off.  (Seven such recordings: 98 % of the true speeds,
+    73 % for the curve alone.)
+    """
     analysis, motion = pushed
     (run,), (bands,) = analysis.problem.runs, analysis.bands
-    (alone,) = posterior_bands(analysis.problem, analysis.chain.thinned(2000), rng=np.random.default_rng(1))
+    (alone,) = posterior_bands(
+        analysis.problem, analysis.chain.thinned(2000), rng=np.random.default_rng(1)
+    )
     assert bands.completed
     assert not alone.completed
     true = motion.speed_at(run.x)
@@ -84,7 +107,9 @@ def test_bands_hold_the_true_speed_and_the_points(pushed: tuple[Analysis, Motion
 
 
 def held(x: np.ndarray, band: np.ndarray, at: np.ndarray, values: np.ndarray) -> float:
-    """Share of the values that lie within the band, its ends between the places x taken as straight."""
+    """Share of the values that lie within the band, its ends between the places x taken as
+    straight.
+    """
     low, high = (np.interp(at, x, end) for end in band)
     return float(np.mean((values >= low) & (values <= high)))
 
@@ -98,34 +123,56 @@ def test_where_a_pushed_body_turns_is_told_with_the_push(pushed: tuple[Analysis,
 
 
 def test_energy_that_is_gained_moves_the_end_of_a_motion_that_falls_evenly() -> None:
-    """v^2 = 2 (1 - x) + gained: the end is where that is 0, also beyond the end of the curve alone."""
+    """v^2 = 2 (1 - x) + gained: the end is where that is 0, also beyond the end of the curve
+    alone.
+    """
     x, gained = np.linspace(0.0, 1.2, 241), np.array([[0.0], [0.1], [-0.2]])
     curve, end = np.tile(np.sqrt(np.maximum(2.0 * (1.0 - x), 0.0)), (3, 1)), np.ones(3)
     moved, ends = moved_on(x, curve, end, np.broadcast_to(gained, (3, x.size)))
     np.testing.assert_allclose(ends, [1.0, 1.05, 0.9], rtol=1e-12)
     np.testing.assert_allclose(moved, np.sqrt(np.maximum(2.0 * (1.0 - x) + gained, 0.0)), atol=1e-7)
     never = np.full(3, np.inf)
-    assert np.array_equal(moved_on(x, curve + 1.0, never, np.broadcast_to(gained, (3, x.size)))[1], never)
+    assert np.array_equal(
+        moved_on(x, curve + 1.0, never, np.broadcast_to(gained, (3, x.size)))[1], never
+    )
 
 
-def test_noise_that_is_larger_than_stated_widens_the_band_of_new_points(pushed: tuple[Analysis, Motion]) -> None:
+def test_noise_that_is_larger_than_stated_widens_the_band_of_new_points(
+    pushed: tuple[Analysis, Motion],
+) -> None:
     fit, draws, doubled = pushed[0].fit, pushed[0].chain.thinned(1000), known(pushed[0])
     (found,) = fit.forces
-    families = tuple(replace(family, scale=2.0 * family.scale) for family in doubled.mixture.deviation.families)
-    noisy = replace(doubled, mixture=replace(doubled.mixture, deviation=replace(doubled.mixture.deviation, families=families)))
+    families = tuple(
+        replace(family, scale=2.0 * family.scale) for family in doubled.mixture.deviation.families
+    )
+    noisy = replace(
+        doubled,
+        mixture=replace(
+            doubled.mixture, deviation=replace(doubled.mixture.deviation, families=families)
+        ),
+    )
     (before,) = posterior_bands(fit.problem, draws, rng=np.random.default_rng(1), forces=fit.forces)
-    (after,) = posterior_bands(fit.problem, draws, rng=np.random.default_rng(1), forces=(replace(found, completed=noisy),))
+    (after,) = posterior_bands(
+        fit.problem, draws, rng=np.random.default_rng(1), forces=(replace(found, completed=noisy),)
+    )
     middle = slice(60, 140)
-    assert np.median(np.ptp(after.predictive[0.95], axis=0)[middle] / np.ptp(before.predictive[0.95], axis=0)[middle]) == pytest.approx(2.0, abs=0.2)
+    assert np.median(
+        np.ptp(after.predictive[0.95], axis=0)[middle]
+        / np.ptp(before.predictive[0.95], axis=0)[middle]
+    ) == pytest.approx(2.0, abs=0.2)
 
 
 def test_where_motions_end_is_told_without_their_bands(pushed: tuple[Analysis, Motion]) -> None:
     analysis, _ = pushed
     draws = analysis.chain.thinned(1000)
     (ends,), (without,), (bands,) = (
-        posterior_ends(analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces).values(),
+        posterior_ends(
+            analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces
+        ).values(),
         posterior_ends(analysis.problem, draws, rng=np.random.default_rng(1)).values(),
-        posterior_bands(analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces),
+        posterior_bands(
+            analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces
+        ),
     )
     assert ends == pytest.approx(bands.end, rel=1e-9)
     assert np.max(np.abs(without - ends)) > 0.1 * np.std(ends)  # what start and force add counts

@@ -1,4 +1,6 @@
-"""Do runs agree?  The statistics against textbook formulas, their null distribution, and runs that are wrong on purpose."""
+"""Do runs agree?  The statistics against textbook formulas, their null distribution, and runs that
+are wrong on purpose.
+"""
 
 from __future__ import annotations
 
@@ -24,16 +26,23 @@ SIGMA = 0.2
 
 
 def lines(rng: np.random.Generator, slopes: list[float], *, bend: float = 0.0) -> list[np.ndarray]:
-    return [slope * X + bend * X**2 + rng.normal(0.0, 0.5) + SIGMA * rng.standard_normal(X.size) for slope in slopes]
+    return [
+        slope * X + bend * X**2 + rng.normal(0.0, 0.5) + SIGMA * rng.standard_normal(X.size)
+        for slope in slopes
+    ]
 
 
 def fitted(ys: list[np.ndarray], shared: dict[str, Prior] | None = None) -> Fit:
-    problem = problem_of(LINE, STATED if shared is None else shared, {"offset": Normal(0.0, 0.5)}, X, ys, SIGMA)
+    problem = problem_of(
+        LINE, STATED if shared is None else shared, {"offset": Normal(0.0, 0.5)}, X, ys, SIGMA
+    )
     return fit_least_squares(problem, rng=np.random.default_rng(0), n_start=1)
 
 
 def textbook(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Estimate of (slope, bend) and its covariance from one run, offset integrated out, no prior on them."""
+    """Estimate of (slope, bend) and its covariance from one run, offset integrated out, no prior on
+    them.
+    """
     design = np.column_stack([X, X**2])
     weight = np.linalg.inv(SIGMA**2 * np.eye(X.size) + 0.25)
     cov = np.linalg.inv(design.T @ weight @ design)
@@ -41,18 +50,26 @@ def textbook(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def minimum(ys: list[np.ndarray], *, prior: bool) -> float:
-    """Least chi^2 of runs together by plain linear algebra, the stated values counted once or not at all."""
+    """Least chi^2 of runs together by plain linear algebra, the stated values counted once or not
+    at all.
+    """
     estimates = [textbook(y) for y in ys]
     weight = np.linalg.inv(SIGMA**2 * np.eye(X.size) + 0.25)
     design = np.column_stack([X, X**2])
-    information = sum(np.linalg.inv(cov) for _, cov in estimates) + (np.eye(2) / 0.16 if prior else 0.0)
-    right = sum(np.linalg.solve(cov, mean) for mean, cov in estimates) + (np.array([1.0, 0.0]) / 0.16 if prior else 0.0)
+    information = sum(np.linalg.inv(cov) for _, cov in estimates) + (
+        np.eye(2) / 0.16 if prior else 0.0
+    )
+    right = sum(np.linalg.solve(cov, mean) for mean, cov in estimates) + (
+        np.array([1.0, 0.0]) / 0.16 if prior else 0.0
+    )
     best = np.linalg.solve(information, right)
     chi2 = sum((y - design @ best) @ weight @ (y - design @ best) for y in ys)
     return float(chi2 + (np.sum((best - [1.0, 0.0]) ** 2) / 0.16 if prior else 0.0))
 
 
-def test_statistic_is_the_joint_minimum_minus_the_separate_ones_with_priors_counted_once(rng: np.random.Generator) -> None:
+def test_statistic_is_the_joint_minimum_minus_the_separate_ones_with_priors_counted_once(
+    rng: np.random.Generator,
+) -> None:
     ys = lines(rng, [1.0, 1.4, 0.8, 1.1])
     found = check_consistency(fitted(ys))
     expected = minimum(ys, prior=True) - sum(minimum([y], prior=False) for y in ys)
@@ -60,27 +77,41 @@ def test_statistic_is_the_joint_minimum_minus_the_separate_ones_with_priors_coun
     assert found.dof == 4 * 2 + 2 - 2
     assert found.p_value == pytest.approx(stats.chi2.sf(expected, 8), rel=1e-3)
     # the wrong version: every separate fit with the stated values in it
-    assert abs(minimum(ys, prior=True) - sum(minimum([y], prior=True) for y in ys) - found.chi2) > 0.05
+    assert (
+        abs(minimum(ys, prior=True) - sum(minimum([y], prior=True) for y in ys) - found.chi2) > 0.05
+    )
 
 
-def test_distance_of_a_run_is_its_mahalanobis_distance_from_all_others(rng: np.random.Generator) -> None:
+def test_distance_of_a_run_is_its_mahalanobis_distance_from_all_others(
+    rng: np.random.Generator,
+) -> None:
     ys = lines(rng, [1.0, 1.4, 0.8])
     found = check_consistency(fitted(ys))
     for i, row in enumerate(found.rows[:3]):
         mean, cov = textbook(ys[i])
         others = [textbook(y) for j, y in enumerate(ys) if j != i]
         information = sum(np.linalg.inv(c) for _, c in others) + np.eye(2) / 0.16
-        pooled = np.linalg.solve(information, sum(np.linalg.solve(c, m) for m, c in others) + np.array([1.0, 0.0]) / 0.16)
-        distance = (mean - pooled) @ np.linalg.solve(cov + np.linalg.inv(information), mean - pooled)
+        pooled = np.linalg.solve(
+            information, sum(np.linalg.solve(c, m) for m, c in others) + np.array([1.0, 0.0]) / 0.16
+        )
+        distance = (mean - pooled) @ np.linalg.solve(
+            cov + np.linalg.inv(information), mean - pooled
+        )
         assert row.distance2 == pytest.approx(distance, rel=1e-4)
         assert row.dof == 2
         assert found.others[row.source].mean == pytest.approx(pooled, abs=1e-5)
-        assert found.others[row.source].sd == pytest.approx(np.sqrt(np.diag(np.linalg.inv(information))), rel=1e-5)
+        assert found.others[row.source].sd == pytest.approx(
+            np.sqrt(np.diag(np.linalg.inv(information))), rel=1e-5
+        )
     assert found.rows[3].source == PRIORS
 
 
-def simulated_p_values(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(n,) p of all together, (n, 3) p of each run against the others, (n, 3) of each run against the joint fit it is part of."""
+def simulated_p_values(
+    n: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(n,) p of all together, (n, 3) p of each run against the others, (n, 3) of each run against
+    the joint fit it is part of.
+    """
     together, apart, naive = [], [], []
     for _ in range(n):
         slope, bend = 1.0 + 0.4 * rng.standard_normal(), 0.4 * rng.standard_normal()
@@ -92,7 +123,13 @@ def simulated_p_values(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np
         row = []
         for y in ys:
             mean, cov = textbook(y)
-            row.append(stats.chi2.sf((mean - fit.values[:2]) @ np.linalg.solve(cov + fit.cov[:2, :2], mean - fit.values[:2]), 2))
+            row.append(
+                stats.chi2.sf(
+                    (mean - fit.values[:2])
+                    @ np.linalg.solve(cov + fit.cov[:2, :2], mean - fit.values[:2]),
+                    2,
+                )
+            )
         naive.append(row)
     return np.array(together), np.array(apart), np.array(naive)
 
@@ -131,14 +168,18 @@ def test_one_of_very_many_runs_that_disagrees_is_named(rng: np.random.Generator)
 
 
 def test_what_only_stated_values_tell_adds_no_degrees_of_freedom(rng: np.random.Generator) -> None:
-    """Beside a bend that was stated far better than eight points tell, runs are compared in what is left to them."""
+    """Beside a bend that was stated far better than eight points tell, runs are compared in what is
+    left to them.
+    """
     sharp = {"slope": Normal(1.0, 0.4), "bend": Normal(0.0, 0.003)}
     found = check_consistency(fitted(lines(rng, [1.0, 1.0, 1.0, 1.0, 2.5]), sharp))
     assert found.dof == 5
     assert found.suspects == ("r4",)
 
 
-def test_two_runs_that_disagree_cannot_be_told_apart_without_stated_values(rng: np.random.Generator) -> None:
+def test_two_runs_that_disagree_cannot_be_told_apart_without_stated_values(
+    rng: np.random.Generator,
+) -> None:
     flat = {"slope": Uniform(-10.0, 10.0), "bend": Uniform(-10.0, 10.0)}
     found = check_consistency(fitted(lines(rng, [1.0, 3.5]), flat))
     assert not found.agree
@@ -149,7 +190,9 @@ def test_two_runs_that_disagree_cannot_be_told_apart_without_stated_values(rng: 
 
 
 def test_stated_value_against_all_runs_is_what_is_named(rng: np.random.Generator) -> None:
-    found = check_consistency(fitted(lines(rng, [1.0] * 6), {"slope": Normal(3.0, 0.1), "bend": Normal(0.0, 0.1)}))
+    found = check_consistency(
+        fitted(lines(rng, [1.0] * 6), {"slope": Normal(3.0, 0.1), "bend": Normal(0.0, 0.1)})
+    )
     assert found.suspects == (PRIORS,)
     assert "agree with each other but not with the stated values" in found.verdict
 
@@ -174,7 +217,9 @@ def test_runs_that_share_nothing_are_refused(rng: np.random.Generator) -> None:
 
 def check_disks(folder: Path, rng: np.random.Generator, gammas: list[float]) -> Consistency:
     campaign = simulated_campaign(folder, rng, gammas=gammas, u_phi_deg=0.1)
-    return check_consistency(fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1))
+    return check_consistency(
+        fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1)
+    )
 
 
 def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -186,7 +231,9 @@ def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generat
 
 @pytest.mark.statistics
 def test_p_values_of_disks_that_agree_are_uniform(tmp_path: Path, rng: np.random.Generator) -> None:
-    """The curve is not linear: the statistic is still calibrated to what 40 campaigns of 3 runs can tell."""
+    """The curve is not linear: the statistic is still calibrated to what 40 campaigns of 3 runs can
+    tell.
+    """
     together = []
     for _ in range(40):
         gamma = 0.187 + 0.01 * rng.standard_normal()
@@ -197,7 +244,11 @@ def test_p_values_of_disks_that_agree_are_uniform(tmp_path: Path, rng: np.random
 def test_figure_marks_the_run_that_disagrees(rng: np.random.Generator) -> None:
     found = check_consistency(fitted(lines(rng, [1.0, 1.0, 3.0, 1.0, 1.0])))
     figure = forest_figure(found)
-    bold = [tick.get_text() for tick in figure.axes[0].get_yticklabels() if tick.get_fontweight() == "bold"]
+    bold = [
+        tick.get_text()
+        for tick in figure.axes[0].get_yticklabels()
+        if tick.get_fontweight() == "bold"
+    ]
     assert bold == ["r2"]
     colours = [line.get_color() for line in figure.axes[0].get_lines()]
     assert colours.count(VERMILION) == 1
@@ -209,5 +260,13 @@ def test_what_all_others_say_is_the_sum_without_one(rng: np.random.Generator) ->
     for n in (1, 2, 6):
         each = [(rng.standard_normal((3, 3)), rng.standard_normal(3)) for _ in range(n)]
         for i, (information, score) in enumerate(each_without_one(each)):
-            np.testing.assert_allclose(information, sum(one for k, (one, _) in enumerate(each) if k != i) + np.zeros((3, 3)), atol=1e-13)
-            np.testing.assert_allclose(score, sum(one for k, (_, one) in enumerate(each) if k != i) + np.zeros(3), atol=1e-13)
+            np.testing.assert_allclose(
+                information,
+                sum(one for k, (one, _) in enumerate(each) if k != i) + np.zeros((3, 3)),
+                atol=1e-13,
+            )
+            np.testing.assert_allclose(
+                score,
+                sum(one for k, (_, one) in enumerate(each) if k != i) + np.zeros(3),
+                atol=1e-13,
+            )

@@ -1,5 +1,7 @@
-"""The force of the ramp, against Newton's law for the parts of the body (`benchmarks/truth/motion.py`, no code or formula shared), textbook limits
-and published conditions for hopping."""
+"""The force of the ramp, against Newton's law for the parts of the body
+(`benchmarks/truth/motion.py`, no code or formula shared), textbook limits and published conditions
+for hopping.
+"""
 
 from __future__ import annotations
 
@@ -50,27 +52,65 @@ def posed(truth, case):
     once, twice = (turn_components(*shares.get(name, (0.0, 0.0))) for name in ("once", "twice"))
     forces = Forces(
         moment=moment_ratio(shares.get("moment", 0.0) * weight, truth.mass, truth.radius, truth.g),
-        load_resistance=shares.get("load_resistance", 0.0), viscous_drag=shares.get("viscous", 0.0), quadratic_drag=shares.get("quadratic", 0.0),
-        once_cos=once[0], once_sin=once[1], twice_cos=twice[0], twice_sin=twice[1], phi_slope=PHI_SLOPE if case == "curved" else 0.0,
+        load_resistance=shares.get("load_resistance", 0.0), viscous_drag=shares.get("viscous", 0.0),
+        quadratic_drag=shares.get("quadratic", 0.0),
+        once_cos=once[0], once_sin=once[1], twice_cos=twice[0], twice_sin=twice[1],
+        phi_slope=PHI_SLOPE if case == "curved" else 0.0,
     )  # fmt: skip
     scale = {"moment": weight, "viscous": truth.mass, "quadratic": truth.mass}
-    shares = {name: (weight * v[0], v[1]) if isinstance(v, tuple) else scale.get(name, 1.0) * v if name in scale else v for name, v in shares.items()}
+    shares = {
+        name: (weight * v[0], v[1])
+        if isinstance(v, tuple)
+        else scale.get(name, 1.0) * v
+        if name in scale
+        else v
+        for name, v in shares.items()
+    }
     truth = Truth(**{name: getattr(truth, name) for name in Truth.__dataclass_fields__} | shares)
-    body = Body(truth.radius, truth.gamma, truth.kappa, truth.rho, truth.trailing_fraction, truth.particle_gyration)
-    return truth, body, {"phi": truth.phi, "theta0": truth.theta0, "rolling_resistance": truth.rolling_resistance, "g": truth.g}, forces
+    body = Body(
+        truth.radius,
+        truth.gamma,
+        truth.kappa,
+        truth.rho,
+        truth.trailing_fraction,
+        truth.particle_gyration,
+    )
+    return (
+        truth,
+        body,
+        {
+            "phi": truth.phi,
+            "theta0": truth.theta0,
+            "rolling_resistance": truth.rolling_resistance,
+            "g": truth.g,
+        },
+        forces,
+    )
 
 
 def newton(truth, u, rate, sense):
-    """N and F / (M g) as what the parts' accelerations leave over: sum m (a + g) without the drag, along and across the ramp."""
+    """N and F / (M g) as what the parts' accelerations leave over: sum m (a + g) without the drag,
+    along and across the ramp.
+    """
     particle = truth.gamma * truth.mass / truth.rho
     x, theta = truth.radius * u, truth.theta0 + u
     ramp = truth.phi + truth.tilt(x)
-    along, up = np.array([math.cos(ramp), math.sin(ramp)]), np.array([-math.sin(ramp), math.cos(ramp)])
+    along, up = (
+        np.array([math.cos(ramp), math.sin(ramp)]),
+        np.array([-math.sin(ramp), math.cos(ramp)]),
+    )
     push = truth.acceleration(u, rate, sense)
     axle = truth.radius * push * along + truth.radius**2 * truth.bend(x) * rate**2 * up
     arm = truth.rho * truth.radius
-    turned = arm * (push * np.array([math.cos(theta), -math.sin(theta)]) - rate**2 * np.array([math.sin(theta), math.cos(theta)]))
-    total = (truth.mass - particle) * axle + particle * (axle + turned) + truth.mass * np.array([0.0, truth.g])
+    turned = arm * (
+        push * np.array([math.cos(theta), -math.sin(theta)])
+        - rate**2 * np.array([math.sin(theta), math.cos(theta)])
+    )
+    total = (
+        (truth.mass - particle) * axle
+        + particle * (axle + turned)
+        + truth.mass * np.array([0.0, truth.g])
+    )
     v = truth.radius * rate
     total += (truth.viscous + truth.quadratic * abs(v)) * v * along
     return up @ total / (truth.mass * truth.g), along @ total / (truth.mass * truth.g)
@@ -81,7 +121,9 @@ def newton(truth, u, rate, sense):
 def test_forces_are_those_of_newton_for_the_parts(name, case, rng):
     truth, body, place, forces = posed(BODIES[name], case)
     u, rate = rng.uniform(0.0, 6.0, 40), rng.uniform(-9.0, 9.0, 40)
-    expected = np.array([newton(truth, one, w, math.copysign(1.0, w)) for one, w in zip(u, rate, strict=True)])
+    expected = np.array(
+        [newton(truth, one, w, math.copysign(1.0, w)) for one, w in zip(u, rate, strict=True)]
+    )
     got = contact_forces(u, body, **place, forces=forces, rate=rate)
     assert got.normal == pytest.approx(expected[:, 0], rel=1e-12, abs=1e-12)
     assert got.friction == pytest.approx(expected[:, 1], rel=1e-12, abs=1e-12)
@@ -96,20 +138,34 @@ def test_along_the_motion_they_are_those_of_its_speed(case):
     angle = np.linspace(0.0, 2.5, 30)
     along = contact_forces(angle, body, **place, forces=forces)
     rate = angular_rate(angle, body, **place, forces=forces)
-    assert contact_forces(angle, body, **place, forces=forces, rate=rate).normal == pytest.approx(along.normal, abs=1e-9)
-    assert contact_forces(angle, body, **place, forces=forces, rate=rate).friction == pytest.approx(along.friction, abs=1e-9)
+    assert contact_forces(angle, body, **place, forces=forces, rate=rate).normal == pytest.approx(
+        along.normal, abs=1e-9
+    )
+    assert contact_forces(angle, body, **place, forces=forces, rate=rate).friction == pytest.approx(
+        along.friction, abs=1e-9
+    )
 
 
 def test_moments_about_the_centre_of_mass():
-    """(j - gamma^2) M R^2 theta'' = gamma R sin(a) N - R (1 + gamma cos(a)) F, with theta'' from the speed along the motion."""
+    """(j - gamma^2) M R^2 theta'' = gamma R sin(a) N - R (1 + gamma cos(a)) F, with theta'' from
+    the speed along the motion.
+    """
     body, phi, theta0, g = Body(0.15, 0.187, 0.45), 0.07, 1.05, 9.81
     angle = np.linspace(0.0, 2.9, 50)
     contact = contact_forces(angle, body, phi=phi, theta0=theta0, g=g)
     rate = trajectory_rate(body, phi, theta0, g, angle)
     across = theta0 + angle + phi
     d = 1 + body.inertia_ratio + 2 * body.gamma * np.cos(across)
-    push = (body.gamma * np.sin(theta0 + angle) - math.sin(phi) + body.gamma * np.sin(across) * rate**2 * body.radius / g) / d  # R theta''/g
-    turning = body.gamma * np.sin(across) * contact.normal - (1 + body.gamma * np.cos(across)) * contact.friction
+    # R theta''/g
+    push = (
+        body.gamma * np.sin(theta0 + angle)
+        - math.sin(phi)
+        + body.gamma * np.sin(across) * rate**2 * body.radius / g
+    ) / d
+    turning = (
+        body.gamma * np.sin(across) * contact.normal
+        - (1 + body.gamma * np.cos(across)) * contact.friction
+    )
     assert turning == pytest.approx((body.inertia_ratio - body.gamma**2) * push, abs=1e-12)
 
 
@@ -127,7 +183,12 @@ def test_forces_are_the_second_differences_of_the_centre_of_mass():
     def centre(at):
         x = trajectory(at, body, phi=phi, theta0=theta0, g=g)[0][0]
         across = theta0 + x / body.radius + phi
-        return np.array([x + body.gamma * body.radius * np.sin(across), body.gamma * body.radius * np.cos(across)]), x
+        return np.array(
+            [
+                x + body.gamma * body.radius * np.sin(across),
+                body.gamma * body.radius * np.cos(across),
+            ]
+        ), x
 
     (before, _), (here, x), (after, _) = centre(t - h), centre(t), centre(t + h)
     acceleration = (after - 2 * here + before) / h**2
@@ -138,23 +199,31 @@ def test_forces_are_the_second_differences_of_the_centre_of_mass():
 
 @pytest.mark.parametrize(("kappa", "third"), [(0.5, 1 / 3), (1.0, 1 / 2), (0.4, 2 / 7)])
 def test_a_balanced_body_needs_the_friction_of_the_textbook(kappa, third):
-    """mu = tan(phi) kappa/(1 + kappa), wherever it is: a third of the slope for a disk, half for a hoop, 2/7 for a ball."""
+    """mu = tan(phi) kappa/(1 + kappa), wherever it is: a third of the slope for a disk, half for a
+    hoop, 2/7 for a ball.
+    """
     contact = contact_forces(np.linspace(0.0, 20.0, 7), Body(0.1, 0.0, kappa), phi=-0.3, theta0=0.2)
     assert needed_friction(contact) == pytest.approx(math.tan(0.3) * third, rel=1e-12)
-    assert contact.friction == pytest.approx(-math.sin(0.3) * third, rel=1e-12)  # downhill motion: it acts uphill where x points downhill
+    # downhill motion: it acts uphill where x points downhill
+    assert contact.friction == pytest.approx(-math.sin(0.3) * third, rel=1e-12)
     assert contact.normal == pytest.approx(math.cos(0.3), rel=1e-12)
 
 
-LITTLEWOOD = Body(1.0, 1.0, 1.0)  # a hoop without mass, a particle on its rim: N = M g cos(theta) from rest at the top
+# a hoop without mass, a particle on its rim: N = M g cos(theta) from rest at the top
+LITTLEWOOD = Body(1.0, 1.0, 1.0)
 
 
 def test_littlewoods_hoop_hops_at_ninety_degrees():
-    """J. E. Littlewood, A Mathematician's Miscellany (1953), as told by Theron and Maritz, Math. Comput. Model. 47 (2008) 1077, section 1."""
+    """J. E. Littlewood, A Mathematician's Miscellany (1953), as told by Theron and Maritz, Math.
+    Comput. Model. 47 (2008) 1077, section 1.
+    """
     theta0 = 1e-4
     angle = np.linspace(0.01, 3.0, 60)
     contact = contact_forces(angle, LITTLEWOOD, phi=0.0, theta0=theta0)
     assert contact.normal == pytest.approx(np.cos(theta0 + angle), abs=1e-6)
-    assert contact.friction == pytest.approx(np.tan((theta0 + angle) / 2) * np.cos(theta0 + angle), abs=1e-6)
+    assert contact.friction == pytest.approx(
+        np.tan((theta0 + angle) / 2) * np.cos(theta0 + angle), abs=1e-6
+    )
     hop, why = end_of_rolling(LITTLEWOOD, mu=np.inf, phi=0.0, theta0=theta0, ramp_end=2.0)
     assert math.degrees(hop[0, 0] + theta0) == pytest.approx(90.0, abs=1e-5)
     assert why[0, 0] == End.HOPS
@@ -170,23 +239,45 @@ def test_littlewoods_hoop_slips_before_it_hops(mu):
 
 @pytest.mark.parametrize(("excess", "expected"), [(-1e-3, End.RAMP), (1e-3, End.HOPS)])
 def test_a_hoop_and_particle_of_equal_mass_bounce_from_the_speed_of_irodov_on(excess, expected):
-    """An exercise of I. E. Irodov, Problems in General Physics, section 1.5: no bouncing while v0 <= sqrt(8 g R) with the particle at the bottom.
+    """An exercise of I. E. Irodov, Problems in General Physics, section 1.5: no bouncing while v0
+    <= sqrt(8 g R) with the particle at the bottom.
 
-    At the top N/(M g) = 1 - 2 gamma H with H = (v0^2/(2 g R) - 2 gamma)/(2 + 2 gamma): 0 for gamma = 1/2 at that v0.
+    At the top N/(M g) = 1 - 2 gamma H with H = (v0^2/(2 g R) - 2 gamma)/(2 + 2 gamma): 0 for gamma
+    = 1/2 at that v0.
     """
     g, radius = 9.81, 0.2
     v0 = math.sqrt(8 * g * radius) * (1 + excess)
     body = Body(radius, 0.5, 1.0)
     energy = v0**2 / (2 * g * radius)  # D = 2 - 2 gamma = 1 there
-    angle, why = end_of_rolling(body, mu=np.inf, phi=0.0, theta0=math.pi, ramp_end=2 * math.pi * radius, g=g, release_energy=energy)
+    angle, why = end_of_rolling(
+        body,
+        mu=np.inf,
+        phi=0.0,
+        theta0=math.pi,
+        ramp_end=2 * math.pi * radius,
+        g=g,
+        release_energy=energy,
+    )
     assert why[0, 0] == expected
-    assert angle[0, 0] == pytest.approx(2 * math.pi) if expected is End.RAMP else 2.0 < angle[0, 0] < math.pi
+    assert (
+        angle[0, 0] == pytest.approx(2 * math.pi)
+        if expected is End.RAMP
+        else 2.0 < angle[0, 0] < math.pi
+    )
 
 
 def test_rolling_ends_where_the_body_turns_or_the_ramp_does():
-    body, place = Body(0.15, 0.187, 0.45), {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
+    body, place = (
+        Body(0.15, 0.187, 0.45),
+        {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81},
+    )
     turn = float(turning_angle(body, phi=place["phi"], theta0=place["theta0"]))
-    angle, why = end_of_rolling(body, mu=np.array([[0.5], [0.5], [0.02]]), **place, ramp_end=np.array([[0.877], [0.3], [0.877]]))
+    angle, why = end_of_rolling(
+        body,
+        mu=np.array([[0.5], [0.5], [0.02]]),
+        **place,
+        ramp_end=np.array([[0.877], [0.3], [0.877]]),
+    )
     assert why[:, 0].tolist() == [End.TURNS, End.RAMP, End.SLIPS]
     assert angle[:2, 0] == pytest.approx([turn, 0.3 / 0.15], rel=1e-12)
     at_slip = needed_friction(contact_forces(angle[2], body, **place))
@@ -195,7 +286,11 @@ def test_rolling_ends_where_the_body_turns_or_the_ramp_does():
 
 def test_beyond_the_turning_point_there_is_no_force():
     contact = contact_forces(np.array([1.0, 3.1]), Body(0.15, 0.187, 0.45), phi=0.07, theta0=1.05)
-    assert np.isnan(contact.normal).tolist() == np.isnan(needed_friction(contact)).tolist() == [False, True]
+    assert (
+        np.isnan(contact.normal).tolist()
+        == np.isnan(needed_friction(contact)).tolist()
+        == [False, True]
+    )
     assert needed_friction(contact_forces(2.0, LITTLEWOOD, phi=0.0, theta0=0.1)) == np.inf
 
 
@@ -206,5 +301,10 @@ def test_draws_are_as_single_ones(rng):
     many = needed_friction(contact_forces(angle, Body(0.15, gamma, 0.45), **column))
     assert many.shape == (n, 9)
     for i in (0, 31):
-        one = contact_forces(angle, Body(0.15, gamma[i, 0], 0.45), phi=column["phi"][i, 0], theta0=column["theta0"][i, 0])
+        one = contact_forces(
+            angle,
+            Body(0.15, gamma[i, 0], 0.45),
+            phi=column["phi"][i, 0],
+            theta0=column["theta0"][i, 0],
+        )
         assert many[i] == pytest.approx(needed_friction(one), rel=1e-12)

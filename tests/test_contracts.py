@@ -12,7 +12,13 @@ from scipy import stats
 
 from estim import Component, InputError
 from estim.campaign import load_campaign
-from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting
+from estim.curves.disturbed import (
+    DisturbedMotion,
+    DisturbedMotionCurve,
+    DisturbedPhaseCurve,
+    Place,
+    Setting,
+)
 from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
@@ -28,12 +34,25 @@ from estim.problem.whitened import Linear
 
 X = np.linspace(0.05, 0.30, 6)
 BODY = {
-    "radius": 0.15, "gamma": 0.187, "kappa": 0.45, "rho": 1.0, "trailing_fraction": 0.0, "particle_gyration": 0.0, "phi": 0.07, "theta0": 1.05,
-    "rolling_resistance": 0.002, "g": 9.81,
+    "radius": 0.15,
+    "gamma": 0.187,
+    "kappa": 0.45,
+    "rho": 1.0,
+    "trailing_fraction": 0.0,
+    "particle_gyration": 0.0,
+    "phi": 0.07,
+    "theta0": 1.05,
+    "rolling_resistance": 0.002,
+    "g": 9.81,
 }
 SETTING = Setting(0.4, Place(1.2, 0.1), Place(0.9, 0.05))
 FORCES = {
-    "moment": 0.002, "moment_once_cos": 0.004, "moment_once_sin": -0.003, "moment_twice_cos": 0.002, "moment_twice_sin": 0.005, "sag": 0.001,
+    "moment": 0.002,
+    "moment_once_cos": 0.004,
+    "moment_once_sin": -0.003,
+    "moment_twice_cos": 0.002,
+    "moment_twice_sin": 0.005,
+    "sag": 0.001,
 }
 DRAG = {"load_resistance": 0.003, "viscous_drag": 0.08, "quadratic_drag": 0.1, "phi_slope": 0.02}
 READ = {"scale_x": 0.02, "scale_t": -0.01, "distortion": 0.004}
@@ -53,65 +72,115 @@ def stubborn(x, a, k):
 
 
 CURVES = {
-    "phase curve": (PhaseCurve(False), BODY), "phase curve, angles": (PhaseCurve(True), BODY),
+    "phase curve": (PhaseCurve(False), BODY),
+    "phase curve, angles": (PhaseCurve(True), BODY),
     "motion in time": (MotionCurve(False), BODY | {"release_time": -0.2, "offset": 0.0}),
     "motion in time, angles": (MotionCurve(True), BODY | {"release_time": -0.2, "offset": 0.0}),
     "phase curve, pushed": (DisturbedPhaseCurve(False), BODY | {"release_energy": 0.01}),
     "phase curve, late": (DisturbedPhaseCurve(False), BODY | {"release_energy": -0.0005}),
-    "phase curve, forces and image": (DisturbedPhaseCurve(False, SETTING), BODY | FORCES | READ | {"release_speed": 0.1, "offset": 0.004}),
+    "phase curve, forces and image": (
+        DisturbedPhaseCurve(False, SETTING),
+        BODY | FORCES | READ | {"release_speed": 0.1, "offset": 0.004},
+    ),
     "phase curve, drag": (DisturbedPhaseCurve(False, SETTING), BODY | FORCES | DRAG | READ),
-    "phase curve, angles, forces": (DisturbedPhaseCurve(True, SETTING), BODY | FORCES | ANGLES | {"release_energy": 0.01}),
-    "motion in time, pushed": (DisturbedMotionCurve(False), BODY | IN_TIME | {"release_speed": 0.1}),
+    "phase curve, angles, forces": (
+        DisturbedPhaseCurve(True, SETTING),
+        BODY | FORCES | ANGLES | {"release_energy": 0.01},
+    ),
+    "motion in time, pushed": (
+        DisturbedMotionCurve(False),
+        BODY | IN_TIME | {"release_speed": 0.1},
+    ),
     "motion in time, scales": (DisturbedMotionCurve(True), BODY | IN_TIME | ANGLES),
-    "motion in time, all": (DisturbedMotionCurve(False, SETTING), BODY | IN_TIME | FORCES | DRAG | READ | {"release_speed": -0.05}),
-    "formula": (FORMULA, DECAY), "function": (wrap_function(smooth, ("a", "k"), X, DECAY), DECAY),
+    "motion in time, all": (
+        DisturbedMotionCurve(False, SETTING),
+        BODY | IN_TIME | FORCES | DRAG | READ | {"release_speed": -0.05},
+    ),
+    "formula": (FORMULA, DECAY),
+    "function": (wrap_function(smooth, ("a", "k"), X, DECAY), DECAY),
     "function draw by draw": (wrap_function(stubborn, ("a", "k"), X, DECAY), DECAY),
     "formula with common errors": (
-        DistortedCurve(FORMULA, (Component("scale_x", 0.01), Component("zero_y", 0.1))), DECAY | {"scale_x": 0.01, "zero_y": 0.02},
+        DistortedCurve(FORMULA, (Component("scale_x", 0.01), Component("zero_y", 0.1))),
+        DECAY | {"scale_x": 0.01, "zero_y": 0.02},
     ),
 }
 
 
 @pytest.mark.parametrize(("curve", "arguments"), CURVES.values(), ids=CURVES)
 def test_a_curve_is_vectorised_over_draws_and_knows_its_derivatives(curve, arguments) -> None:
-    varied = [name for name, value in arguments.items() if value and name not in ("particle_gyration", "trailing_fraction", "rho")]
+    varied = [
+        name
+        for name, value in arguments.items()
+        if value and name not in ("particle_gyration", "trailing_fraction", "rho")
+    ]
     factors = np.array([[1.0], [1.001], [0.998]])
-    draws = {name: value * factors if name in varied else value for name, value in arguments.items()}
+    draws = {
+        name: value * factors if name in varied else value for name, value in arguments.items()
+    }
     together = np.broadcast_to(curve.value(X, draws), (3, X.size))
     for row, factor in zip(together, factors[:, 0], strict=True):
-        single = curve.value(X, {name: value * factor if name in varied else value for name, value in arguments.items()})
+        single = curve.value(
+            X,
+            {
+                name: value * factor if name in varied else value
+                for name, value in arguments.items()
+            },
+        )
         assert np.broadcast_to(single, (1, X.size))[0] == pytest.approx(row, rel=1e-9)
     local = curve.local(X, arguments)
     assert np.broadcast_to(local.value, (1, X.size))[0] == pytest.approx(together[0], rel=1e-12)
     step = 1e-5
     slope = (curve.value(X + step, arguments) - curve.value(X - step, arguments)) / (2.0 * step)
-    assert np.ravel(np.broadcast_to(local.slope, (1, X.size))) == pytest.approx(np.ravel(slope), rel=1e-5, abs=1e-8)
+    assert np.ravel(np.broadcast_to(local.slope, (1, X.size))) == pytest.approx(
+        np.ravel(slope), rel=1e-5, abs=1e-8
+    )
     for name in varied:
         h = 1e-5 * abs(arguments[name])
-        ends = [curve.value(X, arguments | {name: arguments[name] + sign * h}) for sign in (1.0, -1.0)]
+        ends = [
+            curve.value(X, arguments | {name: arguments[name] + sign * h}) for sign in (1.0, -1.0)
+        ]
         expected = np.ravel(ends[0] - ends[1]) / (2.0 * h)
         found = np.ravel(np.broadcast_to(local.gradient[name], (1, X.size)))
-        assert found == pytest.approx(expected, rel=1e-4, abs=1e-6 * float(np.max(np.abs(expected))))
+        assert found == pytest.approx(
+            expected, rel=1e-4, abs=1e-6 * float(np.max(np.abs(expected)))
+        )
 
 
-SPEEDS = {name: pair for name, pair in CURVES.items() if isinstance(pair[0], SpeedCurve) and name != "function draw by draw"}
+SPEEDS = {
+    name: pair
+    for name, pair in CURVES.items()
+    if isinstance(pair[0], SpeedCurve) and name != "function draw by draw"
+}
 
 
 def test_positions_in_time_and_distorted_curves_are_no_curves_of_speeds() -> None:
-    assert set(SPEEDS) == {name for name in CURVES if name.startswith("phase curve")} | {"formula", "function"}
+    assert set(SPEEDS) == {name for name in CURVES if name.startswith("phase curve")} | {
+        "formula",
+        "function",
+    }
 
 
 @pytest.mark.parametrize(("curve", "arguments"), SPEEDS.values(), ids=SPEEDS)
 def test_a_curve_of_speeds_knows_how_it_changes_along_its_own_motion(curve, arguments) -> None:
     """f'' in time along dx/dt = f(x) is f (f'^2 + f f''), with f' and f'' by differences."""
     h = 1e-4
-    low, middle, high = (np.ravel(np.broadcast_to(curve.value(X + s, arguments), (1, X.size))) for s in (-h, 0.0, h))
+    low, middle, high = (
+        np.ravel(np.broadcast_to(curve.value(X + s, arguments), (1, X.size))) for s in (-h, 0.0, h)
+    )
     first, second = (high - low) / (2.0 * h), (high - 2.0 * middle + low) / h**2
     found = np.ravel(np.broadcast_to(curve.time_derivative(X, arguments, 2), (1, X.size)))
     assert found == pytest.approx(middle * (first**2 + middle * second), rel=1e-4)
 
 
-@pytest.mark.parametrize("name", ["phase curve", "phase curve, forces and image", "phase curve, drag", "phase curve, angles, forces"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "phase curve",
+        "phase curve, forces and image",
+        "phase curve, drag",
+        "phase curve, angles, forces",
+    ],
+)
 def test_the_fourth_time_derivative_is_the_second_of_the_second(name: str) -> None:
     """d^4 f/dt^4 = f (d/dx)(f d/dx) of d^2 f/dt^2."""
     curve, arguments = CURVES[name]
@@ -141,11 +210,18 @@ def test_a_motion_has_an_end_energies_and_words(angular: bool, in_time: bool) ->
     assert total == pytest.approx(total[0], rel=1e-9)
     assert ("turning_point" in motion.derived(BODY)) == in_time
     assert {"inertia_ratio", "slope", "resisting_moment"} <= set(motion.derived(BODY))
-    assert motion.words().what == {(0, 0): "speeds", (1, 0): "angular rates", (0, 1): "positions", (1, 1): "angles"}[(angular, in_time)]
+    assert (
+        motion.words().what
+        == {(0, 0): "speeds", (1, 0): "angular rates", (0, 1): "positions", (1, 1): "angles"}[
+            (angular, in_time)
+        ]
+    )
 
 
 @pytest.mark.parametrize("angular", [False, True])
-def test_a_disturbed_motion_keeps_its_energy_where_nothing_resists_and_ends_as_it_is_read(angular: bool) -> None:
+def test_a_disturbed_motion_keeps_its_energy_where_nothing_resists_and_ends_as_it_is_read(
+    angular: bool,
+) -> None:
     arguments = BODY | ANGLES | {"rolling_resistance": 0.0, "release_energy": 0.02, "sag": 0.002}
     motion: Motion = DisturbedMotion(angular, 0.4, False, SETTING, 3.0)
     x = X / (0.15 if angular else 1.0)
@@ -154,14 +230,24 @@ def test_a_disturbed_motion_keeps_its_energy_where_nothing_resists_and_ends_as_i
     assert total == pytest.approx(total[0], rel=1e-9)
     end = motion.end(arguments)
     assert end > x[-1]
-    near = np.ravel(DisturbedPhaseCurve(angular, SETTING).value(np.array([0.999, 1.001]) * end[0, 0], arguments))
+    near = np.ravel(
+        DisturbedPhaseCurve(angular, SETTING).value(np.array([0.999, 1.001]) * end[0, 0], arguments)
+    )
     assert near[0] > near[1] == 0.0
     draws = {name: np.full((3, 1), value) for name, value in (arguments | FORCES | DRAG).items()}
     assert motion.end(draws).shape == (3, 1)
     derived = motion.derived(draws)
-    assert {"speed_at_release", "resisting_moment", "moment_once", "moment_twice_phase", "slope"} <= set(derived)
+    assert {
+        "speed_at_release",
+        "resisting_moment",
+        "moment_once",
+        "moment_twice_phase",
+        "slope",
+    } <= set(derived)
     assert derived["moment_once"].values == pytest.approx(np.full((3, 1), 0.005))
-    assert derived["speed_at_release"].values == pytest.approx(np.sqrt(2.0 * 9.81 * 0.15 * 0.02 / inertia_at_release()), rel=0.02)
+    assert derived["speed_at_release"].values == pytest.approx(
+        np.sqrt(2.0 * 9.81 * 0.15 * 0.02 / inertia_at_release()), rel=0.02
+    )
 
 
 def inertia_at_release() -> float:
@@ -195,19 +281,27 @@ def campaign(request, tmp_path: Path, replica: Path, rng: np.random.Generator):
     t = np.linspace(0.0, 2.0, 12)
     for name in ("one", "two"):
         u = smooth(t, 2.0, 1.3) + 0.02 * rng.standard_normal(t.size)
-        (tmp_path / f"{name}.csv").write_text("t,u\n" + "\n".join(f"{a},{b:.5f}" for a, b in zip(t, u, strict=True)) + "\n")
+        (tmp_path / f"{name}.csv").write_text(
+            "t,u\n" + "\n".join(f"{a},{b:.5f}" for a, b in zip(t, u, strict=True)) + "\n"
+        )
     (tmp_path / "campaign.toml").write_text(OWN_CURVE)
     return load_campaign(tmp_path / "campaign.toml")
 
 
-def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(campaign, rng: np.random.Generator) -> None:
+def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(
+    campaign, rng: np.random.Generator
+) -> None:
     study, names = campaign.study, campaign.run_names[:2]
     joint = study.problem(names, campaign.tables)
     assert isinstance(joint, Problem)
     assert tuple(run.name for run in joint.runs) == names
     for run in joint.runs:
         assert run.parameters <= set(joint.names)
-        assert (run.motion is None) == (study.body_of(run.name) is None) == (run.words.what == PLAIN.what)
+        assert (
+            (run.motion is None)
+            == (study.body_of(run.name) is None)
+            == (run.words.what == PLAIN.what)
+        )
         alone = study.problem([run.name], campaign.tables)
         assert joint.restricted([run]).n_par == alone.n_par
     problem = study.problem(names[:1], campaign.tables)
@@ -226,7 +320,9 @@ def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(campaign, r
         assert study.problem(names[:1], campaign.tables, noise=models[0].table).n_obs > 0
     else:
         refused = (
-            study.require_body, lambda: study.require_speeds(names, "a command"), lambda: study.require_complete(names, "a command"),
+            study.require_body,
+            lambda: study.require_speeds(names, "a command"),
+            lambda: study.require_complete(names, "a command"),
             lambda: study.noise_models(names[0], campaign.tables[names[0]]),
         )
         for ask in refused:
@@ -249,12 +345,23 @@ def derivative(value, named: dict[str, float], name: str) -> np.ndarray:
 
 def check_of_draws(case: Case, noise: Likelihood) -> None:
     """The densities are those of brute force, at every draw; one draw gives the same as many."""
-    rows = [{name: value * factor for name, value in case.here.items()} for factor in (1.0, 1.02, 0.97)]
+    rows = [
+        {name: value * factor for name, value in case.here.items()} for factor in (1.0, 1.02, 0.97)
+    ]
     every = column(*rows)
-    assert noise.log_likelihood(every) == pytest.approx([case.brute.log_density(case.y, row) for row in rows], abs=case.within)
+    assert noise.log_likelihood(every) == pytest.approx(
+        [case.brute.log_density(case.y, row) for row in rows], abs=case.within
+    )
     for row, parts in zip(rows, noise.pointwise(every), strict=True):
         assert parts == pytest.approx(case.conditional.pointwise(case.y, row), abs=case.within)
-    for ask in (noise.log_likelihood, noise.pointwise, noise.standardised, noise.residuals, noise.size_residuals, noise.outlier_probability):
+    for ask in (
+        noise.log_likelihood,
+        noise.pointwise,
+        noise.standardised,
+        noise.residuals,
+        noise.size_residuals,
+        noise.outlier_probability,
+    ):
         for row, together in zip(rows, ask(every), strict=True):
             assert ask(column(row))[0] == pytest.approx(together, rel=1e-9)
     assert np.any(noise.outlier_probability(every) > 0.0) == case.outliers
@@ -263,9 +370,15 @@ def check_of_draws(case: Case, noise: Likelihood) -> None:
 def check_steps(case: Case, noise: Likelihood) -> None:
     """Residuals, their derivatives and the steps that they make fit together with the densities."""
     here, names = case.here, tuple(case.here)
-    height = noise.log_likelihood if case.single is None else lambda named: np.sum(noise.pointwise(named), axis=1)
+    height = (
+        noise.log_likelihood
+        if case.single is None
+        else lambda named: np.sum(noise.pointwise(named), axis=1)
+    )
     both = column(here, here | {"a": here["a"] + 0.1, "b": here["b"] - 0.07})
-    assert np.diff(np.sum(noise.residuals(both) ** 2, axis=1)) == pytest.approx(-2.0 * np.diff(height(both)), rel=1e-8)
+    assert np.diff(np.sum(noise.residuals(both) ** 2, axis=1)) == pytest.approx(
+        -2.0 * np.diff(height(both)), rel=1e-8
+    )
     jacobian, (rows, aim) = noise.jacobian(here, names), noise.scoring(here, names)
     for i, name in enumerate(names):
         if name not in VALUES:
@@ -273,10 +386,14 @@ def check_steps(case: Case, noise: Likelihood) -> None:
             assert not np.any(rows[:, i])
             continue
         numeric = derivative(noise.residuals, here, name)[0]
-        assert jacobian[:, i] == pytest.approx(numeric, rel=1e-5, abs=1e-6 * float(np.max(np.abs(numeric))))
+        assert jacobian[:, i] == pytest.approx(
+            numeric, rel=1e-5, abs=1e-6 * float(np.max(np.abs(numeric)))
+        )
         assert -rows[:, i] @ aim == pytest.approx(derivative(height, here, name)[0], rel=1e-5)
     root, curve = noise.information_root(here, names), np.ix_([0, 1], [0, 1])
-    assert (root.T @ root)[curve] == pytest.approx(noise.information(here, names, {})[curve], rel=1e-6)
+    assert (root.T @ root)[curve] == pytest.approx(
+        noise.information(here, names, {})[curve], rel=1e-6
+    )
     whitened = noise.whitened(here, names)
     assert whitened.z == pytest.approx(case.conditional.scores(case.y, here), abs=case.within)
     assert whitened.root.shape[1] == len(names)
@@ -285,10 +402,15 @@ def check_steps(case: Case, noise: Likelihood) -> None:
 def check_size(case: Case, noise: Likelihood) -> None:
     """Information and size of the errors, against a covariance or densities by brute force."""
     here, names = case.here, tuple(case.here)
-    ends = {n: (here | {n: here[n] - STEP}, here | {n: here[n] + STEP}, 2.0 * STEP) for n in case.noise.parameters}
+    ends = {
+        n: (here | {n: here[n] - STEP}, here | {n: here[n] + STEP}, 2.0 * STEP)
+        for n in case.noise.parameters
+    }
     information = noise.information(here, names, ends)
     assert information == pytest.approx(information.T, rel=1e-9)
-    assert (noise.normal is None) == (case.outliers or case.mixed or case.unlike or case.single is not None)
+    assert (noise.normal is None) == (
+        case.outliers or case.mixed or case.unlike or case.single is not None
+    )
     if noise.normal is None:
         if case.single is None:
             assert np.diag(information) == pytest.approx(case.brute.information(here), rel=0.05)
@@ -300,7 +422,9 @@ def check_size(case: Case, noise: Likelihood) -> None:
     assert Y - noise.y == pytest.approx(brute.mean(here) - line(here), abs=1e-12)
     assert information == pytest.approx(brute.information(here, names), rel=1e-5, abs=1e-5)
     z, variance, of_curve, of_spread = noise.normal.opened(column(here, here), names)
-    assert -0.5 * np.sum(z**2 + np.log(2.0 * np.pi * variance), axis=1) == pytest.approx(noise.log_likelihood(column(here, here)), rel=1e-12)
+    assert -0.5 * np.sum(z**2 + np.log(2.0 * np.pi * variance), axis=1) == pytest.approx(
+        noise.log_likelihood(column(here, here)), rel=1e-12
+    )
     for i, name in enumerate(names):
         score = z[1] @ of_curve[1, :, i] + 0.5 * (z[1] ** 2 - 1.0) @ of_spread[1, :, i]
         assert score == pytest.approx(derivative(noise.log_likelihood, here, name)[0], rel=1e-5)
@@ -322,11 +446,20 @@ def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) ->
     assert set(case.noise.parameters) == set(case.values)
     assert set(case.noise.outlier_parameters) <= set(case.noise.parameters)
     assert case.noise.robust == case.outliers
-    assert case.noise.outlier_share(case.here) == pytest.approx(case.here.get("fraction", np.nan), nan_ok=True)
+    assert case.noise.outlier_share(case.here) == pytest.approx(
+        case.here.get("fraction", np.nan), nan_ok=True
+    )
     assert case.noise.describe(x_unit="m", y_unit="m/s", words=PLAIN)
 
 
-@pytest.mark.parametrize("name", [name for name, case in CASES.items() if case.single is None and not case.mixed and not case.unlike])
+@pytest.mark.parametrize(
+    "name",
+    [
+        name
+        for name, case in CASES.items()
+        if case.single is None and not case.mixed and not case.unlike
+    ],
+)
 def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:
     case, here, ones = CASES[name], CASES[name].here, np.ones(Y.size)
     if not case.outliers:
@@ -334,9 +467,16 @@ def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Gener
         assert cov == pytest.approx(case.brute.cov(here), rel=1e-9, abs=1e-15)
         assert np.all(variance > 0.0)
     gain = case.noise.reading_gain()
-    assert reading_sd(case.noise, here) == pytest.approx(np.sqrt(case.noise.size.reading_variance(here)) * gain)
+    assert reading_sd(case.noise, here) == pytest.approx(
+        np.sqrt(case.noise.size.reading_variance(here)) * gain
+    )
     if not (case.noise.made_of_positions or case.noise.size.step):
-        scores = np.array([case.brute.scores(case.noise.read(line(here), gain, here, rng), here) for _ in range(200)])
+        scores = np.array(
+            [
+                case.brute.scores(case.noise.read(line(here), gain, here, rng), here)
+                for _ in range(200)
+            ]
+        )
         assert stats.kstest(scores.ravel(), "norm").pvalue > 1e-3
         assert stats.kstest(1.4 * scores.ravel(), "norm").pvalue < 1e-3
 
@@ -345,11 +485,17 @@ def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Gener
 def test_counts_scatter_as_their_law_says(name: str, rng: np.random.Generator) -> None:
     case = CASES[name]
     mean = np.ravel(case.points.value(case.here))
-    drawn = np.array([case.noise.read(mean, case.noise.reading_gain(), case.here, rng) for _ in range(4000)])
+    drawn = np.array(
+        [case.noise.read(mean, case.noise.reading_gain(), case.here, rng) for _ in range(4000)]
+    )
     sd = case.noise.likelihood(case.points, VALUES).sd(case.here)
-    assert np.abs(drawn.mean(axis=0) - mean) == pytest.approx(0.0, abs=4.0 * np.max(sd) / np.sqrt(4000.0))
+    assert np.abs(drawn.mean(axis=0) - mean) == pytest.approx(
+        0.0, abs=4.0 * np.max(sd) / np.sqrt(4000.0)
+    )
     assert drawn.var(axis=0) == pytest.approx(sd**2, rel=0.15)
-    assert sd**2 == pytest.approx(case.brute.law(case.brute.mean(case.here)).var() / case.brute.trials**2)
+    assert sd**2 == pytest.approx(
+        case.brute.law(case.brute.mean(case.here)).var() / case.brute.trials**2
+    )
 
 
 def without_the_norm(self, named):
@@ -357,11 +503,15 @@ def without_the_norm(self, named):
 
 
 def without_neighbours(self, named):
-    return stats.norm(0.0, self.sd({name: np.ravel(value)[0] for name, value in named.items()})).logpdf(self.y - self.points.value(named))
+    return stats.norm(
+        0.0, self.sd({name: np.ravel(value)[0] for name, value in named.items()})
+    ).logpdf(self.y - self.points.value(named))
 
 
 def of_the_first_draw(self, named):
-    return type(self).__base__.pointwise(self, {name: np.broadcast_to(value[:1], value.shape) for name, value in named.items()})
+    return type(self).__base__.pointwise(
+        self, {name: np.broadcast_to(value[:1], value.shape) for name, value in named.items()}
+    )
 
 
 def too_steep(self, named, names):
@@ -377,23 +527,38 @@ def out_of_order(self, named, names):
 
 
 WRONG = [
-    ("independent", "log_likelihood", without_the_norm), ("differentiated", "log_likelihood", without_the_norm),
+    ("independent", "log_likelihood", without_the_norm),
+    ("differentiated", "log_likelihood", without_the_norm),
     ("errors of x", "log_likelihood", lambda self, named: np.sum(self.pointwise(named), axis=1)),
-    ("differentiated", "pointwise", without_neighbours), ("stated covariance", "pointwise", without_neighbours),
-    ("independent, mixture", "pointwise", of_the_first_draw), ("errors of x, mixture", "pointwise", of_the_first_draw),
-    ("independent, Student-t", "jacobian", too_steep), ("errors of x", "jacobian", too_steep), ("positions", "information", too_sure),
-    ("unmodelled force", "log_likelihood", without_the_norm), ("unmodelled force", "pointwise", without_neighbours),
-    ("unmodelled force", "jacobian", too_steep), ("unmodelled force", "information", too_sure),
-    ("Poisson counts", "log_likelihood", without_the_norm), ("event times", "pointwise", lambda self, named: CountErrors.pointwise(self, named)),
-    ("Poisson counts", "jacobian", too_steep), ("event times", "jacobian", too_steep), ("binomial fractions", "information", too_sure),
-    ("independent, Student-t", "information", too_sure), ("differentiated", "whitened", out_of_order),
+    ("differentiated", "pointwise", without_neighbours),
+    ("stated covariance", "pointwise", without_neighbours),
+    ("independent, mixture", "pointwise", of_the_first_draw),
+    ("errors of x, mixture", "pointwise", of_the_first_draw),
+    ("independent, Student-t", "jacobian", too_steep),
+    ("errors of x", "jacobian", too_steep),
+    ("positions", "information", too_sure),
+    ("unmodelled force", "log_likelihood", without_the_norm),
+    ("unmodelled force", "pointwise", without_neighbours),
+    ("unmodelled force", "jacobian", too_steep),
+    ("unmodelled force", "information", too_sure),
+    ("Poisson counts", "log_likelihood", without_the_norm),
+    ("event times", "pointwise", lambda self, named: CountErrors.pointwise(self, named)),
+    ("Poisson counts", "jacobian", too_steep),
+    ("event times", "jacobian", too_steep),
+    ("binomial fractions", "information", too_sure),
+    ("independent, Student-t", "information", too_sure),
+    ("differentiated", "whitened", out_of_order),
 ]
 
 
-@pytest.mark.parametrize(("name", "member", "wrong"), WRONG, ids=[f"{name}: {member}" for name, member, _ in WRONG])
+@pytest.mark.parametrize(
+    ("name", "member", "wrong"), WRONG, ids=[f"{name}: {member}" for name, member, _ in WRONG]
+)
 def test_wrong_noise_breaks_the_contract(name: str, member: str, wrong) -> None:
     case = CASES[name]
     right = case.noise.likelihood(case.points, VALUES)
-    broken = type("Broken", (type(right),), {member: wrong})(**{field.name: getattr(right, field.name) for field in fields(right)})
+    broken = type("Broken", (type(right),), {member: wrong})(
+        **{field.name: getattr(right, field.name) for field in fields(right)}
+    )
     with pytest.raises(AssertionError):
         check_noise(case, broken)

@@ -1,4 +1,6 @@
-"""Counts, fractions and single events: against closed forms, SciPy and grids, which share no code with estim."""
+"""Counts, fractions and single events: against closed forms, SciPy and grids, which share no code
+with estim.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,18 @@ import numpy as np
 import pytest
 from scipy import optimize, special, stats
 
-from estim import Binomial, Component, EventTimes, InputError, Poisson, Target, curve_report, fit_curve, load_campaign, sample_curve
+from estim import (
+    Binomial,
+    Component,
+    EventTimes,
+    InputError,
+    Poisson,
+    Target,
+    curve_report,
+    fit_curve,
+    load_campaign,
+    sample_curve,
+)
 from estim.common.kinds import Kind
 from estim.curves.counting import counted_points
 from estim.curves.formula import read_formula
@@ -31,15 +44,23 @@ def decays(n: int, rng: np.random.Generator, tau: float = 2.2, end: float = 10.0
 
 @pytest.mark.parametrize("n", [1, 4, 17])
 def test_one_count_has_the_profile_of_poisson_and_lies_within_garwood(n: int) -> None:
-    fit = fit_curve("m + 0*x", [0.0], [n], start={"m": 3.0}, bounds={"m": (0.0, None)}, noise="poisson")
+    fit = fit_curve(
+        "m + 0*x", [0.0], [n], start={"m": 3.0}, bounds={"m": (0.0, None)}, noise="poisson"
+    )
     assert fit.values["m"] == pytest.approx(n, rel=1e-6)
     assert fit.sds["m"] == pytest.approx(math.sqrt(n), rel=1e-6) or math.isnan(fit.sds["m"])
     for p in (0.68, 0.95):
         low, high = fit.intervals["m"][p]
         rise = stats.norm.ppf(0.5 + 0.5 * p) ** 2
-        brute = [optimize.brentq(lambda m, rise=rise: 2.0 * (m - n - n * math.log(m / n)) - rise, *ends) for ends in ((1e-9, n), (n, n + 40.0))]
+        brute = [
+            optimize.brentq(lambda m, rise=rise: 2.0 * (m - n - n * math.log(m / n)) - rise, *ends)
+            for ends in ((1e-9, n), (n, n + 40.0))
+        ]
         assert (low, high) == pytest.approx(brute, rel=1e-4)
-        garwood = stats.chi2.ppf(0.5 - 0.5 * p, 2 * n) / 2.0, stats.chi2.ppf(0.5 + 0.5 * p, 2 * n + 2) / 2.0
+        garwood = (
+            stats.chi2.ppf(0.5 - 0.5 * p, 2 * n) / 2.0,
+            stats.chi2.ppf(0.5 + 0.5 * p, 2 * n + 2) / 2.0,
+        )
         assert garwood[0] <= low < high <= garwood[1]
 
 
@@ -47,7 +68,9 @@ def test_densities_are_those_of_scipy() -> None:
     y, mean, n = np.array([0.0, 3.0, 7.0]), np.array([0.4, 2.5, 9.0]), np.array([5.0, 8.0, 7.0])
     assert POISSON.log_density(y, mean, n) == pytest.approx(stats.poisson.logpmf(y, mean))
     hits, share = np.array([0.0, 3.0, 7.0]), np.array([0.1, 0.4, 0.8])
-    assert BINOMIAL.log_density(hits / n, share, n) == pytest.approx(stats.binom.logpmf(hits, n, share))
+    assert BINOMIAL.log_density(hits / n, share, n) == pytest.approx(
+        stats.binom.logpmf(hits, n, share)
+    )
 
 
 def test_no_count_at_all_is_refused_with_a_limit() -> None:
@@ -56,7 +79,9 @@ def test_no_count_at_all_is_refused_with_a_limit() -> None:
     assert -math.log(0.05) == pytest.approx(3.0, abs=0.005)
 
 
-def test_the_lifetime_of_single_times_in_a_long_window_is_their_mean(rng: np.random.Generator) -> None:
+def test_the_lifetime_of_single_times_in_a_long_window_is_their_mean(
+    rng: np.random.Generator,
+) -> None:
     times = decays(200, rng, end=1e3)
     fit = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 150.0, 40), **ALONE)
     assert fit.values["tau"] == pytest.approx(times.mean(), rel=1e-8)
@@ -67,18 +92,33 @@ def test_the_lifetime_of_single_times_in_a_long_window_is_their_mean(rng: np.ran
 
 def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -> None:
     times = np.concatenate([decays(150, rng), rng.uniform(0.0, 10.0, 60)])
-    fit = fit_curve("exp(-x/tau) + b", times, None, start={"tau": 1.0, "b": 0.05}, bounds={"b": (0.0, None), "tau": (0.05, None)},
-                    noise=EventTimes(0.0, 10.0))
+    fit = fit_curve(
+        "exp(-x/tau) + b",
+        times,
+        None,
+        start={"tau": 1.0, "b": 0.05},
+        bounds={"b": (0.0, None), "tau": (0.05, None)},
+        noise=EventTimes(0.0, 10.0),
+    )
 
     def height(tau: float, b: float) -> float:
-        return float(np.sum(np.log((np.exp(-times / tau) + b) / (tau * -math.expm1(-10.0 / tau) + 10.0 * b))))
+        return float(
+            np.sum(np.log((np.exp(-times / tau) + b) / (tau * -math.expm1(-10.0 / tau) + 10.0 * b)))
+        )
 
-    best = optimize.minimize(lambda v: -height(*v), [2.0, 0.1], method="Nelder-Mead", options={"xatol": 1e-8, "fatol": 1e-10})
+    best = optimize.minimize(
+        lambda v: -height(*v),
+        [2.0, 0.1],
+        method="Nelder-Mead",
+        options={"xatol": 1e-8, "fatol": 1e-10},
+    )
     assert [fit.values["tau"], fit.values["b"]] == pytest.approx(best.x, rel=1e-4)
     rise = stats.norm.ppf(0.84) ** 2
 
     def profile(tau: float) -> float:
-        inner = optimize.minimize_scalar(lambda b: -height(tau, b), bounds=(0.0, 2.0), method="bounded", options={"xatol": 1e-8})
+        inner = optimize.minimize_scalar(
+            lambda b: -height(tau, b), bounds=(0.0, 2.0), method="bounded", options={"xatol": 1e-8}
+        )
         return 2.0 * (inner.fun - best.fun) - rise
 
     brute = optimize.brentq(profile, 0.5, best.x[0]), optimize.brentq(profile, best.x[0], 6.0)
@@ -98,39 +138,70 @@ PEAK = "p*exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + (1 - p)/100"
 
 
 @pytest.mark.parametrize("sd", [0.1, 0.15, 0.2])
-def test_a_narrow_feature_in_a_wide_window_against_scipy(rng: np.random.Generator, sd: float) -> None:
+def test_a_narrow_feature_in_a_wide_window_against_scipy(
+    rng: np.random.Generator, sd: float
+) -> None:
     place = rng.uniform(20.0, 80.0)
-    times = np.where(rng.random(200) < 0.3, rng.normal(place, sd, 200), rng.uniform(0.0, 100.0, 200))
-    fit = fit_curve(PEAK, times, None, start={"p": 0.3, "m": place, "s": sd}, bounds={"p": (0.0, 1.0), "m": (0.0, 100.0), "s": (0.01, 50.0)},
-                    noise=EventTimes(0.0, 100.0), n_start=1)
-    best = optimize.minimize(  # the peak lies within the window as a whole: its density is normalised
-        lambda v: -np.sum(np.log(v[0] * stats.norm.pdf(times, v[1], abs(v[2])) + (1.0 - v[0]) / 100.0)), [0.3, place, sd], method="Nelder-Mead",
+    times = np.where(
+        rng.random(200) < 0.3, rng.normal(place, sd, 200), rng.uniform(0.0, 100.0, 200)
+    )
+    fit = fit_curve(
+        PEAK,
+        times,
+        None,
+        start={"p": 0.3, "m": place, "s": sd},
+        bounds={"p": (0.0, 1.0), "m": (0.0, 100.0), "s": (0.01, 50.0)},
+        noise=EventTimes(0.0, 100.0),
+        n_start=1,
+    )
+    # the peak lies within the window as a whole: its density is normalised
+    best = optimize.minimize(
+        lambda v: (
+            -np.sum(np.log(v[0] * stats.norm.pdf(times, v[1], abs(v[2])) + (1.0 - v[0]) / 100.0))
+        ),
+        [0.3, place, sd],
+        method="Nelder-Mead",
         options={"xatol": 1e-8, "fatol": 1e-10},
     )
     assert fit.status == "ok"
     assert [fit.values[name] for name in "pms"] == pytest.approx(best.x, rel=1e-4)
     for name in "pms":
         assert fit.intervals[name][0.95][0] < fit.values[name] < fit.intervals[name][0.95][1]
-    assert fit.intervals["p"][0.95][1] < 0.5  # the share that a peak between the nodes of a coarse quadrature ran away to is 1
+    # the share that a peak between the nodes of a coarse quadrature ran away to is 1
+    assert fit.intervals["p"][0.95][1] < 0.5
 
 
 @pytest.mark.parametrize("width", [1.0, 1e-2, 1e-4, 1e-6])
-def test_a_feature_is_integrated_where_a_parameter_or_an_event_is_and_is_none_where_its_integral_diverges(width: float) -> None:
+def test_a_feature_is_integrated_where_it_is_and_is_none_where_its_integral_diverges(
+    width: float,
+) -> None:
     ends = np.linspace(0.0, 100.0, 9)
     binned = counted_points(Poisson(ends), 0.5 * (ends[1:] + ends[:-1]), np.ones(8), what="y")
-    peak = {"m": np.array([[12.6], [33.37], [61.1]]), "s": np.array([[width], [2.0 * width], [width]])}
-    area = stats.norm.cdf(ends[1:], peak["m"], peak["s"]) - stats.norm.cdf(ends[:-1], peak["m"], peak["s"])
-    known = binned.expected(read_formula("exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + 0.01")).value(binned.x, peak)
+    peak = {
+        "m": np.array([[12.6], [33.37], [61.1]]),
+        "s": np.array([[width], [2.0 * width], [width]]),
+    }
+    area = stats.norm.cdf(ends[1:], peak["m"], peak["s"]) - stats.norm.cdf(
+        ends[:-1], peak["m"], peak["s"]
+    )
+    known = binned.expected(read_formula("exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + 0.01")).value(
+        binned.x, peak
+    )
     assert known == pytest.approx(area + 0.01 * np.diff(ends), abs=1e-6)
-    fixed = counted_points(EventTimes(0.0, 100.0, 8), np.array([5.0, 33.37, 90.0]), None, what="events")
+    fixed = counted_points(
+        EventTimes(0.0, 100.0, 8), np.array([5.0, 33.37, 90.0]), None, what="events"
+    )
     curve = fixed.expected(read_formula("a*exp(-(x - 33.37)**2/(2*b**2))/(b*sqrt(2*pi)) + 0.01"))
     _, expected = curve.rate({"a": 2.0, "b": width})
     in_cell = stats.norm.cdf(4.13, 0.0, width) - stats.norm.cdf(-8.37, 0.0, width)
-    assert expected[0, 2] == pytest.approx(2.0 * in_cell + 0.125, rel=1e-6)  # of 3 events, where the density has the area 3
+    # of 3 events, where the density has the area 3
+    assert expected[0, 2] == pytest.approx(2.0 * in_cell + 0.125, rel=1e-6)
     assert np.all(np.isnan(fixed.expected(read_formula("a/x")).rate({"a": 2.0})[0]))
 
 
-def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(rng: np.random.Generator) -> None:
+def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(
+    rng: np.random.Generator,
+) -> None:
     times = decays(60, rng)
     counts = np.histogram(times, EDGES)[0]
     fit = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(EDGES), **DECAY)
@@ -138,39 +209,87 @@ def test_counts_in_bins_against_scipy_and_narrow_bins_against_single_times(rng: 
     def minus(v: np.ndarray) -> float:
         return -float(np.sum(stats.poisson.logpmf(counts, v[0] * -np.diff(np.exp(-EDGES / v[1])))))
 
-    best = optimize.minimize(minus, [60.0, 2.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000})
+    best = optimize.minimize(
+        minus,
+        [60.0, 2.0],
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000},
+    )
     assert [fit.values["N"], fit.values["tau"]] == pytest.approx(best.x, rel=1e-5)
-    assert fit.chi2 == pytest.approx(2.0 * (best.fun + np.sum(stats.poisson.logpmf(counts, counts))), abs=1e-6)
+    assert fit.chi2 == pytest.approx(
+        2.0 * (best.fun + np.sum(stats.poisson.logpmf(counts, counts))), abs=1e-6
+    )
     narrow = np.linspace(0.0, 10.0, 251)
-    fine = fit_curve("N/tau*exp(-x/tau)", 0.5 * (narrow[1:] + narrow[:-1]), np.histogram(times, narrow)[0], noise=Poisson(0.04), n_start=1, **DECAY)
+    fine = fit_curve(
+        "N/tau*exp(-x/tau)",
+        0.5 * (narrow[1:] + narrow[:-1]),
+        np.histogram(times, narrow)[0],
+        noise=Poisson(0.04),
+        n_start=1,
+        **DECAY,
+    )
     single = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 10.0), **ALONE)
     assert fine.values["tau"] == pytest.approx(single.values["tau"], rel=1e-3)
     assert fine.sds["tau"] == pytest.approx(single.sds["tau"], rel=1e-3)
     wide, height = np.histogram(times, 4, (0.0, 10.0)), "2.5*N/tau*exp(-x/tau)"
-    integrated = fit_curve("N/tau*exp(-x/tau)", [1.25, 3.75, 6.25, 8.75], wide[0], noise=Poisson(2.5), n_start=1, **DECAY)
-    at_middles = fit_curve(height, [1.25, 3.75, 6.25, 8.75], wide[0], noise="poisson", n_start=1, **DECAY)
-    assert abs(integrated.values["N"] / 60.0 - 1.0) < 0.05 < abs(at_middles.values["N"] / 60.0 - 1.0)
+    integrated = fit_curve(
+        "N/tau*exp(-x/tau)",
+        [1.25, 3.75, 6.25, 8.75],
+        wide[0],
+        noise=Poisson(2.5),
+        n_start=1,
+        **DECAY,
+    )
+    at_middles = fit_curve(
+        height, [1.25, 3.75, 6.25, 8.75], wide[0], noise="poisson", n_start=1, **DECAY
+    )
+    assert (
+        abs(integrated.values["N"] / 60.0 - 1.0) < 0.05 < abs(at_middles.values["N"] / 60.0 - 1.0)
+    )
 
 
 def test_bins_may_be_pairs_of_any_width_in_any_order(rng: np.random.Generator) -> None:
     counts = np.histogram(decays(100, rng), EDGES)[0]
     pairs = np.column_stack([EDGES[:-1], EDGES[1:]])
     order = rng.permutation(20)
-    mixed = fit_curve("N/tau*exp(-x/tau)", MIDDLES[order], counts[order], noise=Poisson(pairs[order]), n_start=1, **DECAY)
+    mixed = fit_curve(
+        "N/tau*exp(-x/tau)",
+        MIDDLES[order],
+        counts[order],
+        noise=Poisson(pairs[order]),
+        n_start=1,
+        **DECAY,
+    )
     plain = fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), n_start=1, **DECAY)
     assert mixed.values == pytest.approx(plain.values, rel=1e-9)
     joined = pairs.copy()[::2]
     joined[:, 1] += 0.5
-    wide = fit_curve("N/tau*exp(-x/tau)", joined.mean(axis=1), counts[::2] + counts[1::2], noise=Poisson(joined), n_start=1, **DECAY)
+    wide = fit_curve(
+        "N/tau*exp(-x/tau)",
+        joined.mean(axis=1),
+        counts[::2] + counts[1::2],
+        noise=Poisson(joined),
+        n_start=1,
+        **DECAY,
+    )
     assert wide.values["N"] == pytest.approx(plain.values["N"], rel=1e-2)
 
 
 def test_fractions_against_scipy(rng: np.random.Generator) -> None:
     x, n = np.linspace(0.0, 9.0, 10), np.array([20, 5, 20, 30, 8, 20, 20, 12, 20, 20])
     hits = rng.binomial(n, 1.0 / (1.0 + np.exp(-(x - 4.0) / 1.2)))
-    fit = fit_curve("1/(1 + exp(-(x - m)/w))", x, hits, start={"m": 3.0, "w": 1.0}, bounds={"w": (0.01, None)}, noise=Binomial(n))
+    fit = fit_curve(
+        "1/(1 + exp(-(x - m)/w))",
+        x,
+        hits,
+        start={"m": 3.0, "w": 1.0},
+        bounds={"w": (0.01, None)},
+        noise=Binomial(n),
+    )
     best = optimize.minimize(
-        lambda v: -np.sum(stats.binom.logpmf(hits, n, 1.0 / (1.0 + np.exp(-(x - v[0]) / v[1])))), [4.0, 1.0], method="Nelder-Mead",
+        lambda v: -np.sum(stats.binom.logpmf(hits, n, 1.0 / (1.0 + np.exp(-(x - v[0]) / v[1])))),
+        [4.0, 1.0],
+        method="Nelder-Mead",
         options={"xatol": 1e-8, "fatol": 1e-10},
     )
     assert [fit.values["m"], fit.values["w"]] == pytest.approx(best.x, rel=1e-4)
@@ -178,8 +297,19 @@ def test_fractions_against_scipy(rng: np.random.Generator) -> None:
 
 def flat_problem(counts: np.ndarray):
     return pose_curve(
-        "m + 0*x", np.arange(counts.size), counts, start={"m": 2.0}, bounds={"m": (0.0, None)}, priors={}, u_y=None, cov_y=None, u_x=None, errors=(),
-        units={}, axes=AxisNames(), noise="poisson",
+        "m + 0*x",
+        np.arange(counts.size),
+        counts,
+        start={"m": 2.0},
+        bounds={"m": (0.0, None)},
+        priors={},
+        u_y=None,
+        cov_y=None,
+        u_x=None,
+        errors=(),
+        units={},
+        axes=AxisNames(),
+        noise="poisson",
     ).with_sigma(1.0)
 
 
@@ -220,11 +350,19 @@ def test_the_deviance_of_few_counts_has_the_p_value_that_it_says(rng: np.random.
 
 
 def test_counts_that_come_in_pairs_or_are_averages_are_told(rng: np.random.Generator) -> None:
-    pairs = fit_curve("m + 0*x", np.arange(60.0), 2 * rng.poisson(8.0, 60), start={"m": 10.0}, noise="poisson")
+    pairs = fit_curve(
+        "m + 0*x", np.arange(60.0), 2 * rng.poisson(8.0, 60), start={"m": 10.0}, noise="poisson"
+    )
     assert pairs.status == "poor-fit"
     assert [f.kind for f in pairs.findings] == [Kind.COUNTS_SCATTER]
     assert "scatter more" in pairs.reasons[0]
-    even = fit_curve("m + 0*x", np.arange(60.0), np.rint(rng.normal(50.0, 1.0, 60)), start={"m": 10.0}, noise="poisson")
+    even = fit_curve(
+        "m + 0*x",
+        np.arange(60.0),
+        np.rint(rng.normal(50.0, 1.0, 60)),
+        start={"m": 10.0},
+        noise="poisson",
+    )
     assert even.status == "ok"
     assert any("averages" in note for note in even.notes)
 
@@ -238,7 +376,12 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
     assert 'noise="poisson"' in told.notes[0]
     for quiet in (
         fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some] * 1.5, **keys),
-        fit_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some], **dict(keys, u_y=1.3 * keys["u_y"])),
+        fit_curve(
+            "0.5*N/tau*exp(-x/tau)",
+            MIDDLES[some],
+            counts[some],
+            **dict(keys, u_y=1.3 * keys["u_y"]),
+        ),
         fit_curve("N/tau*exp(-x/tau)", MIDDLES, counts, noise=Poisson(0.5), **DECAY),
     ):
         assert Kind.COUNTS_AS_READINGS not in [f.kind for f in quiet.remarks]
@@ -247,19 +390,33 @@ def test_roots_of_counts_as_errors_are_told(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"noise": "gauss"}, "noise"), ({"noise": "poisson", "u_y": 1.0}, "'u_y' cannot be combined"),
+        ({"noise": "gauss"}, "noise"),
+        ({"noise": "poisson", "u_y": 1.0}, "'u_y' cannot be combined"),
         ({"noise": "poisson", "y": [1, 2, 2.5]}, "value number 3"),
-        ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"), ({"noise": Poisson([0.0, 1.0])}, "edges"), ({"noise": Poisson(1.7)}, "overlap"),
-        ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "their x (value number 2)"), ({"noise": Poisson(-1.0)}, "width > 0"),
-        ({"noise": Binomial(math.nan)}, "'trials' must be finite"), ({"noise": Binomial([4, 4, math.inf])}, "'trials' must be finite"),
+        ({"noise": "poisson", "y": [1, -2, 3]}, "value number 2"),
+        ({"noise": Poisson([0.0, 1.0])}, "edges"),
+        ({"noise": Poisson(1.7)}, "overlap"),
+        ({"noise": Poisson([[0, 0.5], [0.5, 0.9], [1.5, 2.5]])}, "their x (value number 2)"),
+        ({"noise": Poisson(-1.0)}, "width > 0"),
+        ({"noise": Binomial(math.nan)}, "'trials' must be finite"),
+        ({"noise": Binomial([4, 4, math.inf])}, "'trials' must be finite"),
         ({"noise": EventTimes(0.0, 5.0, -1), "y": None}, "'cells' must be a whole number"),
-        ({"noise": EventTimes(0.0, 5.0, 1), "y": None}, "'cells' must be"), ({"noise": EventTimes(0.0, 5.0, 2.5), "y": None}, "'cells' must be"),
+        ({"noise": EventTimes(0.0, 5.0, 1), "y": None}, "'cells' must be"),
+        ({"noise": EventTimes(0.0, 5.0, 2.5), "y": None}, "'cells' must be"),
         ({"noise": EventTimes("a", 5.0), "y": None}, "'low' must be a number"),
-        ({"noise": Binomial(2)}, "exceed the trials"), ({"noise": Binomial(2.5)}, "whole"), ({"noise": Binomial([4, 4])}, "as many"),
-        ({"noise": EventTimes(0.0, 5.0)}, "must be None"), ({"noise": EventTimes(0.5, 5.0), "y": None}, "within the window"),
-        ({"noise": EventTimes(0.0, math.inf), "y": None}, "finite"), ({"y": None}, "'y'"), ({"noise": "poisson", "y": None}, "counts"),
+        ({"noise": Binomial(2)}, "exceed the trials"),
+        ({"noise": Binomial(2.5)}, "whole"),
+        ({"noise": Binomial([4, 4])}, "as many"),
+        ({"noise": EventTimes(0.0, 5.0)}, "must be None"),
+        ({"noise": EventTimes(0.5, 5.0), "y": None}, "within the window"),
+        ({"noise": EventTimes(0.0, math.inf), "y": None}, "finite"),
+        ({"y": None}, "'y'"),
+        ({"noise": "poisson", "y": None}, "counts"),
         ({"noise": Poisson(1.0), "errors": [Component("zero_y", 1.0)]}, "background"),
-        ({"noise": EventTimes(0.0, 5.0), "y": None, "errors": [Component("scale_y", 0.1)]}, "density"),
+        (
+            {"noise": EventTimes(0.0, 5.0), "y": None, "errors": [Component("scale_y", 0.1)]},
+            "density",
+        ),
     ],
 )
 def test_what_cannot_be_counted_is_refused(given, words: str) -> None:
@@ -308,21 +465,48 @@ def test_a_campaign_counts_as_python_does(tmp_path: Path, rng: np.random.Generat
 @pytest.mark.parametrize(
     ("old", "new", "table", "words"),
     [
-        ("", "", ROWS.replace("2.0,2\n", "2.0,2.5\n"), r"one\.csv:3: 'n' must be a whole number from 0 \(the number of events"),
-        ("", "", ROWS.replace("1.0,2.0,2", "1.0,1.0,2"), r"one\.csv:3: 'high' must have its high edge above its low one"),
+        (
+            "",
+            "",
+            ROWS.replace("2.0,2\n", "2.0,2.5\n"),
+            r"one\.csv:3: 'n' must be a whole number from 0 \(the number of events",
+        ),
+        (
+            "",
+            "",
+            ROWS.replace("1.0,2.0,2", "1.0,1.0,2"),
+            r"one\.csv:3: 'high' must have its high edge above its low one",
+        ),
         ("", "", ROWS.replace("1.0,2.0,2", "0.5,2.0,2"), r"campaign\.toml:8: .*must not overlap"),
         ('bins = ["low", "high"]', "bins = -1.0", ROWS, r"campaign\.toml:8: .*width > 0"),
         ('bins = ["low", "high"]', 'trials = "n"', ROWS, r"campaign\.toml:8: .*belongs to model"),
-        ("noise =", "u_y = 1.0\nnoise =", ROWS, r"campaign\.toml:8: 'u_y' cannot be combined with 'noise'"),
+        (
+            "noise =",
+            "u_y = 1.0\nnoise =",
+            ROWS,
+            r"campaign\.toml:8: 'u_y' cannot be combined with 'noise'",
+        ),
         ('y = {column = "n", name = "events"}\n', "", ROWS, r"'y' is missing"),
         ('"poisson", bins = ["low", "high"]', '"event-times"', ROWS, r"'y' must be left out"),
         ('"poisson", bins = ["low", "high"]', '"binomial"', ROWS, r"number of trials of each row"),
-        ('"poisson", bins = ["low", "high"]', '"binomial", trials = 2', ROWS, r"one\.csv:2: 'n' must not exceed"),
-        ('y = {column = "n", name = "events"}\nnoise = {model = "poisson", bins = ["low", "high"]}', 'noise = {model = "event-times"}',
-         ROWS, r"must state the 'min' and 'max'"),
+        (
+            '"poisson", bins = ["low", "high"]',
+            '"binomial", trials = 2',
+            ROWS,
+            r"one\.csv:2: 'n' must not exceed",
+        ),
+        (
+            'y = {column = "n", name = "events"}\nnoise = {model = "poisson", bins = '
+            '["low", "high"]}',
+            'noise = {model = "event-times"}',
+            ROWS,
+            r"must state the 'min' and 'max'",
+        ),
     ],
 )
-def test_a_campaign_says_where_counts_are_wrong(tmp_path: Path, old: str, new: str, table: str, words: str) -> None:
+def test_a_campaign_says_where_counts_are_wrong(
+    tmp_path: Path, old: str, new: str, table: str, words: str
+) -> None:
     text = CAMPAIGN.replace(old, new)
     header = ["low", "high" if '"high"' in text else "_high", "n" if '"n"' in text else "_n"]
     path = written(tmp_path, text, ",".join(header) + "\n" + table)
@@ -331,21 +515,33 @@ def test_a_campaign_says_where_counts_are_wrong(tmp_path: Path, old: str, new: s
 
 
 def test_the_muon_of_the_gallery_agrees_with_what_was_published() -> None:
-    """2.118 +0.067 -0.094 µs, unbinned from 0.7 µs on (data/gallery/README.md); in bins nearly the same."""
+    """2.118 +0.067 -0.094 µs, unbinned from 0.7 µs on (data/gallery/README.md); in bins nearly the
+    same.
+    """
     found = {}
     for name, run in (("muon", "muon"), ("muon_binned", "muon-binned")):
         campaign = load_campaign(Path(__file__).parents[1] / "data" / "gallery" / f"{name}.toml")
         fit = campaign.fit(campaign.problem([run]), rng=np.random.default_rng(1))
         found[name] = dict(zip(fit.names, fit.values, strict=True))["tau"]
     assert found["muon"] == pytest.approx(2.118, abs=0.067)
-    assert found["muon_binned"] == pytest.approx(found["muon"], abs=0.02)  # a third of the standard deviation
+    # a third of the standard deviation
+    assert found["muon_binned"] == pytest.approx(found["muon"], abs=0.02)
 
 
 def test_counts_have_a_section_in_the_report(rng: np.random.Generator) -> None:
     x = np.arange(12.0)
-    fit = fit_curve("a + 0*x", x, rng.poisson(3.0, 12), start={"a": 2.0}, bounds={"a": (0.0, None)}, noise="poisson")
+    fit = fit_curve(
+        "a + 0*x",
+        x,
+        rng.poisson(3.0, 12),
+        start={"a": 2.0},
+        bounds={"a": (0.0, None)},
+        noise="poisson",
+    )
     analysis = sample_curve(fit, seed=1, target=Target(ess=400))
-    report = curve_report(fit, analysis, title="Counts", kind="synthetic", figures=False)["report.md"].decode()
+    report = curve_report(fit, analysis, title="Counts", kind="synthetic", figures=False)[
+        "report.md"
+    ].decode()
     assert "## Counts" in report
     assert "Deviance = " in report
     draws = analysis.chain.flat[:, 0]
@@ -359,16 +555,26 @@ def test_counts_have_a_section_in_the_report(rng: np.random.Generator) -> None:
 
 
 def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
-    curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(read_formula("N/tau*exp(-x/tau)"))
+    curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(
+        read_formula("N/tau*exp(-x/tau)")
+    )
     here = {"N": 50.0, "tau": 2.0}
-    assert curve.value(MIDDLES, here)[0] == pytest.approx(-50.0 * np.diff(np.exp(-EDGES / 2.0)), rel=1e-12)
+    assert curve.value(MIDDLES, here)[0] == pytest.approx(
+        -50.0 * np.diff(np.exp(-EDGES / 2.0)), rel=1e-12
+    )
     for total in (None, 30.0):
         binned = type(curve)(curve.density, curve.low, curve.high, total, MIDDLES)
         for name in ("N", "tau"):
-            ends = [binned.value(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)]
-            assert binned.local(MIDDLES, here).gradient[name][0] == pytest.approx((ends[1] - ends[0]) / 2e-5, rel=1e-6, abs=1e-8)
+            ends = [
+                binned.value(MIDDLES, here | {name: here[name] + s * 1e-5})[0] for s in (-1.0, 1.0)
+            ]
+            assert binned.local(MIDDLES, here).gradient[name][0] == pytest.approx(
+                (ends[1] - ends[0]) / 2e-5, rel=1e-6, abs=1e-8
+            )
             rates = [binned.rate(here | {name: here[name] + s * 1e-5})[0][0] for s in (-1.0, 1.0)]
-            assert binned.local_rate(MIDDLES, here).gradient[name][0] == pytest.approx((rates[1] - rates[0]) / 2e-5, rel=1e-5, abs=1e-7)
+            assert binned.local_rate(MIDDLES, here).gradient[name][0] == pytest.approx(
+                (rates[1] - rates[0]) / 2e-5, rel=1e-5, abs=1e-7
+            )
     assert binned.value(MIDDLES, here).sum() == pytest.approx(30.0)
 
 
@@ -380,19 +586,46 @@ def holds(fit, p: float) -> bool:
 @pytest.mark.statistics
 def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_roots_do_not() -> None:
     rng, n_trial, held = np.random.default_rng(3), 150, {"single": 0, "bins": 0, "roots": 0}
-    given = {"priors": {}, "errors": (), "units": {}, "axes": AxisNames(), "cov_y": None, "u_x": None}
+    given = {
+        "priors": {},
+        "errors": (),
+        "units": {},
+        "axes": AxisNames(),
+        "cov_y": None,
+        "u_x": None,
+    }
     for _ in range(n_trial):
         times = decays(300, rng)
         counts = np.histogram(times, EDGES)[0].astype(float)
         some = counts > 0.0
         both = {"start": {"N": 300.0, "tau": 2.2}, "bounds": DECAY["bounds"]}
         posed = {
-            "single": pose_curve("exp(-x/tau)", times, None, start={"tau": 2.2}, bounds=ALONE["bounds"], u_y=None, noise=EventTimes(0, 10), **given),
-            "bins": pose_curve("N/tau*exp(-x/tau)", MIDDLES, counts, u_y=None, noise=Poisson(0.5), **both, **given),
-            "roots": pose_curve("0.5*N/tau*exp(-x/tau)", MIDDLES[some], counts[some], u_y=np.sqrt(counts[some]), **both, **given),
+            "single": pose_curve(
+                "exp(-x/tau)",
+                times,
+                None,
+                start={"tau": 2.2},
+                bounds=ALONE["bounds"],
+                u_y=None,
+                noise=EventTimes(0, 10),
+                **given,
+            ),
+            "bins": pose_curve(
+                "N/tau*exp(-x/tau)", MIDDLES, counts, u_y=None, noise=Poisson(0.5), **both, **given
+            ),
+            "roots": pose_curve(
+                "0.5*N/tau*exp(-x/tau)",
+                MIDDLES[some],
+                counts[some],
+                u_y=np.sqrt(counts[some]),
+                **both,
+                **given,
+            ),
         }
         for name, problem in posed.items():
-            held[name] += holds(fit_least_squares(problem.with_sigma(1.0), rng=rng, n_start=1), 0.68)
+            held[name] += holds(
+                fit_least_squares(problem.with_sigma(1.0), rng=rng, n_start=1), 0.68
+            )
     error = math.sqrt(0.68 * 0.32 / n_trial)
     assert held["single"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
     assert held["bins"] / n_trial == pytest.approx(0.68, abs=3.0 * error)
@@ -400,7 +633,11 @@ def test_intervals_of_counted_decays_hold_what_they_say_and_those_of_square_root
 
 
 @pytest.mark.parametrize("density", ["a/x + b", "a/(x - 0.5)**2 + b"])
-def test_a_density_without_an_integral_is_refused_by_that_name(density: str, rng: np.random.Generator) -> None:
+def test_a_density_without_an_integral_is_refused_by_that_name(
+    density: str, rng: np.random.Generator
+) -> None:
     times = rng.uniform(0.0, 1.0, 60)
-    with pytest.raises(InputError, match=r"'curve' must have a finite integral .*: from 0(\.5)? to "):
+    with pytest.raises(
+        InputError, match=r"'curve' must have a finite integral .*: from 0(\.5)? to "
+    ):
         fit_curve(density, times, None, start={"a": 1.0, "b": 1.0}, noise=EventTimes(0.0, 1.0))

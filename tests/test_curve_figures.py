@@ -18,18 +18,36 @@ FORMULA, START = "a*exp(-x/tau) + c", {"a": 1.0, "tau": 1.0, "c": 0.0}
 
 @pytest.fixture(scope="module")
 def decay() -> CurveFit:
-    limits = {"tau": (0.01, 100.0)}  # the data alone would hardly hold it: a straight line is only 15 above the least of -2 ln p
-    return fit_curve(FORMULA, X, Y, start=START, bounds=limits, units={"tau": "s", "c": "V"}, axes=AxisNames("time", "s", "signal $U$", "V"))
+    # the data alone would hardly hold it: a straight line is only 15 above the least of -2 ln p
+    limits = {"tau": (0.01, 100.0)}
+    return fit_curve(
+        FORMULA,
+        X,
+        Y,
+        start=START,
+        bounds=limits,
+        units={"tau": "s", "c": "V"},
+        axes=AxisNames("time", "s", "signal $U$", "V"),
+    )
 
 
 def test_the_region_is_that_of_lmfit(decay: CurveFit) -> None:
-    """lmfit refits at each point and tells the root of the rise of chi-squared; the probability is that of Fisher's F."""
+    """lmfit refits at each point and tells the root of the rise of chi-squared; the probability is
+    that of Fisher's F.
+    """
     found = lmfit.models.ExpressionModel(FORMULA).fit(Y, x=X, **START)
-    taus, offsets, sizes = lmfit.conf_interval2d(found, found, "tau", "c", 6, 6, limits=((0.25, 0.6), (0.9, 1.5)))
+    taus, offsets, sizes = lmfit.conf_interval2d(
+        found, found, "tau", "c", 6, 6, limits=((0.25, 0.6), (0.9, 1.5))
+    )
     probability = stats.f.cdf(0.5 * sizes**2, 2, found.nfree)
     region = decay.contour("tau", "c", probabilities=(0.68, 0.9, 0.95))
     assert region.n_failed == 0
-    clear = [(i, j, p) for i, j in np.ndindex(sizes.shape) for p in region.levels if abs(probability[i, j] - p) > 0.003]
+    clear = [
+        (i, j, p)
+        for i, j in np.ndindex(sizes.shape)
+        for p in region.levels
+        if abs(probability[i, j] - p) > 0.003
+    ]
     told = [region.holds(taus[j], offsets[i], probability=p) for i, j, p in clear]
     assert told == [bool(probability[i, j] < p) for i, j, p in clear]
     assert 10 < sum(told) < len(told) - 10
@@ -47,7 +65,9 @@ def test_the_region_of_a_line_is_its_ellipse() -> None:
 
 def test_a_bent_region_is_not_its_ellipse(decay: CurveFit) -> None:
     region = decay.contour("tau", "c")
-    assert not all(region.holds(*point) for point in region.best + 0.95 * (region.ellipses[0.95] - region.best))
+    assert not all(
+        region.holds(*point) for point in region.best + 0.95 * (region.ellipses[0.95] - region.best)
+    )
 
 
 def test_no_region_of_a_fit_that_is_not_to_be_trusted() -> None:
@@ -58,16 +78,27 @@ def test_no_region_of_a_fit_that_is_not_to_be_trusted() -> None:
     with pytest.raises(InputError, match="deviation"):
         good.contour("m", "c")
     with pytest.raises(InputError, match="'probabilities' must hold one at least"):
-        fit_curve("m*x + c", X, Y, u_y=5.0, start={"m": 1.0, "c": 0.0}).contour("m", "c", probabilities=())
+        fit_curve("m*x + c", X, Y, u_y=5.0, start={"m": 1.0, "c": 0.0}).contour(
+            "m", "c", probabilities=()
+        )
 
 
 def test_a_figure_has_points_band_and_residuals_in_the_unit_of_y(decay: CurveFit) -> None:
     figure = decay.plot()
     upper, lower = figure.axes
-    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_ylabel()) == (r"signal \$U\$ (V)", "time (s)", "residual (V)")
+    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_ylabel()) == (
+        r"signal \$U\$ (V)",
+        "time (s)",
+        "residual (V)",
+    )
     residuals = lower.lines[-1].get_ydata()
     assert residuals == pytest.approx(Y - decay.predict(X).value)
-    assert [text.get_text() for text in upper.get_legend().get_texts()] == ["the curve, 95 %", "the curve, 68 %", "best curve", "data ± u"]
+    assert [text.get_text() for text in upper.get_legend().get_texts()] == [
+        "the curve, 95 %",
+        "the curve, 68 %",
+        "best curve",
+        "data ± u",
+    ]
     assert figure._repr_png_().startswith(b"\x89PNG")  # type: ignore[attr-defined]
 
 
@@ -80,13 +111,18 @@ def test_a_figure_goes_into_that_of_the_user(decay: CurveFit) -> None:
 
 def test_a_refused_curve_is_drawn_without_a_band() -> None:
     upper, _ = fit_curve("m*x + c", X, 5.0 * X**2, u_y=0.01, start={"m": 1.0, "c": 0.0}).plot().axes
-    assert [text.get_text() for text in upper.get_legend().get_texts()] == ["best curve", "data ± u"]
+    assert [text.get_text() for text in upper.get_legend().get_texts()] == [
+        "best curve",
+        "data ± u",
+    ]
     assert "poor-fit" in upper.get_title()
 
 
 def test_counts_have_the_scatter_of_their_law_in_place_of_bars() -> None:
     counts = np.random.default_rng(2).poisson(20.0 * np.exp(-X))
-    fit = fit_curve("n*exp(-x/tau)", X, counts, start={"n": 10.0, "tau": 1.0}, noise=Poisson(bins=0.1))
+    fit = fit_curve(
+        "n*exp(-x/tau)", X, counts, start={"n": 10.0, "tau": 1.0}, noise=Poisson(bins=0.1)
+    )
     upper, lower = fit.plot().axes
     assert "counts" in [text.get_text() for text in upper.get_legend().get_texts()]
     band = lower.collections[0].get_paths()[0].vertices

@@ -1,4 +1,6 @@
-"""Intervals of `fit_curve`: Student's t, limits, remarks; and what is shown where a fit is not ok."""
+"""Intervals of `fit_curve`: Student's t, limits, remarks; and what is shown where a fit is not
+ok.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ START = {"a": 1.0, "b": 1.0}
 
 @pytest.mark.statistics
 @pytest.mark.parametrize("dof", [1, 2, 5])
-def test_intervals_without_stated_errors_hold_their_level_with_few_degrees_of_freedom(dof: int) -> None:
+def test_intervals_without_stated_errors_hold_their_level_with_few_degrees_of_freedom(
+    dof: int,
+) -> None:
     """A line through dof + 2 points; value ± 1.96 s is the wrong model."""
     n, x = 100, np.linspace(0.0, 1.0, dof + 2)
     held = dict.fromkeys((0.68, 0.95, "s", "1.96 s"), 0)
@@ -40,7 +44,9 @@ def test_intervals_without_stated_errors_hold_their_level_with_few_degrees_of_fr
         assert held["1.96 s"] < 0.95 * n - 3.0 * math.sqrt(n * 0.95 * 0.05)
 
 
-def test_intervals_are_students_t_where_the_errors_are_estimated_and_normal_where_they_are_stated(rng: np.random.Generator) -> None:
+def test_intervals_are_students_t_where_the_errors_are_estimated_and_normal_where_they_are_stated(
+    rng: np.random.Generator,
+) -> None:
     x = np.linspace(0.0, 1.0, 4)
     y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(4)
     for u_y, quantile in ((None, stats.t(2).ppf(0.975)), (0.1, stats.norm.ppf(0.975))):
@@ -48,13 +54,23 @@ def test_intervals_are_students_t_where_the_errors_are_estimated_and_normal_wher
         low, high = fit.intervals["b"][0.95]
         assert (high - low) / 2.0 == pytest.approx(quantile * fit.sds["b"], rel=1e-9)
     few = fit_curve(LINE, x, y, start=START)
-    assert any(note.startswith("there are only 2 degrees of freedom: value ± standard error contains the true value in 58 %") for note in few.notes)
+    assert any(
+        note.startswith(
+            "there are only 2 degrees of freedom: value ± standard error contains the true "
+            "value in 58 %"
+        )
+        for note in few.notes
+    )
     assert "±" not in str(few).partition("note:")[0]
     assert "standard error" in str(few)
 
 
-def test_a_prior_takes_its_share_of_the_uncertainty_out_of_students_t(rng: np.random.Generator) -> None:
-    """A stated value that outweighs the points keeps its normal interval, whatever the points' degrees of freedom."""
+def test_a_prior_takes_its_share_of_the_uncertainty_out_of_students_t(
+    rng: np.random.Generator,
+) -> None:
+    """A stated value that outweighs the points keeps its normal interval, whatever the points'
+    degrees of freedom.
+    """
     x = np.linspace(0.0, 1.0, 3)
     y = 1.0 + 2.0 * x + 0.5 * rng.standard_normal(3)
     fit = fit_curve(LINE, x, y, start=START, priors={"b": Normal(2.0, 0.01)})
@@ -67,14 +83,19 @@ def test_a_prior_takes_its_share_of_the_uncertainty_out_of_students_t(rng: np.ra
 @pytest.mark.statistics
 @pytest.mark.parametrize("truth", [0.0, 0.15])
 def test_intervals_beside_a_limit_hold_at_least_what_they_say(truth: float) -> None:
-    """The standard deviation of b is 0.09: its limit 0 is within reach in most experiments.  ± s about a clipped value is the wrong model."""
+    """The standard deviation of b is 0.09: its limit 0 is within reach in most experiments.  ± s
+    about a clipped value is the wrong model.
+    """
     n, x, right, height, wrong, beyond = 60, np.linspace(0.0, 1.0, 12), 0, 0, 0, 0
     for seed in range(n):
         y = 1.0 + truth * x + 0.1 * np.random.default_rng([9, seed]).standard_normal(12)
-        fit = fit_curve(LINE, x, y, start={"a": 1.0, "b": 0.1}, u_y=0.1, bounds={"b": (0.0, None)}, n_start=1)
+        fit = fit_curve(
+            LINE, x, y, start={"a": 1.0, "b": 0.1}, u_y=0.1, bounds={"b": (0.0, None)}, n_start=1
+        )
         right += fit.intervals["b"][0.95][0] <= truth <= fit.intervals["b"][0.95][1]
         height += fit.intervals["a"][0.95][0] <= 1.0 <= fit.intervals["a"][0.95][1]
-        wrong += abs(fit.values["b"] - truth) < 1.96 * 0.02  # as if s at the limit were a fifth, as some programs print
+        # as if s at the limit were a fifth, as some programs print
+        wrong += abs(fit.values["b"] - truth) < 1.96 * 0.02
         beyond += fit.status == "at-bound"
     slack = 3.0 * math.sqrt(n * 0.95 * 0.05)
     assert right > 0.95 * n - slack
@@ -83,8 +104,12 @@ def test_intervals_beside_a_limit_hold_at_least_what_they_say(truth: float) -> N
     assert beyond <= 4
 
 
-def test_a_limit_in_a_linear_model_is_that_of_the_truncated_likelihood(rng: np.random.Generator) -> None:
-    """b >= 0 with the free best value b0 < 0: chi2 rises by 3.84 above its minimum at 0 where (b - b0)^2 = b0^2 + 3.84 s^2."""
+def test_a_limit_in_a_linear_model_is_that_of_the_truncated_likelihood(
+    rng: np.random.Generator,
+) -> None:
+    """b >= 0 with the free best value b0 < 0: chi2 rises by 3.84 above its minimum at 0 where (b -
+    b0)^2 = b0^2 + 3.84 s^2.
+    """
     y = 2.0 + 0.1 * rng.standard_normal(T.size)
     free = fit_curve(LINE, T, y, start=START, u_y=0.1)
     y = y - (free.values["b"] + 0.5 * free.sds["b"]) * T
@@ -92,15 +117,27 @@ def test_a_limit_in_a_linear_model_is_that_of_the_truncated_likelihood(rng: np.r
     fit = fit_curve(LINE, T, y, start=START, u_y=0.1, bounds={"b": (0.0, None)})
     low, high = fit.intervals["b"][0.95]
     assert low == 0.0
-    assert high == pytest.approx(free.values["b"] + math.sqrt(free.values["b"] ** 2 + stats.chi2(1).ppf(0.95) * free.sds["b"] ** 2), rel=1e-3)
+    assert high == pytest.approx(
+        free.values["b"]
+        + math.sqrt(free.values["b"] ** 2 + stats.chi2(1).ppf(0.95) * free.sds["b"] ** 2),
+        rel=1e-3,
+    )
     shown = next(line for line in str(fit).splitlines() if line.startswith("b"))
     assert shown.startswith("b < 0.0")
     assert "(95 %)" in shown
-    assert "a has no standard deviation, because the limit of b truncates it: use its interval" in fit.notes
+    assert (
+        "a has no standard deviation, because the limit of b truncates it: use its interval"
+        in fit.notes
+    )
 
 
-@pytest.mark.parametrize(("u_y", "bounds"), [(0.1, {"b": (0.0, None)}), (None, {"b": (0.0, None)}), (0.1, {"b": (None, 0.0)})])
-def test_a_limit_is_named_by_its_value_and_not_by_the_best_value_beside_it(u_y: float | None, bounds: dict, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize(
+    ("u_y", "bounds"),
+    [(0.1, {"b": (0.0, None)}), (None, {"b": (0.0, None)}), (0.1, {"b": (None, 0.0)})],
+)
+def test_a_limit_is_named_by_its_value_and_not_by_the_best_value_beside_it(
+    u_y: float | None, bounds: dict, rng: np.random.Generator
+) -> None:
     """The search ends at 1e-25, or at 6e-11, and not at 0."""
     sign = 1.0 if bounds["b"][0] is None else -1.0
     y = 2.0 + sign * 0.3 * T + 0.1 * rng.standard_normal(T.size)
@@ -112,8 +149,12 @@ def test_a_limit_is_named_by_its_value_and_not_by_the_best_value_beside_it(u_y: 
 BENT = 2.0 + 0.1 * (T - 5.0) ** 2 + 0.05 * np.random.default_rng(3).standard_normal(T.size)
 NOT_OK = {
     "poor-fit": lambda: fit_curve(LINE, T, BENT, start=START, u_y=0.05),
-    "not-identified": lambda: fit_curve("a*b*x", T, 2.0 * T + np.random.default_rng(4).standard_normal(T.size), start=START, u_y=1.0),
-    "poor-fit at a limit": lambda: fit_curve(LINE, T, BENT, start=START, u_y=0.05, bounds={"a": (None, 1.0)}),
+    "not-identified": lambda: fit_curve(
+        "a*b*x", T, 2.0 * T + np.random.default_rng(4).standard_normal(T.size), start=START, u_y=1.0
+    ),
+    "poor-fit at a limit": lambda: fit_curve(
+        LINE, T, BENT, start=START, u_y=0.05, bounds={"a": (None, 1.0)}
+    ),
 }
 
 
@@ -124,15 +165,23 @@ def test_a_fit_that_is_not_ok_shows_no_value_with_an_uncertainty(name: str) -> N
     for text in (str(fit), fit._repr_markdown_()):
         assert "±" not in text
         assert fit.reasons[0] in text
-        assert ("(95 %, if the curve and the errors were right)" in text) == (fit.status == "poor-fit")
+        assert ("(95 %, if the curve and the errors were right)" in text) == (
+            fit.status == "poor-fit"
+        )
 
 
-def test_errors_that_are_stated_far_too_large_are_ok_with_a_remark(rng: np.random.Generator) -> None:
+def test_errors_that_are_stated_far_too_large_are_ok_with_a_remark(
+    rng: np.random.Generator,
+) -> None:
     x = np.linspace(0.0, 10.0, 300)
     y = 1.0 + 2.0 * x + 0.1 * rng.standard_normal(300)
     fit = fit_curve(LINE, x, y, start=START, u_y=1.0)
     assert fit.status == "ok"
-    assert any("is u_y too large, by a factor of about 10" in note or "is u_y too large, by a factor of about 9." in note for note in fit.notes)
+    assert any(
+        "is u_y too large, by a factor of about 10" in note
+        or "is u_y too large, by a factor of about 9." in note
+        for note in fit.notes
+    )
     assert "is u_y too large" in str(fit)
     (complete,) = fit_curve(LINE, x, y, start=START, u_y=0.1).notes
     assert "assumed to be complete" in complete
@@ -143,7 +192,12 @@ def test_points_without_scatter_have_no_uncertainty_unless_it_is_stated() -> Non
         y = 3.0 - 0.1 * T if curve == LINE else 3.0 * np.exp(-T / 4.0)
         fit = fit_curve(curve, T, y, start=start)
         assert all(math.isnan(sd) for sd in fit.sds.values())
-        assert all(math.isnan(end) for ends in fit.intervals.values() for pair in ends.values() for end in pair)
+        assert all(
+            math.isnan(end)
+            for ends in fit.intervals.values()
+            for pair in ends.values()
+            for end in pair
+        )
         assert "(no uncertainty)" in str(fit)
         assert any("no scatter beyond rounding errors" in note for note in fit.notes)
         assert all(sd > 0.0 for sd in fit_curve(curve, T, y, start=start, u_y=0.1).sds.values())
@@ -153,12 +207,17 @@ FALL = "y0 - v_t*x - dv*tau*(1 - exp(-x/tau))"
 FALL_START = {"y0": 1.9, "v_t": 5.0, "dv": -5.0, "tau": 1.0}
 
 
-@pytest.mark.parametrize(("noise", "correlated"), [(1e-3, False), (1e-3, True), (5e-3, True), (2e-2, False)])
-def test_a_terminal_speed_that_a_fall_never_approaches_is_not_identified(noise: float, correlated: bool) -> None:
+@pytest.mark.parametrize(
+    ("noise", "correlated"), [(1e-3, False), (1e-3, True), (5e-3, True), (2e-2, False)]
+)
+def test_a_terminal_speed_that_a_fall_never_approaches_is_not_identified(
+    noise: float, correlated: bool
+) -> None:
     x = np.linspace(0.0, 0.6, 37)
     y = 1.9 - 4.905 * x**2 + noise * np.random.default_rng(2).standard_normal(x.size)
     fit = fit_curve(FALL, x, y, start=FALL_START, correlated=correlated)
-    # the curve of an infinite terminal speed is a parabola: a polynomial fits as well, so that no interval has an end there
+    # the curve of an infinite terminal speed is a parabola: a polynomial fits as well, so that no
+    # interval has an end there
     parabola = np.polyfit(x, y, 2)
     squares = float(np.sum((np.polyval(parabola, x) - y) ** 2))
     assert (squares / fit.chi2 - 1.0) * fit.dof < 3.84
@@ -176,16 +235,26 @@ def test_a_terminal_speed_is_identified_by_a_limit_or_by_a_fall_that_comes_near_
     x = np.linspace(0.0, 0.6, 37)
     y = 1.9 - 4.905 * x**2 + 5e-3 * np.random.default_rng(2).standard_normal(x.size)
     limits = {"v_t": (0.0, 100.0), "dv": (-100.0, 0.0), "tau": (0.0, 10.0)}
-    assert not [f for f in fit_curve(FALL, x, y, start=FALL_START, bounds=limits).findings if f.kind is Kind.OPEN_SIDE]
+    assert not [
+        f
+        for f in fit_curve(FALL, x, y, start=FALL_START, bounds=limits).findings
+        if f.kind is Kind.OPEN_SIDE
+    ]
     x = np.linspace(0.0, 3.0, 60)
-    y = -5.0 * x + 5.0 * 0.5 * (1.0 - np.exp(-x / 0.5)) + 5e-3 * np.random.default_rng(2).standard_normal(x.size)
+    y = (
+        -5.0 * x
+        + 5.0 * 0.5 * (1.0 - np.exp(-x / 0.5))
+        + 5e-3 * np.random.default_rng(2).standard_normal(x.size)
+    )
     fit = fit_curve(FALL, x, y, start=FALL_START)
     assert fit.status == "ok"
     assert abs(fit.values["v_t"] - 5.0) < 4.0 * fit.sds["v_t"] < 0.1
 
 
 @pytest.mark.parametrize("formula", ["a + b*x", "a + b*x + c*x**2"])
-def test_an_intercept_far_from_the_data_is_uncertain_and_not_open(formula: str, rng: np.random.Generator) -> None:
+def test_an_intercept_far_from_the_data_is_uncertain_and_not_open(
+    formula: str, rng: np.random.Generator
+) -> None:
     days = np.linspace(0.0, 20.0, 50)
     y = 0.3 + 0.01 * days + 0.2 * rng.standard_normal(days.size)
     start = {name: 0.1 for name in "abc" if name in formula}

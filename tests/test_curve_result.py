@@ -20,7 +20,9 @@ START = {"a": 1.0, "b": 0.0}
 
 
 def test_the_band_of_a_line_is_that_of_the_textbook() -> None:
-    """s^2 (1/n + (x - mean)^2/S_xx) with Student's t (Draper and Smith, Applied Regression Analysis, section 1.4)."""
+    """s^2 (1/n + (x - mean)^2/S_xx) with Student's t (Draper and Smith, Applied Regression
+    Analysis, section 1.4).
+    """
     from scipy import stats
 
     at = np.array([-1.0, 1.0, 5.0])
@@ -49,8 +51,16 @@ def test_places_that_are_none_are_refused(wrong: object) -> None:
 
 
 def test_criteria_differ_between_curves_as_those_of_lmfit() -> None:
-    line, parabola = fit_curve("a*x + b", X, Y, start=START), fit_curve("a*x + b + c*x**2", X, Y, start={**START, "c": 0.0})
-    theirs = [lmfit.models.PolynomialModel(degree).fit(Y, x=X, **{f"c{i}": 0.1 for i in range(degree + 1)}) for degree in (1, 2)]
+    line, parabola = (
+        fit_curve("a*x + b", X, Y, start=START),
+        fit_curve("a*x + b + c*x**2", X, Y, start={**START, "c": 0.0}),
+    )
+    theirs = [
+        lmfit.models.PolynomialModel(degree).fit(
+            Y, x=X, **{f"c{i}": 0.1 for i in range(degree + 1)}
+        )
+        for degree in (1, 2)
+    ]
     assert parabola.aic - line.aic == pytest.approx(theirs[1].aic - theirs[0].aic, rel=1e-6)
     assert parabola.bic - line.bic == pytest.approx(theirs[1].bic - theirs[0].bic, rel=1e-6)
     assert line.r_squared == pytest.approx(np.corrcoef(X, Y)[0, 1] ** 2)
@@ -91,5 +101,7 @@ def test_the_second_opinion_of_a_line_has_the_covariance_of_the_normal_equations
     assert np.all(np.abs(certificate.sd - sds) < 4.0 * certificate.mcse_sd)
     assert np.all(certificate.mcse_sd < 0.015 * sds)
     report = curve_report(fit, found, title="Line", kind="synthetic", figures=False)
-    shown = f"({certificate.n_draw} draws with an effective sample size of {round(certificate.ess)};"
+    shown = (
+        f"({certificate.n_draw} draws with an effective sample size of {round(certificate.ess)};"
+    )
     assert shown in " ".join(report["report.md"].decode().split())

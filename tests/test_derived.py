@@ -1,4 +1,6 @@
-"""Quantities that follow from parameters by a user's formula: from `fit_curve`, and from the draws of a campaign."""
+"""Quantities that follow from parameters by a user's formula: from `fit_curve`, and from the draws
+of a campaign.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ file = "short.csv"
 name = "long"
 file = "long.csv"
 """
-PLAIN = CURVE.replace("[[runs]]\nname = \"long\"", "[[runs]]\nname = \"long\"\nparameters = {slope = {start = 1.0}}")
+PLAIN = CURVE.replace(
+    '[[runs]]\nname = "long"', '[[runs]]\nname = "long"\nparameters = {slope = {start = 1.0}}'
+)
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +79,9 @@ def line(slope: float, u: float, **more: object) -> object:
 def test_the_uncertainty_of_g_is_that_of_the_slope_to_first_order() -> None:
     fit = line(4.0, 0.002, derived={"g": "4*pi**2/slope"}, units={"g": "m/s²"})
     assert fit.derived["g"].value == pytest.approx(4.0 * math.pi**2 / 4.0)
-    assert fit.derived["g"].sd == pytest.approx(4.0 * math.pi**2 / 16.0 * fit.sds["slope"], rel=1e-4)
+    assert fit.derived["g"].sd == pytest.approx(
+        4.0 * math.pi**2 / 16.0 * fit.sds["slope"], rel=1e-4
+    )
     assert "g     = 9.87" in str(fit)
     assert "m/s²" in str(fit)
     assert "(derived, linear)" in str(fit)
@@ -93,8 +99,12 @@ def test_the_interval_of_a_bent_quantity_is_that_of_its_parameter() -> None:
     grown = fit.derived["grown"]
     assert math.isnan(grown.sd)  # ± would mislead
     for p in (0.68, 0.95):
-        assert grown.interval[p] == pytest.approx(tuple(np.exp(fit.intervals["slope"][p])), rel=1e-6)
-        assert fit.derived["square"].interval[p] == pytest.approx(tuple(np.exp(2.0 * np.array(fit.intervals["slope"][p]))), rel=1e-6)
+        assert grown.interval[p] == pytest.approx(
+            tuple(np.exp(fit.intervals["slope"][p])), rel=1e-6
+        )
+        assert fit.derived["square"].interval[p] == pytest.approx(
+            tuple(np.exp(2.0 * np.array(fit.intervals["slope"][p]))), rel=1e-6
+        )
 
 
 def test_a_pole_within_reach_leaves_no_interval() -> None:
@@ -106,7 +116,15 @@ def test_a_pole_within_reach_leaves_no_interval() -> None:
 def test_what_depends_on_a_parameter_at_its_limit_has_no_plus_minus() -> None:
     x = np.linspace(0.0, 1.0, 20)
     y = 2.0 * x - 0.01 + 0.05 * np.random.default_rng(1).standard_normal(20)
-    fit = fit_curve("a*x + b", x, y, u_y=0.05, start={"a": 1.0, "b": 1.0}, bounds={"b": (0.0, None)}, derived={"twice": "2*b", "half": "a/2"})
+    fit = fit_curve(
+        "a*x + b",
+        x,
+        y,
+        u_y=0.05,
+        start={"a": 1.0, "b": 1.0},
+        bounds={"b": (0.0, None)},
+        derived={"twice": "2*b", "half": "a/2"},
+    )
     assert math.isnan(fit.sds["b"])
     assert math.isnan(fit.derived["twice"].sd)
 
@@ -122,7 +140,10 @@ def test_a_fit_that_is_not_ok_shows_no_plus_minus() -> None:
 @pytest.mark.parametrize(
     ("derived", "said"),
     [
-        ({"g": "4*pi**2/slop"}, "names 'slop', which is neither a parameter nor a derived quantity before it"),
+        (
+            {"g": "4*pi**2/slop"},
+            "names 'slop', which is neither a parameter nor a derived quantity before it",
+        ),
         ({"g": "slope*x"}, "must not hold x"),
         ({"c": "slope"}, "is the name of something else"),
         ({"pi": "slope"}, "named like the variable, a constant or a function"),
@@ -152,19 +173,30 @@ def test_draws_are_computed_as_by_hand(joint: tuple[Campaign, Analysis]) -> None
     assert result.runs["short"].derived["ratio"].q975 == pytest.approx(np.quantile(ratio, 0.975))
 
 
-def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(joint: tuple[Campaign, Analysis]) -> None:
+def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(
+    joint: tuple[Campaign, Analysis],
+) -> None:
     campaign, analysis = joint
     report = analysis_report(campaign, analysis, figures=False)["report.md"].decode()
     assert "| ratio | slope[short]/slope[long] (derived) |" in report
     assert "| g[short] | acceleration of free fall (derived) |" in report
     assert "| impossible | log(c) (derived) | | n/a | n/a |" in report
     assert "has no value at" in report
-    (told,) = [line for line in result_lines(result_of(campaign, analysis)) if "no value for some of the draws" in line]
+    (told,) = [
+        line
+        for line in result_lines(result_of(campaign, analysis))
+        if "no value for some of the draws" in line
+    ]
     assert told.startswith("there is no value for some of the draws (a division by zero, a root or")
     assert "impossible" in told
     first = report.partition("<details>")[0]
-    assert all(f"| {symbol}, " in first for symbol in ("ratio", "g[short]", "g[long]"))  # what was asked for stands first
-    assert [column.label.symbol for column in columns_of(analysis)][-3:] == ["g[short]", "g[long]", "second[short]"]
+    # what was asked for stands first
+    assert all(f"| {symbol}, " in first for symbol in ("ratio", "g[short]", "g[long]"))
+    assert [column.label.symbol for column in columns_of(analysis)][-3:] == [
+        "g[short]",
+        "g[long]",
+        "second[short]",
+    ]
 
 
 def test_what_needs_another_run_is_left_out_and_says_so(folder: Path) -> None:
@@ -187,14 +219,26 @@ def test_facts_name_what_is_missing(joint: tuple[Campaign, Analysis]) -> None:
     ("old", "new", "place", "said"),
     [
         ('second = "2*pi/sqrt(g)"', 'second = "2*pi/sqrt(h)"', 14, "names 'h'"),
-        ('ratio = "slope[short]/slope[long]"', 'ratio = "slope[short]/slope[wide]"', 15, "there is no run or body 'wide'"),
+        (
+            'ratio = "slope[short]/slope[long]"',
+            'ratio = "slope[short]/slope[wide]"',
+            15,
+            "there is no run or body 'wide'",
+        ),
         ('ratio = "slope[short]/slope[long]"', 'ratio = "g[short]"', 15, "no run has 'g'"),
         ('second = "2*pi/sqrt(g)"', "second = 3", 14, "must be text"),
-        ('second = "2*pi/sqrt(g)"', 'second = {formula = "g", unti = "s"}', 14, "did you mean 'unit'"),
+        (
+            'second = "2*pi/sqrt(g)"',
+            'second = {formula = "g", unti = "s"}',
+            14,
+            "did you mean 'unit'",
+        ),
         ('second = "2*pi/sqrt(g)"', 'slope = "g"', 14, "is the name of something else"),
     ],
 )
-def test_a_mistake_in_the_table_is_told_with_its_line(folder: Path, old: str, new: str, place: int, said: str) -> None:
+def test_a_mistake_in_the_table_is_told_with_its_line(
+    folder: Path, old: str, new: str, place: int, said: str
+) -> None:
     with pytest.raises(InputError, match=said) as refused:
         load(folder, PLAIN.replace(old, new))
     assert refused.value.line == place
@@ -211,16 +255,27 @@ def test_a_name_with_a_level_stands_for_one_quantity_wherever_it_is_stated() -> 
 
 
 def test_the_body_of_the_replica_knows_its_levels(project: Path, tmp_path: Path) -> None:
-    text = (project / "data" / "replica" / "campaign.toml").read_text().replace("runs/", f"{project}/data/replica/runs/")
-    text = "\n".join(row for row in text.partition("[line]")[0].splitlines() if not row.startswith("published"))
+    text = (
+        (project / "data" / "replica" / "campaign.toml")
+        .read_text()
+        .replace("runs/", f"{project}/data/replica/runs/")
+    )
+    text = "\n".join(
+        row for row in text.partition("[line]")[0].splitlines() if not row.startswith("published")
+    )
     (tmp_path / "campaign.toml").write_text(
-        text + '\n[derived]\nd = "gamma[heavy] - gamma[light]"\na = "g*sin(phi)/(1 + inertia_ratio)"\n'
+        text
+        + '\n[derived]\nd = "gamma[heavy] - gamma[light]"\na = "g*sin(phi)/(1 + inertia_ratio)"\n'
     )
     problem = load_campaign(tmp_path / "campaign.toml").problem(["heavy-04", "light-01"])
     values = problem.start()
     named = dict(zip(problem.names, values, strict=True))
     for run in problem.runs:
         found = run.derived(run.bind(problem.named(values)))
-        assert found["d"].values[0, 0] == pytest.approx(named["gamma[heavy]"] - named["gamma[light]"])
-        expected = 9.81 * math.sin(named[f"phi[{run.name}]"]) / (1.0 + found["inertia_ratio"].values[0, 0])
+        assert found["d"].values[0, 0] == pytest.approx(
+            named["gamma[heavy]"] - named["gamma[light]"]
+        )
+        expected = (
+            9.81 * math.sin(named[f"phi[{run.name}]"]) / (1.0 + found["inertia_ratio"].values[0, 0])
+        )
         assert found["a"].values[0, 0] == pytest.approx(expected)

@@ -1,4 +1,6 @@
-"""Units of derived quantities: as they follow from those of the names in the formula; what cannot be meant is refused, what may be right is not."""
+"""Units of derived quantities: as they follow from those of the names in the formula; what cannot
+be meant is refused, what may be right is not.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +16,12 @@ from estim.curves import in_units, seek, unit_that_follows
 from estim.measurement.model_file import read_model
 
 KNOWN = {
-    "tau": "s", "T": "s", "p": "deg", "q": "°", "r": "rad", "L": "m", "d": "mm", "v": "m/s", "b": "m/s", "k": "N/m", "A": "cm", "m": "kg",
-    "g": "m/s²", "slope": "s²/m", "n": "1", "theta": "mrad", "w": "°/s", "gamma[heavy]": "deg", "t": "°C", "R": "Ω", "U": "mV", "h": "J s",
-    "cts": "counts", "eta": "%", "u": "ms-1", "s": "deg C",     "omega": "1/s", "f": "Hz", "c": "V/°",
+    "tau": "s", "T": "s", "p": "deg", "q": "°", "r": "rad", "L": "m", "d": "mm", "v": "m/s",
+    "b": "m/s", "k": "N/m", "A": "cm", "m": "kg",
+    "g": "m/s²", "slope": "s²/m", "n": "1", "theta": "mrad", "w": "°/s", "gamma[heavy]": "deg",
+    "t": "°C", "R": "Ω", "U": "mV", "h": "J s",
+    "cts": "counts", "eta": "%", "u": "ms-1", "s": "deg C",     "omega": "1/s", "f": "Hz",
+    "c": "V/°",
 }  # fmt: skip
 
 
@@ -28,10 +33,14 @@ def unit(formula: str, stated: str | None = None) -> str:
 @pytest.mark.parametrize(
     ("formula", "follows"),
     [
-        ("1/tau", "1/s"), ("4*pi**2/slope", "m/s²"), ("k*A**2/2", "N·cm²/m"), ("sqrt(L**2)", "m"), ("p - q", "deg"), ("degrees(r)", "°"),
-        ("radians(p)", "rad"), ("arctan(L/d)", "rad"), ("L*arctan(n)", "m"), ("v/g", "s"), ("L/d", "m/mm"), ("sin(r)", "1"), ("-tau", "s"),
-        ("log(tau)", "1"), ("exp(-tau)", "1"), ("5*v", "1"), ("v*0.25", "1"), ("2*pi*f", "Hz"), ("sqrt(g)", "1"), ("n*L", "1"), ("tau + 5", "s"),
-        ("1/cts", "1/counts"), ("n", "1"), ("2", "1"), ("where(v > 1, L, 2*L)", "m"), ("3/2*L", "m"), ("m*v**2/2", "kg·m²/s²"),
+        ("1/tau", "1/s"), ("4*pi**2/slope", "m/s²"), ("k*A**2/2", "N·cm²/m"), ("sqrt(L**2)", "m"),
+        ("p - q", "deg"), ("degrees(r)", "°"),
+        ("radians(p)", "rad"), ("arctan(L/d)", "rad"), ("L*arctan(n)", "m"), ("v/g", "s"),
+        ("L/d", "m/mm"), ("sin(r)", "1"), ("-tau", "s"),
+        ("log(tau)", "1"), ("exp(-tau)", "1"), ("5*v", "1"), ("v*0.25", "1"), ("2*pi*f", "Hz"),
+        ("sqrt(g)", "1"), ("n*L", "1"), ("tau + 5", "s"),
+        ("1/cts", "1/counts"), ("n", "1"), ("2", "1"), ("where(v > 1, L, 2*L)", "m"),
+        ("3/2*L", "m"), ("m*v**2/2", "kg·m²/s²"),
     ],
 )  # fmt: skip
 def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None:
@@ -41,18 +50,30 @@ def test_the_unit_follows_or_nothing_is_said(formula: str, follows: str) -> None
 @pytest.mark.parametrize(
     ("formula", "stated", "says"),
     [
-        ("tan(p)", None, r"takes tan of an angle in deg, but tan takes radians: write tan\(radians\(p\)\)"),
-        ("sin(gamma[heavy])", None, r"write sin\(radians\(gamma\[heavy\]\)\)"), ("cos((p - q)/2)", None, "takes cos of an angle in deg"),
-        ("n*sin(2*pi*q)", "1", "takes sin of an angle in °"), ("tan(b)", None, "takes tan of what is in m/s"),
+        ("tan(p)", None, r"takes tan of an angle in deg, but tan takes radians: write "
+            r"tan\(radians\(p\)\)"),
+        ("sin(gamma[heavy])", None, r"write sin\(radians\(gamma\[heavy\]\)\)"),
+        ("cos((p - q)/2)", None, "takes cos of an angle in deg"),
+        ("n*sin(2*pi*q)", "1", "takes sin of an angle in °"),
+        ("tan(b)", None, "takes tan of what is in m/s"),
         ("sin(theta)", None, "sin of what is in mrad"),
-        ("sin(radians(r))", None, "takes radians of what is in rad, but radians takes degrees"), ("degrees(p)", None, "degrees of what is in deg"),
+        ("sin(radians(r))", None, "takes radians of what is in rad, but radians takes degrees"),
+        ("degrees(p)", None, "degrees of what is in deg"),
         ("tau/T + sin(w)", None, "takes sin of what is in °/s"),
-        ("1/tau", "s", "must be in 1/s, as its formula and the units in it say; nothing is converted: s"), ("tau", "ms", "must be in s"),
-        ("arctan(n)", "°", r"must be in rad, .*: write degrees\(\.\.\.\)"), ("r", "°", "must be in rad"), ("degrees(r)", "rad", "must be in °"),
-        ("L/d", "1", "must be in m/mm"), ("k*A**2/2", "J", "must be in N·cm²/m"), ("0.5*m*v**2", "mJ", r"must be in .* \(give a number"),
-        ("L + d", None, "adds what is in m and what is in mm"), ("hypot(L, d)", "m", "compares what is in m and what is in mm"),
+        ("1/tau", "s", "must be in 1/s, as its formula and the units in it say; nothing is "
+            "converted: s"), ("tau", "ms", "must be in s"),
+        ("arctan(n)", "°", r"must be in rad, .*: write degrees\(\.\.\.\)"),
+        ("r", "°", "must be in rad"), ("degrees(r)", "rad", "must be in °"),
+        ("L/d", "1", "must be in m/mm"), ("k*A**2/2", "J", "must be in N·cm²/m"),
+        ("0.5*m*v**2", "mJ", r"must be in .* "
+            r"\(give a number"),
+        ("L + d", None, "adds what is in m and what is in mm"),
+        ("hypot(L, d)", "m", "compares what is in "
+            "m and what is in mm"),
         ("2*p", "rad", "must be in deg"), ("sqrt(L)*sqrt(d)*sqrt(L)/sqrt(d)", "s", "must be in m"),
-        ("p - r", None, "adds what is in deg and what is in rad"), ("L - tau", None, "adds what is in m and what is in s"),
+        ("p - r", None, "adds what is in deg and what is in rad"),
+        ("L - tau", None, "adds what is in m "
+            "and what is in s"),
         ("U/R", "A", "must be in mV/Ω"),
     ],
 )  # fmt: skip
@@ -65,15 +86,22 @@ def test_what_cannot_be_meant_is_refused(formula: str, stated: str | None, says:
 @pytest.mark.parametrize(
     ("formula", "stated"),
     [
-        ("tan(radians(p))", "1"), ("tan(p*pi/180)", "1"), ("tan(0.0174533*p)", None), ("arctan(n)*180/pi", "°"), ("degrees(arctan(n))", "deg"),
-        ("5*v", "m"), ("2*v", "m"), ("0.5*v", "m"), ("exp(-1/tau)", "1"), ("A*cos(5*omega)", "cm"), ("cos(2*w)", "1"), ("1e3*L", "mm"),
+        ("tan(radians(p))", "1"), ("tan(p*pi/180)", "1"), ("tan(0.0174533*p)", None),
+        ("arctan(n)*180/pi", "°"), ("degrees(arctan(n))", "deg"),
+        ("5*v", "m"), ("2*v", "m"), ("0.5*v", "m"), ("exp(-1/tau)", "1"), ("A*cos(5*omega)", "cm"),
+        ("cos(2*w)", "1"), ("1e3*L", "mm"),
         ("L/1000", "km"), ("u*tau", "m"), ("s + 273.15", "K"), ("sqrt(g)", "m"),
-        ("t + 273.15", "K"), ("9/5*t + 32", "°F"), ("1.8*t + 32", "°F"), ("log10(L)", "1"), ("exp(L)", "m"), ("k*A**2/2e4", "J"),
+        ("t + 273.15", "K"), ("9/5*t + 32", "°F"), ("1.8*t + 32", "°F"), ("log10(L)", "1"),
+        ("exp(L)", "m"), ("k*A**2/2e4", "J"),
         ("k*(A/100)**2/2", "J"),
-        ("U/R", "mA"), ("U/(1000*R)", "A"), ("1/tau", "Hz"), ("2*pi/T", "rad/s"), ("2*pi/T", "1/s"), ("L/d", "10^3"), ("m*v**2/2", "J"), ("m*g", "N"),
-        ("h*f", "J"), ("cts/tau", "counts/s"), ("cts/tau", "Bq"), ("n", "kg"), ("n*L", "s"), ("2", "min"), ("5*c", "V"), ("2*eta", "%"),
-        ("eta*L/100", "m"), ("v/3.6", "km/h"), ("v*3.6", "km/h"), ("L + 0.01", "m"), ("n + L", "m"), ("sqrt(L/g)", "s"), ("2*pi*sqrt(L/g)", "s"),
-        ("arctan2(L, d/1000)", "rad"), ("sin(r) + L", "m"), ("n**n", "V"), ("tau*log(2)", "s"), ("L/tau**2", "m s-2"), ("v/tau", "m/s/s"),
+        ("U/R", "mA"), ("U/(1000*R)", "A"), ("1/tau", "Hz"), ("2*pi/T", "rad/s"), ("2*pi/T", "1/s"),
+        ("L/d", "10^3"), ("m*v**2/2", "J"), ("m*g", "N"),
+        ("h*f", "J"), ("cts/tau", "counts/s"), ("cts/tau", "Bq"), ("n", "kg"), ("n*L", "s"),
+        ("2", "min"), ("5*c", "V"), ("2*eta", "%"),
+        ("eta*L/100", "m"), ("v/3.6", "km/h"), ("v*3.6", "km/h"), ("L + 0.01", "m"), ("n + L", "m"),
+        ("sqrt(L/g)", "s"), ("2*pi*sqrt(L/g)", "s"),
+        ("arctan2(L, d/1000)", "rad"), ("sin(r) + L", "m"), ("n**n", "V"), ("tau*log(2)", "s"),
+        ("L/tau**2", "m s-2"), ("v/tau", "m/s/s"),
     ],
 )  # fmt: skip
 def test_what_may_be_right_is_taken(formula: str, stated: str | None) -> None:
@@ -81,18 +109,38 @@ def test_what_may_be_right_is_taken(formula: str, stated: str | None) -> None:
 
 
 def test_the_cure_of_a_number_with_a_unit_of_its_own() -> None:
-    found = in_units([seek("two", "2", unit="min"), seek("half", "0.5*m*v**2/two", unit="J/min"), seek("rate", "1/half")], KNOWN)
+    found = in_units(
+        [
+            seek("two", "2", unit="min"),
+            seek("half", "0.5*m*v**2/two", unit="J/min"),
+            seek("rate", "1/half"),
+        ],
+        KNOWN,
+    )
     assert [one.unit for one in found] == ["min", "J/min", "min/J"]
 
 
-@pytest.mark.parametrize("path", sorted((Path(__file__).parents[1] / "data" / "gum").glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    sorted((Path(__file__).parents[1] / "data" / "gum").glob("*.toml")),
+    ids=lambda path: path.stem,
+)
 def test_published_models_have_the_units_that_their_guides_state(path: Path) -> None:
     model = read_model(path)
     units = {one.name: one.unit for one in (*model.quantities, *model.outputs)}
     for output in model.outputs:
-        follows = unit_that_follows(output.formula.tree, {name: name for name in (*output.formula.names, "x")}, units, None)
+        follows = unit_that_follows(
+            output.formula.tree, {name: name for name in (*output.formula.names, "x")}, units, None
+        )
         assert follows == "1" or same_unit(follows, output.stated or "1") in (True, None)
-        if path.stem in ("gum-h1-end-gauge", "gum-h2-impedance", "s1-gauge-block", "s1-mass", "tn1900-e13-expansion", "tn1900-e3-viscometer"):
+        if path.stem in (
+            "gum-h1-end-gauge",
+            "gum-h2-impedance",
+            "s1-gauge-block",
+            "s1-mass",
+            "tn1900-e13-expansion",
+            "tn1900-e3-viscometer",
+        ):
             assert same_unit(follows, output.stated or "1") is True
 
 
@@ -114,11 +162,19 @@ unit = "s"
 @pytest.mark.parametrize(
     ("formula", "stated", "says"),
     [
-        ("tan(p)*tau", "", r":3: 'formula' takes tan of an angle in deg, but tan takes radians: write tan\(radians\(p\)\): tan\(p\)\*tau"),
-        ("tan(radians(p))/tau", 'unit = "s"', r":4: 'unit' must be in 1/s, .*: s"), ("tan(radians(p))/tau", "", ""),
+        (
+            "tan(p)*tau",
+            "",
+            r":3: 'formula' takes tan of an angle in deg, but tan takes radians: write "
+            r"tan\(radians\(p\)\): tan\(p\)\*tau",
+        ),
+        ("tan(radians(p))/tau", 'unit = "s"', r":4: 'unit' must be in 1/s, .*: s"),
+        ("tan(radians(p))/tau", "", ""),
     ],
 )
-def test_a_measurement_model_says_so_too(tmp_path: Path, formula: str, stated: str, says: str) -> None:
+def test_a_measurement_model_says_so_too(
+    tmp_path: Path, formula: str, stated: str, says: str
+) -> None:
     path = tmp_path / "m.toml"
     path.write_text(MEASURED.replace("FORMULA", formula).replace("UNIT", stated))
     if not says:
@@ -149,14 +205,21 @@ file = "a.csv"
 
 def campaign(folder: Path, formula: str, place: str = '{start = 20.0, unit = "deg"}') -> Path:
     phi = np.linspace(-40.0, 80.0, 25)
-    (folder / "a.csv").write_text("phi,U\n" + "\n".join(f"{a},{2.0 * np.cos(np.radians(a - 25.0)):.4f}" for a in phi))
+    (folder / "a.csv").write_text(
+        "phi,U\n" + "\n".join(f"{a},{2.0 * np.cos(np.radians(a - 25.0)):.4f}" for a in phi)
+    )
     (folder / "c.toml").write_text(CAMPAIGN.replace("FORMULA", formula).replace("PLACE", place))
     return folder / "c.toml"
 
 
 @pytest.mark.parametrize(
     ("formula", "place"),
-    [('"tan(p)"', '{start = 20.0, unit = "deg"}'), ('"tan(p)"', "{start = 20.0}"), ('"tan(b)"', "{}"), ('{formula = "2*p[a]", unit = "rad"}', "{}")],
+    [
+        ('"tan(p)"', '{start = 20.0, unit = "deg"}'),
+        ('"tan(p)"', "{start = 20.0}"),
+        ('"tan(b)"', "{}"),
+        ('{formula = "2*p[a]", unit = "rad"}', "{}"),
+    ],
 )
 def test_a_campaign_names_the_line(tmp_path: Path, formula: str, place: str) -> None:
     with pytest.raises(InputError, match=r"c.toml:13: 'n' (takes tan of an angle in|must be in)"):
@@ -172,7 +235,21 @@ def test_a_campaign_says_the_unit_that_follows(tmp_path: Path) -> None:
 def test_a_fit_in_python_says_so_too() -> None:
     x = np.linspace(0.0, 1.0, 9)
     given = {"u_y": 0.01, "start": {"k": 1.0, "c": 0.0}}
-    fit = fit_curve("k*x + c", x, 2.0 * x, units={"k": "m/s", "c": "m"}, derived={"time": "c/k", "way": "5*k"}, **given)
+    fit = fit_curve(
+        "k*x + c",
+        x,
+        2.0 * x,
+        units={"k": "m/s", "c": "m"},
+        derived={"time": "c/k", "way": "5*k"},
+        **given,
+    )
     assert (fit.derived["time"].unit, fit.derived["way"].unit) == ("s", "1")
     with pytest.raises(InputError, match="'time' must be in s"):
-        fit_curve("k*x + c", x, 2.0 * x, units={"k": "m/s", "c": "m", "time": "ms"}, derived={"time": "c/k"}, **given)
+        fit_curve(
+            "k*x + c",
+            x,
+            2.0 * x,
+            units={"k": "m/s", "c": "m", "time": "ms"},
+            derived={"time": "c/k"},
+            **given,
+        )

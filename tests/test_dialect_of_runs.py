@@ -1,4 +1,6 @@
-"""Tables of rolling bodies in anybody's writing: the same numbers whatever the delimiter, decimal mark, header and further columns."""
+"""Tables of rolling bodies in anybody's writing: the same numbers whatever the delimiter, decimal
+mark, header and further columns.
+"""
 
 from __future__ import annotations
 
@@ -44,14 +46,28 @@ WRITTEN = {
     "plain": ("t_s,theta_rad\n", plain, "", ""),
     "one key": ("No;Time (s);Theta (rad);remark\n", german, 'decimal = "comma"', ""),
     "no header": ("", german, "", 'columns = ["", "t_s", "theta_rad", ""]'),
-    "lines above": ("Measured, on a Monday\n12,4,1\nn;t;a;b\n", german, 'decimal = "comma"\nskip_rows = 3', 'columns = ["", "t_s", "theta_rad", ""]'),
+    "lines above": (
+        "Measured, on a Monday\n12,4,1\nn;t;a;b\n",
+        german,
+        'decimal = "comma"\nskip_rows = 3',
+        'columns = ["", "t_s", "theta_rad", ""]',
+    ),
     "run before shared": ("x;t_s;theta_rad;y\n", german, 'decimal = "point"', 'decimal = "comma"'),
-    "latin": ("n;Größe;t_s;theta_rad\n", lambda row: f"{row[2]};é;{row[0]:.3f};{row[1]:.4f}", 'encoding = "latin-1"', ""),
+    "latin": (
+        "n;Größe;t_s;theta_rad\n",
+        lambda row: f"{row[2]};é;{row[0]:.3f};{row[1]:.4f}",
+        'encoding = "latin-1"',
+        "",
+    ),
 }
 
 
-def campaign(folder: Path, header: str, row, shared: str, run: str, encoding: str = "latin-1") -> Path:
-    (folder / "first.txt").write_bytes((header + "".join(row(one) + "\n" for one in ROWS)).encode(encoding))
+def campaign(
+    folder: Path, header: str, row, shared: str, run: str, encoding: str = "latin-1"
+) -> Path:
+    (folder / "first.txt").write_bytes(
+        (header + "".join(row(one) + "\n" for one in ROWS)).encode(encoding)
+    )
     (folder / "c.toml").write_text(CAMPAIGN.replace("SHARED", shared).replace("RUN", run))
     return folder / "c.toml"
 
@@ -67,17 +83,40 @@ def test_the_same_numbers_in_any_writing(tmp_path: Path, how: str) -> None:
 @pytest.mark.parametrize(
     ("header", "shared", "said"),
     [
-        ("n;t_s;theta_rad;b\n", "", r"first.txt:2: 'row' must have|first.txt:1: 'n' is not a column name"),
-        ("n;t;a;b\n", 'decimal = "comma"', r"first.txt:1: 'header' must hold columns that are called t_s, x_m, .* .or name all columns: columns"),
-        ("n;t_s;Time (s);b\n", 'decimal = "comma"', "first.txt:1: 'header' has two columns with the same name"),
-        ("n;t_s;x;b\n", 'decimal = "comma"', "first.txt:1: 'header' must hold exactly one of x_m and theta_rad"),
+        (
+            "n;t_s;theta_rad;b\n",
+            "",
+            r"first.txt:2: 'row' must have|first.txt:1: 'n' is not a column name",
+        ),
+        (
+            "n;t;a;b\n",
+            'decimal = "comma"',
+            r"first.txt:1: 'header' must hold columns that are called t_s, x_m, .* .or name "
+            r"all columns: columns",
+        ),
+        (
+            "n;t_s;Time (s);b\n",
+            'decimal = "comma"',
+            "first.txt:1: 'header' has two columns with the same name",
+        ),
+        (
+            "n;t_s;x;b\n",
+            'decimal = "comma"',
+            "first.txt:1: 'header' must hold exactly one of x_m and theta_rad",
+        ),
         ("", 'columns = ["t_s", "theta_rad"]', "first.txt:1: 'columns' must name all 4 columns"),
-        ("", 'decimal = "comma"', "first.txt:1: 'header' has no line of column names: name its 4 columns"),
+        (
+            "",
+            'decimal = "comma"',
+            "first.txt:1: 'header' has no line of column names: name its 4 columns",
+        ),
         ("n;t_s;theta_rad;b\n", 'delimiter = "slash"', r"c.toml:5: 'delimiter' must be one of"),
         ("n;t_s;theta_rad;b\n", 'decimal = "dot"', r"c.toml:5: 'decimal'"),
     ],
 )
-def test_what_cannot_be_read_is_one_line_with_its_cure(tmp_path: Path, header: str, shared: str, said: str) -> None:
+def test_what_cannot_be_read_is_one_line_with_its_cure(
+    tmp_path: Path, header: str, shared: str, said: str
+) -> None:
     with pytest.raises(InputError) as caught:
         load_campaign(campaign(tmp_path, header, german, shared, ""))
     assert re.search(said, str(caught.value))
@@ -114,8 +153,13 @@ def test_a_row_without_values_makes_no_imported_track(tmp_path: Path, rows: str)
 @pytest.mark.parametrize(
     ("units", "said"),
     [
-        ("1;s;rad;1", ""), ("1;s;;1", ""), (";[s];(rad);", ""), ("1;ms;rad;1", "first.txt:1: 't_s' must be in s, as its name says.*: ms"),
-        ("1;s;°;1", "'theta_rad' must be in rad, .*: °"), ("1;s;m;1", "'theta_rad' must be in rad"), (";min;deg;", "'t_s' must be in s"),
+        ("1;s;rad;1", ""),
+        ("1;s;;1", ""),
+        (";[s];(rad);", ""),
+        ("1;ms;rad;1", "first.txt:1: 't_s' must be in s, as its name says.*: ms"),
+        ("1;s;°;1", "'theta_rad' must be in rad, .*: °"),
+        ("1;s;m;1", "'theta_rad' must be in rad"),
+        (";min;deg;", "'t_s' must be in s"),
     ],
 )
 def test_a_row_of_units_says_what_the_names_say(tmp_path: Path, units: str, said: str) -> None:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estim.distributions import chi2_quantile, chi2_tail, normal_below, normal_quantile, normal_tail, student_quantile, student_tail
+from estim.distributions import (
+    chi2_quantile,
+    chi2_tail,
+    normal_below,
+    normal_quantile,
+    normal_tail,
+    student_quantile,
+    student_tail,
+)
 from estim.line.evidence import log_student
 
 EQUAL = {"rtol": 1e-12, "atol": 0.0, "strict": True}
@@ -28,7 +36,14 @@ def test_students_t_with_the_normal_distribution_at_its_end():
     p = P[1:, None]  # t of 0.7 degrees of freedom at 1e-300 is beyond the largest number
     np.testing.assert_allclose(student_quantile(p, dof), stats.t.ppf(p, dof), **EQUAL)
     np.testing.assert_allclose(-student_quantile(p, dof), stats.t.isf(p, dof), **EQUAL)
-    assert np.isnan([student_tail(1.0, 0), student_quantile(0.9, 0), student_tail(1.0, np.nan), student_quantile(0.9, np.nan)]).all()
+    assert np.isnan(
+        [
+            student_tail(1.0, 0),
+            student_quantile(0.9, 0),
+            student_tail(1.0, np.nan),
+            student_quantile(0.9, np.nan),
+        ]
+    ).all()
 
 
 def test_chi_squared():
@@ -43,4 +58,8 @@ def test_chi_squared():
 @pytest.mark.parametrize("n_par", [1, 2, 5])
 def test_multivariate_t(n_par: int, rng: np.random.Generator):
     draws = 3.0 * rng.standard_normal((40, n_par))
-    np.testing.assert_allclose(log_student(draws, 5.0), stats.multivariate_t(np.zeros(n_par), np.eye(n_par), df=5.0).logpdf(draws), rtol=1e-12)
+    np.testing.assert_allclose(
+        log_student(draws, 5.0),
+        stats.multivariate_t(np.zeros(n_par), np.eye(n_par), df=5.0).logpdf(draws),
+        rtol=1e-12,
+    )

@@ -1,4 +1,6 @@
-"""Parameters on an edge of their prior: a limit where they may belong there, a status where the data ask for more."""
+"""Parameters on an edge of their prior: a limit where they may belong there, a status where the
+data ask for more.
+"""
 
 from __future__ import annotations
 
@@ -31,20 +33,38 @@ U = 0.3
 def posed(y: np.ndarray, k: Prior, u_y: float | None = U, u_a: float = 0.5) -> Fit:
     """A line of height a, slope k; the data know k to 0.27."""
     problem = pose_curve(
-        "a + k*x", X, y, start={"a": 1.0, "k": 0.5}, u_y=u_y, cov_y=None, u_x=None, bounds={}, priors={"k": k, "a": Normal(1.0, u_a)}, errors=(),
-        units={}, axes=AxisNames(),
+        "a + k*x",
+        X,
+        y,
+        start={"a": 1.0, "k": 0.5},
+        u_y=u_y,
+        cov_y=None,
+        u_x=None,
+        bounds={},
+        priors={"k": k, "a": Normal(1.0, u_a)},
+        errors=(),
+        units={},
+        axes=AxisNames(),
     )
-    return fit_least_squares(problem.with_sigma(1.0) if u_y else problem.with_unknown_sigma(U), rng=np.random.default_rng(1), n_start=1)
+    return fit_least_squares(
+        problem.with_sigma(1.0) if u_y else problem.with_unknown_sigma(U),
+        rng=np.random.default_rng(1),
+        n_start=1,
+    )
 
 
 @pytest.mark.statistics
 def test_truths_from_a_uniform_prior_are_limits_that_hold_and_hardly_ever_a_contradiction() -> None:
-    """120 runs; with every mode on an edge a failure, as it was, a tenth of them would fail, and more."""
+    """120 runs; with every mode on an edge a failure, as it was, a tenth of them would fail, and
+    more.
+    """
     n, on_edge, contradicted, held, limits = 120, 0, 0, {0.68: 0, 0.95: 0}, 0
     for seed in range(n):
         rng = np.random.default_rng([4, seed])
         truth = rng.uniform(0.0, 1.0)
-        fit = posed(rng.normal(1.0, 0.5) + truth * X + U * rng.standard_normal(X.size), Uniform(0.0, 1.0))
+        fit = posed(
+            rng.normal(1.0, 0.5) + truth * X + U * rng.standard_normal(X.size), Uniform(0.0, 1.0)
+        )
         on_edge += "k" in fit.at_bound
         contradicted += any(p < PRESSED_BELOW for p in pressed(fit).values())
         draws = posterior_draws(fit, Engine(ess=300.0), rng)[0][:, fit.names.index("k")]
@@ -64,8 +84,12 @@ def test_truths_from_a_uniform_prior_are_limits_that_hold_and_hardly_ever_a_cont
 
 
 @pytest.mark.parametrize("u_y", [U, None])
-def test_pressure_on_an_edge_is_the_tail_beyond_the_free_estimate(u_y: float | None, rng: np.random.Generator) -> None:
-    """Against the line that may pass the edge: k / u(k), normal, or Student's t with errors from its residuals."""
+def test_pressure_on_an_edge_is_the_tail_beyond_the_free_estimate(
+    u_y: float | None, rng: np.random.Generator
+) -> None:
+    """Against the line that may pass the edge: k / u(k), normal, or Student's t with errors from
+    its residuals.
+    """
     y = 1.0 - 0.6 * X + U * rng.standard_normal(X.size)
     fit = posed(y, Uniform(0.0, 1.0), u_y, 0.5 if u_y else 50.0)
     if u_y is not None:
@@ -75,7 +99,9 @@ def test_pressure_on_an_edge_is_the_tail_beyond_the_free_estimate(u_y: float | N
         assert pressed(fit)["k"] == pytest.approx(expected, rel=1e-6)
     else:
         line = stats.linregress(X, y)  # such a stated height does not matter
-        assert pressed(fit)["k"] == pytest.approx(stats.t(X.size - 2).cdf(line.slope / line.stderr), rel=0.02)
+        assert pressed(fit)["k"] == pytest.approx(
+            stats.t(X.size - 2).cdf(line.slope / line.stderr), rel=0.02
+        )
 
 
 def test_an_edge_that_is_not_reached_is_not_pressed(rng: np.random.Generator) -> None:
@@ -114,7 +140,12 @@ def test_a_parameter_on_an_edge_is_ok_and_never_shown_with_plus_minus(tmp_path: 
     assert "its most probable value is the edge of its range, 0.185" in done.output
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     gamma = result["parameters"]["gamma[b]"]
-    assert (gamma["mean"], gamma["sd"], gamma["limit"]["side"], gamma["limit"]["edge"]) == (None, None, "lower", 0.185)
+    assert (gamma["mean"], gamma["sd"], gamma["limit"]["side"], gamma["limit"]["edge"]) == (
+        None,
+        None,
+        "lower",
+        0.185,
+    )
     assert gamma["q025"] < gamma["limit"]["limit_95"] < gamma["median"] < 0.185
     report = (tmp_path / "out" / "report.md").read_text().replace("\u00a0", " ")
     rows = [line for line in report.splitlines() if line.startswith("| γ[b] |")]
@@ -124,7 +155,11 @@ def test_a_parameter_on_an_edge_is_ok_and_never_shown_with_plus_minus(tmp_path: 
 
 def test_an_edge_that_the_data_contradict_is_named_by_its_value(tmp_path: Path) -> None:
     trouble = TROUBLES["gamma at its bound"]
-    fit = fit_least_squares(load_campaign(trouble.campaign.write(tmp_path)).problem(["r"]), rng=np.random.default_rng(1), n_start=2)
+    fit = fit_least_squares(
+        load_campaign(trouble.campaign.write(tmp_path)).problem(["r"]),
+        rng=np.random.default_rng(1),
+        n_start=2,
+    )
     assert fit.at_bound == ("gamma[b]",)
     assert pressed(fit)["gamma[b]"] < PRESSED_BELOW
     (tmp_path / "better").mkdir()

@@ -33,18 +33,30 @@ def test_kinetic_energy_is_that_of_disk_and_particle() -> None:
     m_p = m_d * BODY.gamma / (1.0 - BODY.gamma)
     theta = MOTION["theta0"] + x / 0.15
     omega = v / 0.15
-    particle = np.array([v + 0.15 * omega * np.cos(theta + MOTION["phi"]), -0.15 * omega * np.sin(theta + MOTION["phi"])])
-    expected = 0.5 * m_d * v**2 + 0.5 * 0.45 * m_d * 0.15**2 * omega**2 + 0.5 * m_p * particle @ particle
+    particle = np.array(
+        [
+            v + 0.15 * omega * np.cos(theta + MOTION["phi"]),
+            -0.15 * omega * np.sin(theta + MOTION["phi"]),
+        ]
+    )
+    expected = (
+        0.5 * m_d * v**2 + 0.5 * 0.45 * m_d * 0.15**2 * omega**2 + 0.5 * m_p * particle @ particle
+    )
     assert kinetic_energy(x, v, BODY, **MOTION) * (m_d + m_p) == pytest.approx(expected, rel=1e-12)
 
 
-LOSSY = CAMPAIGN.replace("phi_deg = 4.0", 'phi_deg = 4.0\nrolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}')
-KNOWN = LOSSY.replace('gamma = {prior = "uniform", low = 0.05, high = 0.40}', "gamma = 0.187").replace(
-    'kappa = {prior = "uniform", low = 0.0, high = 2.0}', "kappa = 0.45"
+LOSSY = CAMPAIGN.replace(
+    "phi_deg = 4.0",
+    'phi_deg = 4.0\nrolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}',
 )
+KNOWN = LOSSY.replace(
+    'gamma = {prior = "uniform", low = 0.05, high = 0.40}', "gamma = 0.187"
+).replace('kappa = {prior = "uniform", low = 0.0, high = 2.0}', "kappa = 0.45")
 
 
-def lossy_run(folder: Path, c_rr: float, noise: str, text: str, rng: np.random.Generator, *, angular: bool) -> Campaign:
+def lossy_run(
+    folder: Path, c_rr: float, noise: str, text: str, rng: np.random.Generator, *, angular: bool
+) -> Campaign:
     """A run that truly loses energy, in metres or in radians."""
     from model import turning_point
 
@@ -61,10 +73,17 @@ def lossy_run(folder: Path, c_rr: float, noise: str, text: str, rng: np.random.G
 
 
 def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_path: Path) -> None:
-    """With gamma, kappa and phi known the data determine the loss; a body of angles loses as much per metre."""
+    """With gamma, kappa and phi known the data determine the loss; a body of angles loses as much
+    per metre.
+    """
     losses = []
-    for angular, noise in ((False, "{sigma_x_m = 0.001}"), (True, f"{{sigma_theta_rad = {SIGMA / 0.15}}}")):
-        campaign = lossy_run(tmp_path, 0.01, noise, KNOWN, np.random.default_rng(4), angular=angular)
+    for angular, noise in (
+        (False, "{sigma_x_m = 0.001}"),
+        (True, f"{{sigma_theta_rad = {SIGMA / 0.15}}}"),
+    ):
+        campaign = lossy_run(
+            tmp_path, 0.01, noise, KNOWN, np.random.default_rng(4), angular=angular
+        )
         analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=500), complete="estim energy")
         (record,) = energy_along(analysis, rng=np.random.default_rng(1))
         drift = drift_of(analysis, rng=np.random.default_rng(1))
@@ -80,7 +99,9 @@ def test_known_body_and_tilt_give_the_true_loss_in_metres_and_in_radians(tmp_pat
 def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
     found = []
     for seed in range(6):
-        campaign = lossy_run(tmp_path, 0.0, "{sigma_x_m = 0.001}", KNOWN, np.random.default_rng(seed), angular=False)
+        campaign = lossy_run(
+            tmp_path, 0.0, "{sigma_x_m = 0.001}", KNOWN, np.random.default_rng(seed), angular=False
+        )
         analysis = analyse(campaign, ["r"], seed=2, target=Target(ess=200, max_step=600))
         found.append(drift_of(analysis, rng=np.random.default_rng(1)).p_value)
     assert min(found) > 1e-3
@@ -89,23 +110,35 @@ def test_no_loss_is_not_found_where_there_is_none(tmp_path: Path) -> None:
 
 def test_a_loss_that_is_only_its_prior_says_so(replica: Path) -> None:
     campaign = load_campaign(replica / "campaign.toml")
-    drift = drift_of(analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=300, max_step=800)), rng=np.random.default_rng(1))
+    drift = drift_of(
+        analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=300, max_step=800)),
+        rng=np.random.default_rng(1),
+    )
     assert drift.free
     assert not drift.determined
 
 
 def test_a_loss_that_was_held_fixed_is_not_tested(tmp_path: Path, rng: np.random.Generator) -> None:
-    text = KNOWN.replace('rolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}', "rolling_resistance = 0.01")
+    text = KNOWN.replace(
+        'rolling_resistance = {prior = "uniform", low = 0.0, high = 0.05}',
+        "rolling_resistance = 0.01",
+    )
     campaign = lossy_run(tmp_path, 0.01, "{sigma_x_m = 0.001}", text, rng, angular=False)
-    drift = drift_of(analyse(campaign, ["r"], seed=1, target=Target(ess=300, max_step=800)), rng=rng)
+    drift = drift_of(
+        analyse(campaign, ["r"], seed=1, target=Target(ess=300, max_step=800)), rng=rng
+    )
     assert not drift.free
     assert not drift.determined
 
 
 def test_relative_change_is_that_of_the_formula(tmp_path: Path, rng: np.random.Generator) -> None:
     campaign = campaign_file(tmp_path, '{sigma_x_m = 0.001, derivative = "central"}', KNOWN)
-    (record,) = energy_along(analyse(campaign, ["r"], seed=2, target=Target(ess=300, max_step=800)), rng=rng)
-    start = 9.81 * 0.15 * (MOTION["theta0"] * np.sin(MOTION["phi"]) + 0.187 * np.cos(MOTION["theta0"]))
+    (record,) = energy_along(
+        analyse(campaign, ["r"], seed=2, target=Target(ess=300, max_step=800)), rng=rng
+    )
+    start = (
+        9.81 * 0.15 * (MOTION["theta0"] * np.sin(MOTION["phi"]) + 0.187 * np.cos(MOTION["theta0"]))
+    )
     assert abs(record.start.value - start) < 4.0 * record.start.u
     expected = (record.total - record.start.value) / record.start.value
     assert np.all(np.abs(record.relative - expected) < 4.0 * record.u_relative + 2e-3)

@@ -1,4 +1,6 @@
-"""What the energy report says: a loss is measured only where the data show one, and every report begins with its status."""
+"""What the energy report says: a loss is measured only where the data show one, and every report
+begins with its status.
+"""
 
 from __future__ import annotations
 
@@ -26,13 +28,19 @@ def test_a_loss_is_called_measured_only_where_the_data_show_one() -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_speeds_of_the_wrong_sign_are_a_poor_fit_and_the_report_says_so_first(tmp_path: Path) -> None:
+def test_speeds_of_the_wrong_sign_are_a_poor_fit_and_the_report_says_so_first(
+    tmp_path: Path,
+) -> None:
     """The curve comes to rest at once: no line of energies, no result, and no traceback."""
     path = Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path)
     path.write_text(path.read_text().replace("sigma_x_m = 0.001", "sigma_v_m_s = 0.02"))
     t, x = np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1).T
-    (tmp_path / "r.csv").write_text("x_m,v_m_s\n" + "".join(f"{a},{-b}\n" for a, b in zip(x, np.gradient(x, t), strict=True)))
-    done = CliRunner().invoke(cli, ["energy", str(path), "--out", str(tmp_path / "out"), "--max-steps", "400"])
+    (tmp_path / "r.csv").write_text(
+        "x_m,v_m_s\n" + "".join(f"{a},{-b}\n" for a, b in zip(x, np.gradient(x, t), strict=True))
+    )
+    done = CliRunner().invoke(
+        cli, ["energy", str(path), "--out", str(tmp_path / "out"), "--max-steps", "400"]
+    )
     assert isinstance(done.exception, SystemExit), done.exception
     assert done.exit_code == 3
     report = (tmp_path / "out" / "report.md").read_text()
@@ -42,6 +50,8 @@ def test_speeds_of_the_wrong_sign_are_a_poor_fit_and_the_report_says_so_first(tm
 
 def test_positions_are_told_which_model_the_check_of_the_energy_takes(tmp_path: Path) -> None:
     path = Disk().write(tmp_path)
-    path.write_text(path.read_text().replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"'))
+    path.write_text(
+        path.read_text().replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"')
+    )
     done = CliRunner().invoke(cli, ["energy", str(path)])
     assert 'give it a campaign with model = "differentiated"' in str(done.exception)

@@ -1,4 +1,6 @@
-"""Errors of x: the likelihood against brute force, the fits that used to fail, and what intervals cover."""
+"""Errors of x: the likelihood against brute force, the fits that used to fail, and what intervals
+cover.
+"""
 
 from __future__ import annotations
 
@@ -24,23 +26,43 @@ from estim.problem.tails import GAUSSIAN, Mixture
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def posed(formula: str, x: np.ndarray, y: np.ndarray, start: dict[str, float], u_y: float, u_x: float) -> Problem:
+def posed(
+    formula: str, x: np.ndarray, y: np.ndarray, start: dict[str, float], u_y: float, u_x: float
+) -> Problem:
     return pose_curve(
-        formula, x, y, start=start, u_y=u_y, cov_y=None, u_x=u_x, bounds={}, priors={}, errors=(), units={}, axes=AxisNames()
+        formula,
+        x,
+        y,
+        start=start,
+        u_y=u_y,
+        cov_y=None,
+        u_x=u_x,
+        bounds={},
+        priors={},
+        errors=(),
+        units={},
+        axes=AxisNames(),
     ).with_sigma(1.0)
 
 
 def brute_force(y: float, f, *, sd: float = 1.0) -> float:
     """log of int N(y; f(z), sd^2) N(z; 0, 1) dz on 40000 points."""
     z = np.linspace(-8.0, 8.0, 40_001)
-    return float(np.log(np.trapezoid(np.exp(-0.5 * ((y - f(z)) / sd) ** 2 - 0.5 * z**2), z) / (2.0 * np.pi * sd)))
+    return float(
+        np.log(
+            np.trapezoid(np.exp(-0.5 * ((y - f(z)) / sd) ** 2 - 0.5 * z**2), z) / (2.0 * np.pi * sd)
+        )
+    )
 
 
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 3.0, 10.0])
 @pytest.mark.parametrize(("bend", "within"), [(0.0, 1e-3), (0.1, 2e-3), (0.3, 0.01)])
-def test_the_sum_over_components_is_the_integral(ratio: float, bend: float, within: float, rng: np.random.Generator) -> None:
+def test_the_sum_over_components_is_the_integral(
+    ratio: float, bend: float, within: float, rng: np.random.Generator
+) -> None:
     def curve(z):
-        return ratio * (z + 0.5 * bend * z**2)  # `bend`: relative change of the slope over one standard deviation of x
+        # `bend`: relative change of the slope over one standard deviation of x
+        return ratio * (z + 0.5 * bend * z**2)
 
     nodes = true_abscissas(np.zeros(1), np.ones((1, 1))).nodes
     for z in rng.standard_normal(15):
@@ -50,11 +72,17 @@ def test_the_sum_over_components_is_the_integral(ratio: float, bend: float, with
 
 
 def test_a_wild_curve_is_a_density_that_is_spread_not_hit() -> None:
-    """However fast it oscillates: the density of y integrates to one, and nowhere exceeds what a spread over the range allows by much."""
+    """However fast it oscillates: the density of y integrates to one, and nowhere exceeds what a
+    spread over the range allows by much.
+    """
     y = np.linspace(-15.0, 15.0, 15_001)
     nodes = true_abscissas(np.zeros(1), np.ones((1, 1))).nodes
     for w in (1.0, 7.3, 78.0, 1e4):
-        density = np.exp(predictive(2.0 * np.sin(w * nodes + 0.4), np.full((1, 1), 0.01)).log_density(y[:, None], GAUSSIAN, {})).ravel()
+        density = np.exp(
+            predictive(2.0 * np.sin(w * nodes + 0.4), np.full((1, 1), 0.01)).log_density(
+                y[:, None], GAUSSIAN, {}
+            )
+        ).ravel()
         assert np.trapezoid(density, y) == pytest.approx(1.0, abs=1e-6)
         if w > 5.0:  # the range is 4; a curve through the point has 4.0
             assert np.max(density) < 1.2
@@ -67,7 +95,9 @@ def test_where_the_curve_is_not_defined_no_true_abscissa_lies() -> None:
     assert np.all(np.isfinite(parts))
     values = np.array([1.0, 1.1])
     ours = problem.linearised(np.ones(1)).jacobian(values[:1])[0, 0]
-    high, low = (problem.linearised(np.ones(1)).residuals(np.array([1.0 + h]))[0] for h in (1e-6, -1e-6))
+    high, low = (
+        problem.linearised(np.ones(1)).residuals(np.array([1.0 + h]))[0] for h in (1e-6, -1e-6)
+    )
     assert ours == pytest.approx((high - low) / 2e-6, rel=1e-5)
 
 
@@ -77,8 +107,12 @@ def test_a_curve_that_overflows_loses_and_gives_no_nan(huge: float) -> None:
     nodes = true_abscissas(np.zeros(1), np.ones((1, 1))).nodes
     here = np.where(nodes > 1.0, huge * np.where(np.arange(nodes.size) % 2, 1.0, -1.0), nodes)
     density = predictive(here, np.ones((1, 1))).log_density(np.zeros(1), GAUSSIAN, {})
-    assert density[0, 0] == pytest.approx(predictive(nodes, np.ones((1, 1))).log_density(np.zeros(1), GAUSSIAN, {})[0, 0], abs=0.5)
-    lost = predictive(0.1 * huge * (1.0 + nodes), np.ones((1, 1))).log_density(np.zeros(1), GAUSSIAN, {})
+    assert density[0, 0] == pytest.approx(
+        predictive(nodes, np.ones((1, 1))).log_density(np.zeros(1), GAUSSIAN, {})[0, 0], abs=0.5
+    )
+    lost = predictive(0.1 * huge * (1.0 + nodes), np.ones((1, 1))).log_density(
+        np.zeros(1), GAUSSIAN, {}
+    )
     assert lost[0, 0] == -np.inf or lost[0, 0] < -300.0
 
 
@@ -90,26 +124,47 @@ def line(rng: np.random.Generator) -> Problem:
 
 
 def test_a_line_has_the_density_of_correlated_normal_errors(line: Problem) -> None:
-    """Its true abscissas N(m, v), their mean and ln(variance) uncertain: y is normal, with a covariance that can be written down."""
+    """Its true abscissas N(m, v), their mean and ln(variance) uncertain: y is normal, with a
+    covariance that can be written down.
+    """
     x, y, u_x, (a, b) = line.runs[0].x, line.runs[0].y, 0.08, (0.95, 2.1)
     n, variance = x.size, np.var(x, ddof=1)
     share = u_x**2 / variance
     expected = a + b * (x - share * (x - x.mean()))
     of_mean = b * share * np.sqrt(variance / n) * np.ones(n)
-    of_variance = b * share * (1.0 - share) * (x - x.mean()) * np.sqrt(2.0 / (n - 1)) * variance / (variance - u_x**2)
-    cov = (0.05**2 + b**2 * u_x**2 * (1.0 - share)) * np.eye(n) + np.outer(of_mean, of_mean) + np.outer(of_variance, of_variance)
-    exact = -0.5 * (y - expected) @ np.linalg.solve(cov, y - expected) - 0.5 * np.linalg.slogdet(2.0 * np.pi * cov)[1]
+    of_variance = (
+        b
+        * share
+        * (1.0 - share)
+        * (x - x.mean())
+        * np.sqrt(2.0 / (n - 1))
+        * variance
+        / (variance - u_x**2)
+    )
+    cov = (
+        (0.05**2 + b**2 * u_x**2 * (1.0 - share)) * np.eye(n)
+        + np.outer(of_mean, of_mean)
+        + np.outer(of_variance, of_variance)
+    )
+    exact = (
+        -0.5 * (y - expected) @ np.linalg.solve(cov, y - expected)
+        - 0.5 * np.linalg.slogdet(2.0 * np.pi * cov)[1]
+    )
     values = np.array([[a, b]])
     posterior = line.linearised(values[0])
-    # (what the variance of the true abscissas does to v is left out on both sides but for second order)
+    # (what the variance of the true abscissas does to v is left out on both sides but for second
+    # order)
     assert posterior.log_likelihood(values)[0] == pytest.approx(exact, abs=1e-3)
     assert abs(np.sum(posterior.pointwise(values)[0]) - exact) > 0.01
-    # far off, where the nodes end, a point loses more than it should; never does the common displacement make a misfit worth while
+    # far off, where the nodes end, a point loses more than it should; never does the common
+    # displacement make a misfit worth while
     for far in ([a - 3.0, b + 2.0], [a, 10.0 * b], [a + 5.0, -b], [a - 40.0, 40.0 * b]):
         off = y - far[0] - far[1] * (x - share * (x - x.mean()))
         tilt = cov - 0.05**2 * np.eye(n)
         wide = 0.05**2 * np.eye(n) + tilt * (far[1] / b) ** 2
-        bound = -0.5 * off @ np.linalg.solve(wide, off) - 0.5 * np.linalg.slogdet(2.0 * np.pi * wide)[1]
+        bound = (
+            -0.5 * off @ np.linalg.solve(wide, off) - 0.5 * np.linalg.slogdet(2.0 * np.pi * wide)[1]
+        )
         assert posterior.log_likelihood(np.array([far]))[0] < bound + 1e-3
 
 
@@ -118,14 +173,25 @@ def test_derivatives_are_those_of_the_density(formula: str, line: Problem) -> No
     run, values, h = line.runs[0], np.array([1.05, 1.4]), 1e-6
     problem = posed(formula, run.x, run.y, {"a": 1.0, "b": 2.0}, 0.05, 0.08)
     posterior = problem.linearised(values)
-    numeric = [(posterior.residuals(values + h * e) - posterior.residuals(values - h * e)) / (2.0 * h) for e in np.eye(2)]
-    np.testing.assert_allclose(posterior.jacobian(values), np.transpose(numeric), atol=1e-6 * np.max(np.abs(numeric)))
+    numeric = [
+        (posterior.residuals(values + h * e) - posterior.residuals(values - h * e)) / (2.0 * h)
+        for e in np.eye(2)
+    ]
+    np.testing.assert_allclose(
+        posterior.jacobian(values), np.transpose(numeric), atol=1e-6 * np.max(np.abs(numeric))
+    )
     ((jacobian, residual),) = posterior.scoring(values)
-    heights = [posterior.pointwise(values + h * np.array([e, -e]))[0].sum(axis=1) for e in np.eye(2)]
-    np.testing.assert_allclose(-jacobian.T @ residual, [(high - low) / (2.0 * h) for high, low in heights], rtol=1e-5)
+    heights = [
+        posterior.pointwise(values + h * np.array([e, -e]))[0].sum(axis=1) for e in np.eye(2)
+    ]
+    np.testing.assert_allclose(
+        -jacobian.T @ residual, [(high - low) / (2.0 * h) for high, low in heights], rtol=1e-5
+    )
 
 
-def test_the_information_is_the_mean_square_of_the_score(line: Problem, rng: np.random.Generator) -> None:
+def test_the_information_is_the_mean_square_of_the_score(
+    line: Problem, rng: np.random.Generator
+) -> None:
     run, values, n = line.runs[0], np.array([1.05, 1.4]), 20_000
     problem = posed("a*exp(b*x)", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.05, 0.08)
     named = problem.named(values)
@@ -133,12 +199,20 @@ def test_the_information_is_the_mean_square_of_the_score(line: Problem, rng: np.
     (part,) = (latent._predictive(named),)
     weight = np.exp(part.log_weight[0])
     chosen = np.array([rng.choice(row.size, n, p=row / row.sum()) for row in weight])
-    mean, variance = (np.take_along_axis(array[0], chosen, 1) for array in (part.mean, part.variance))
-    scores = latent._scores(mean + np.sqrt(variance) * rng.standard_normal(mean.shape), named, problem.names, {})
+    mean, variance = (
+        np.take_along_axis(array[0], chosen, 1) for array in (part.mean, part.variance)
+    )
+    scores = latent._scores(
+        mean + np.sqrt(variance) * rng.standard_normal(mean.shape), named, problem.names, {}
+    )
     full = np.einsum("inp,inq->pq", scores, scores) / n
     expected = full[:2, :2] - full[:2, 2:] @ np.linalg.solve(full[2:, 2:] + np.eye(2), full[2:, :2])
     np.testing.assert_allclose(latent.information(named, problem.names, {}), expected, rtol=0.03)
-    np.testing.assert_allclose(information(problem.linearised(values), values), latent.information(named, problem.names, {}), rtol=1e-9)
+    np.testing.assert_allclose(
+        information(problem.linearised(values), values),
+        latent.information(named, problem.names, {}),
+        rtol=1e-9,
+    )
 
 
 def data(f, x: np.ndarray, u_x: float, u_y: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -147,51 +221,83 @@ def data(f, x: np.ndarray, u_x: float, u_y: float, seed: int) -> tuple[np.ndarra
 
 
 @pytest.mark.parametrize("u_x", [0.05, 0.001])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.statistics) for seed in (1, 2))])
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.statistics) for seed in (1, 2))]
+)
 def test_exponentials_and_powers_are_fit(u_x: float, seed: int) -> None:
     x = np.linspace(0.1, 2.0, 20)
     cases = [
         ("a*exp(b*x)", lambda x: 2.0 * np.exp(0.8 * x), {"a": 2.0, "b": 0.8}, {"a": 1.0, "b": 1.0}),
-        ("a*x**b + c", lambda x: 2.0 * x**1.5 + 1.0, {"a": 2.0, "b": 1.5, "c": 1.0}, {"a": 1.0, "b": 1.0, "c": 0.0}),
+        (
+            "a*x**b + c",
+            lambda x: 2.0 * x**1.5 + 1.0,
+            {"a": 2.0, "b": 1.5, "c": 1.0},
+            {"a": 1.0, "b": 1.0, "c": 0.0},
+        ),
     ]
     for formula, f, truth, start in cases:
         fit = fit_curve(formula, *data(f, x, u_x, 0.1, seed), start=start, u_y=0.1, u_x=u_x)
         assert fit.status == "ok", str(fit)
-        assert all(abs(fit.values[name] - true) < 4.0 * fit.sds[name] < 1.0 for name, true in truth.items()), str(fit)
+        assert all(
+            abs(fit.values[name] - true) < 4.0 * fit.sds[name] < 1.0 for name, true in truth.items()
+        ), str(fit)
 
 
 @pytest.mark.parametrize("seed", range(2))
 def test_ever_steeper_curves_are_not_rewarded(seed: int) -> None:
     x, y = data(lambda x: 2.0 * np.sin(1.5 * x), np.linspace(0.0, 6.0, 40), 0.05, 0.1, seed)
-    fit = fit_curve("A*sin(w*x)", x, y, start={"A": 1.0, "w": 1.2}, u_y=0.1, u_x=0.05, bounds={"w": (0.0, 100.0)})
+    fit = fit_curve(
+        "A*sin(w*x)",
+        x,
+        y,
+        start={"A": 1.0, "w": 1.2},
+        u_y=0.1,
+        u_x=0.05,
+        bounds={"w": (0.0, 100.0)},
+    )
     assert fit.status == "ok", str(fit)
     assert abs(fit.values["w"] - 1.5) < 4.0 * fit.sds["w"] < 0.1
-    steep = [np.array([amplitude, w]) for amplitude in (2.0, 8.0, 200.0) for w in (67.2, 78.55, 78.7)]
+    steep = [
+        np.array([amplitude, w]) for amplitude in (2.0, 8.0, 200.0) for w in (67.2, 78.55, 78.7)
+    ]
     heights = fit.fit.posterior.log_density(np.vstack([fit.fit.values, *steep]))
     assert np.max(heights[1:]) < heights[0] - 50.0
     slopes = np.array([amplitude * w * np.cos(w * x) for amplitude, w in steep])
-    chi2 = np.sum((y - [amplitude * np.sin(w * x) for amplitude, w in steep]) ** 2 / (0.01 + 0.0025 * slopes**2), axis=1)
-    assert np.min(chi2) < fit.chi2  # the sum of squares over u_y^2 + f'^2 u_x^2 would have preferred them
+    chi2 = np.sum(
+        (y - [amplitude * np.sin(w * x) for amplitude, w in steep]) ** 2
+        / (0.01 + 0.0025 * slopes**2),
+        axis=1,
+    )
+    # the sum of squares over u_y^2 + f'^2 u_x^2 would have preferred them
+    assert np.min(chi2) < fit.chi2
 
 
 def test_a_search_that_ends_without_derivatives_says_so() -> None:
     x = np.arange(11.0)
     with pytest.raises(InputError, match="no finite derivatives"):
-        fit_curve("sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, n_start=1)
+        fit_curve(
+            "sqrt(abs(x - a))", x, np.sqrt(np.abs(x - 5.0)), start={"a": 5.0}, u_y=0.1, n_start=1
+        )
 
 
 def test_errors_of_x_as_large_as_the_spread_of_x_are_refused() -> None:
     x = np.linspace(0.0, 1.0, 9)
-    with pytest.raises(InputError, match=r"'u_x' must be below the standard deviation of x, 0\.3423"):
+    with pytest.raises(
+        InputError, match=r"'u_x' must be below the standard deviation of x, 0\.3423"
+    ):
         fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, u_y=0.1, u_x=0.4)
 
 
-def test_simulated_true_abscissas_are_as_spread_as_the_fitted_distribution(rng: np.random.Generator) -> None:
+def test_simulated_true_abscissas_are_as_spread_as_the_fitted_distribution(
+    rng: np.random.Generator,
+) -> None:
     x = rng.normal(0.0, 1.0, 400)
     problem = posed("a + b*x", x, x, {"a": 0.0, "b": 1.0}, 1e-6, 0.6)
     simulated = PointDesign(problem).simulate(np.array([0.0, 1.0]), problem.parameters, rng).runs[0]
     # y is the true abscissa here; errors added to the readings themselves would give 1 and 1.36
-    assert np.var(simulated.y) == pytest.approx(np.var(x) - 0.36, abs=4.0 * 0.64 * np.sqrt(2.0 / 400))
+    assert np.var(simulated.y) == pytest.approx(
+        np.var(x) - 0.36, abs=4.0 * 0.64 * np.sqrt(2.0 / 400)
+    )
     assert np.var(simulated.x) == pytest.approx(np.var(x), abs=4.0 * np.sqrt(2.0 / 400))
 
 
@@ -202,14 +308,19 @@ def test_an_outlier_is_named_where_x_has_errors(rng: np.random.Generator) -> Non
     x, y = true + 0.03 * rng.standard_normal(30), 1.0 + 2.0 * true + 0.05 * rng.standard_normal(30)
     y[11] += 2.0
     problem = posed("a + b*x", x, y, {"a": 1.0, "b": 2.0}, 0.05, 0.03)
-    run = replace(problem.runs[0], noise=replace(problem.runs[0].noise, tails=Mixture("fraction", "log_width")))
+    run = replace(
+        problem.runs[0],
+        noise=replace(problem.runs[0].noise, tails=Mixture("fraction", "log_width")),
+    )
     named = {"a": 1.0, "b": 2.0, "fraction": 0.05, "log_width": np.log(10.0)}
     (probability,) = run.likelihood(named).outlier_probability(named)
     assert set(np.flatnonzero(probability > 0.5)) == {int(np.argmax(run.y - 2.0 * run.x))}
 
 
 def benchmark():
-    spec = importlib.util.spec_from_file_location("errors_in_x", ROOT / "benchmarks" / "errors_in_x.py")
+    spec = importlib.util.spec_from_file_location(
+        "errors_in_x", ROOT / "benchmarks" / "errors_in_x.py"
+    )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -224,7 +335,14 @@ def test_intervals_cover_where_x_has_errors(curve: str) -> None:
     study = benchmark()
     n = 60
     for ratio in (0.3, 3.0):
-        found = study.study(study.CASES[curve], n_obs=8, ratio=ratio, share=study.CASES[curve].share, repeats=n, seed=11)
+        found = study.study(
+            study.CASES[curve],
+            n_obs=8,
+            ratio=ratio,
+            share=study.CASES[curve].share,
+            repeats=n,
+            seed=11,
+        )
         for p in (0.68, 0.95):
             error = np.sqrt(p * (1.0 - p) / n)
             assert abs(found.coverage["fit"][p] - p) < 3.0 * error + 0.02, (ratio, found.coverage)
@@ -242,29 +360,44 @@ def test_the_naive_density_does_not_cover() -> None:
 
 @pytest.mark.statistics
 def test_p_values_are_even_where_x_has_errors(rng: np.random.Generator) -> None:
-    """Of the simulated chi^2 test, for a curved model; with errors of x taken as half their size it fails."""
+    """Of the simulated chi^2 test, for a curved model; with errors of x taken as half their size it
+    fails.
+    """
     study = benchmark()
     case = study.CASES["exponential"]
     ps: dict[float, list[float]] = {1.0: [], 0.5: []}
     for k in range(30):
-        points = study.simulate(case, n_obs=8, ratio=3.0, share=0.05, rng=np.random.default_rng([5, k]))
+        points = study.simulate(
+            case, n_obs=8, ratio=3.0, share=0.05, rng=np.random.default_rng([5, k])
+        )
         for factor, found in ps.items():
-            problem = posed(case.formula, points.x, points.y, dict(case.truth), points.u_y, factor * points.u_x)
+            problem = posed(
+                case.formula, points.x, points.y, dict(case.truth), points.u_y, factor * points.u_x
+            )
             fit = fit_least_squares(problem, rng=rng, n_start=1)
-            found.append(check_goodness(fit, rng=np.random.default_rng(k))[0].checks["chi2"].p_value)
+            found.append(
+                check_goodness(fit, rng=np.random.default_rng(k))[0].checks["chi2"].p_value
+            )
     from scipy.stats import kstest
 
     assert kstest(ps[1.0], "uniform").pvalue > 0.01
     assert kstest(ps[0.5], "uniform").pvalue < 1e-4
 
 
-def test_the_simulated_null_of_the_residuals_holds_for_a_line(line: Problem, rng: np.random.Generator) -> None:
-    """For small errors of x the normal scores are plain residuals: both forms of the null distribution must agree."""
+def test_the_simulated_null_of_the_residuals_holds_for_a_line(
+    line: Problem, rng: np.random.Generator
+) -> None:
+    """For small errors of x the normal scores are plain residuals: both forms of the null
+    distribution must agree.
+    """
     run = line.runs[0]
     small = posed("a + b*x", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.1, 1e-6)
     fit = fit_least_squares(small, rng=rng, n_start=1)
     exact = fit_curve("a + b*x", run.x, run.y, start={"a": 1.0, "b": 2.0}, u_y=0.1)
-    (ours,), (theirs,) = check_goodness(fit, rng=np.random.default_rng(1)), check_goodness(exact.fit, rng=np.random.default_rng(1))
+    (ours,), (theirs,) = (
+        check_goodness(fit, rng=np.random.default_rng(1)),
+        check_goodness(exact.fit, rng=np.random.default_rng(1)),
+    )
     np.testing.assert_allclose(ours.whitened, theirs.whitened, atol=1e-4)
     for name, check in ours.checks.items():
         assert check.p_value == pytest.approx(theirs.checks[name].p_value, abs=0.01)
@@ -272,25 +405,47 @@ def test_the_simulated_null_of_the_residuals_holds_for_a_line(line: Problem, rng
 
 @pytest.mark.parametrize("seed", [15, 26, 40])
 def test_search_settles_where_a_limit_holds_a_parameter(seed: int) -> None:
-    """Steps that were merely cut off at the limit crept, and the fit was said to be up to 2.5 standard deviations from settled."""
+    """Steps that were merely cut off at the limit crept, and the fit was said to be up to 2.5
+    standard deviations from settled.
+    """
     rng = np.random.default_rng([77, seed])
     x, (b, c) = np.linspace(0.0, 1.5, 12), rng.uniform(-0.3, 0.3, 2)
     y = np.exp(-b * x) + c * x + 0.02 * rng.standard_normal(x.size)
     start, bounds = {"a": 1.0, "b": 0.1, "c": 0.1}, dict.fromkeys("abc", (0.0, 5.0))
-    fit = fit_curve("a*exp(-b*x) + c*x", x + 0.03 * rng.standard_normal(x.size), y, u_y=0.02, u_x=0.03, start=start, bounds=bounds)
+    fit = fit_curve(
+        "a*exp(-b*x) + c*x",
+        x + 0.03 * rng.standard_normal(x.size),
+        y,
+        u_y=0.02,
+        u_x=0.03,
+        start=start,
+        bounds=bounds,
+    )
     assert fit.status == "ok", fit.reasons
     posterior = fit.fit.posterior
     # a search without derivatives finds no better place
     height = lambda values: float(np.sum(posterior.residuals(values) ** 2))  # noqa: E731
-    found = minimize(height, fit.fit.values, method="Nelder-Mead", bounds=[(0.0, 5.0)] * 3, tol=1e-10)
+    found = minimize(
+        height, fit.fit.values, method="Nelder-Mead", bounds=[(0.0, 5.0)] * 3, tol=1e-10
+    )
     assert height(fit.fit.values) < found.fun + 1e-7
 
 
 @pytest.mark.parametrize("seed", [11, 14, 15, 18, 22, 27, 30, 32])
 def test_two_parameters_that_do_the_same_at_a_limit_are_told_apart_by_it(seed: int) -> None:
-    """At b = 0 both b and c are slopes: the gradient in b is that in c, 0, and the sign of its rounding decided between ok and not-identified."""
+    """At b = 0 both b and c are slopes: the gradient in b is that in c, 0, and the sign of its
+    rounding decided between ok and not-identified.
+    """
     rng, x = np.random.default_rng(seed), np.linspace(0.0, 1.5, 12)
     y = 1.0 + 0.3 * x - 0.03 * x**2 + 0.02 * rng.standard_normal(x.size)
     start, bounds = {"a": 1.0, "b": 0.1, "c": 0.1}, dict.fromkeys("abc", (0.0, 5.0))
-    fit = fit_curve("a*exp(-b*x) + c*x", x + 0.03 * rng.standard_normal(x.size), y, u_y=0.02, u_x=0.03, start=start, bounds=bounds)
+    fit = fit_curve(
+        "a*exp(-b*x) + c*x",
+        x + 0.03 * rng.standard_normal(x.size),
+        y,
+        u_y=0.02,
+        u_x=0.03,
+        start=start,
+        bounds=bounds,
+    )
     assert fit.status == "ok", fit.reasons

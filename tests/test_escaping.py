@@ -1,4 +1,6 @@
-"""Every hostile string is shown literally, wherever it stands: one escape for Markdown, one for the terminal, one for figures, one for JSON."""
+"""Every hostile string is shown literally, wherever it stands: one escape for Markdown, one for the
+terminal, one for figures, one for JSON.
+"""
 
 from __future__ import annotations
 
@@ -46,15 +48,17 @@ def test_markdown_shows_hostile_text_literally_everywhere(place: str) -> None:
         written = around.replace("{}", markdown(text))
         assert outline(written) == outline(around.replace("{}", "word")), (text, written)
         wanted = seen(around.replace("{}", "word")).replace("word", shown(text))
-        assert [line.strip() for line in seen(written).split("\n")] == [line.strip() for line in wanted.split("\n")], (text, written)
+        assert [line.strip() for line in seen(written).split("\n")] == [
+            line.strip() for line in wanted.split("\n")
+        ], (text, written)
         assert not raw(written), text
 
 
 def test_the_test_sees_a_forgery() -> None:
     for text in ("*x*", "a\n\n# b", "<b>", "[x](y)", "a | b"):
-        assert outline(f"| a |\n|---|\n| {text} |\n") != outline("| a |\n|---|\n| word |\n") or seen(f"| a |\n|---|\n| {text} |\n").split("\n")[
-            -1
-        ] != shown(text)
+        assert outline(f"| a |\n|---|\n| {text} |\n") != outline(
+            "| a |\n|---|\n| word |\n"
+        ) or seen(f"| a |\n|---|\n| {text} |\n").split("\n")[-1] != shown(text)
     assert raw("\x1b")
     assert raw("\u202e")
 
@@ -84,8 +88,15 @@ def test_markdown_is_escaped_once() -> None:
     once = markdown("*a* | b")
     assert markdown(once) is once
     assert isinstance(once, Markdown)
-    assert seen(table(("x",), [("*a* | b",), (Markdown("**c**"),)])).split("\n") == ["x", "*a* | b", "c"]
-    assert seen(f"| a | b |\n|---|---|\n| {cells(('a | b', '`c`'))} |").split("\n")[2:] == ["a | b", "`c`"]
+    assert seen(table(("x",), [("*a* | b",), (Markdown("**c**"),)])).split("\n") == [
+        "x",
+        "*a* | b",
+        "c",
+    ]
+    assert seen(f"| a | b |\n|---|---|\n| {cells(('a | b', '`c`'))} |").split("\n")[2:] == [
+        "a | b",
+        "`c`",
+    ]
 
 
 @pytest.mark.parametrize("around", ["Curve: {}.", "| a | b |\n|---|---|\n| {} | x |\n", "- x ({})"])
@@ -123,8 +134,17 @@ def test_notebooks_get_literal_text() -> None:
     rows = [("a", "*x*", "1", "2", "m | n")]
     for status in ("ok", "poor-fit"):
         for text in filter(shown, STRINGS):
-            shape = outline(headline("word", kind="", status=status, reasons=["word"], advice=["word"], rows=rows))
-            assert outline(headline(text, kind="", status=status, reasons=[text], advice=[text], rows=rows)) == shape, text
+            shape = outline(
+                headline(
+                    "word", kind="", status=status, reasons=["word"], advice=["word"], rows=rows
+                )
+            )
+            assert (
+                outline(
+                    headline(text, kind="", status=status, reasons=[text], advice=[text], rows=rows)
+                )
+                == shape
+            ), text
 
 
 @pytest.mark.filterwarnings("ignore:Glyph", "ignore:Matplotlib currently does not")
@@ -140,13 +160,19 @@ def test_figures_show_hostile_text_literally(text: str) -> None:
         ax.plot([0, 1], label=f"run {title}")
         ax.legend()
         name_ticks(ax.xaxis, [0, 1], [title, "x"])
-        drawn.update(title=ax.title, label=ax.yaxis.label, curve=ax.get_legend().get_texts()[0], tick=ax.xaxis.get_major_ticks()[0].label1)
+        drawn.update(
+            title=ax.title,
+            label=ax.yaxis.label,
+            curve=ax.get_legend().get_texts()[0],
+            tick=ax.xaxis.get_major_ticks()[0].label1,
+        )
         return figure
 
     assert png(draw).startswith(b"\x89PNG")
     for name in ("title", "tick"):
         shown_text, is_mathematics = drawn[name]._preprocess_math(drawn[name].get_text())
-        assert not is_mathematics or text == "$_{\\mathrm{x}}$"  # our own way of writing a subscript
+        # our own way of writing a subscript
+        assert not is_mathematics or text == "$_{\\mathrm{x}}$"
         if not is_mathematics:
             assert " ".join(shown_text.split()) == shown(text).strip() or "\\$" in text
     assert mathtext(text) in drawn["label"].get_text()
@@ -157,19 +183,30 @@ def test_a_subfigure_and_a_note_are_written_literally_too() -> None:
     figure = Figure(figsize=(2, 2), layout="constrained")
     part = figure.subfigures(1, 2)[1]
     ax = part.subplots()
-    note, above, beside = ax.annotate("$x$", (0.5, 0.5)), part.suptitle("$x$"), figure.supylabel("$x$")
+    note, above, beside = (
+        ax.annotate("$x$", (0.5, 0.5)),
+        part.suptitle("$x$"),
+        figure.supylabel("$x$"),
+    )
     part.legend(ax.plot([0, 1]), ["$x$"], loc="outside lower center")
     png(lambda: figure)
-    assert [text.get_text() for text in (note, above, beside, part.legends[0].get_texts()[0])] == ["\\$x\\$"] * 4
+    assert [text.get_text() for text in (note, above, beside, part.legends[0].get_texts()[0])] == [
+        "\\$x\\$"
+    ] * 4
 
 
-def test_ticks_with_names_go_through_the_one_place_that_writes_them_literally(project: Path) -> None:
+def test_ticks_with_names_go_through_the_one_place_that_writes_them_literally(
+    project: Path,
+) -> None:
     for path in (project / "estim" / "reports").glob("*.py"):
         for call in ast.walk(ast.parse(path.read_text())):
             if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute):
                 named = call.func.attr in ("set_xticklabels", "set_yticklabels", "set_ticklabels")
                 assert not named, (path, call.lineno)
-                assert call.func.attr not in ("set_xticks", "set_yticks") or len(call.args) == 1, (path, call.lineno)
+                assert call.func.attr not in ("set_xticks", "set_yticks") or len(call.args) == 1, (
+                    path,
+                    call.lineno,
+                )
 
 
 @pytest.mark.parametrize(
@@ -187,7 +224,9 @@ def test_ticks_with_names_go_through_the_one_place_that_writes_them_literally(pr
         ("σ_y", "σ$_{\\mathrm{y}}$"),
     ],
 )
-def test_names_of_parameters_become_subscripts_only_where_mathematics_can_show_them(name: str, tex: str) -> None:
+def test_names_of_parameters_become_subscripts_only_where_mathematics_can_show_them(
+    name: str, tex: str
+) -> None:
     shown = Notation(name).label("m", "[a_\nb]")
     assert (shown.symbol, shown.tex) == (f"{name}[a_\nb]", f"{tex}[a_\nb]")
 
@@ -199,7 +238,15 @@ def test_a_users_style_does_not_reach_the_figures() -> None:
         return figure
 
     plain = png(draw)
-    with rc_context({"text.usetex": True, "font.size": 30.0, "axes.facecolor": "red", "lines.linewidth": 9.0, "savefig.bbox": "tight"}):
+    with rc_context(
+        {
+            "text.usetex": True,
+            "font.size": 30.0,
+            "axes.facecolor": "red",
+            "lines.linewidth": 9.0,
+            "savefig.bbox": "tight",
+        }
+    ):
         assert png(draw) == plain
     figure = Figure(figsize=(2, 2))
     with rc_context({"font.size": 30.0}):

@@ -1,4 +1,6 @@
-"""What a reader meets first: results of the data apart from what had been put in, limits for what may be zero, everything else folded."""
+"""What a reader meets first: results of the data apart from what had been put in, limits for what
+may be zero, everything else folded.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,15 @@ import pytest
 from report_words import words
 
 from estim.campaign import load_campaign
-from estim.checks.cells import Estimate, is_measured, not_measured, p_sentence, result_table, screen_lines, upper_limit
+from estim.checks.cells import (
+    Estimate,
+    is_measured,
+    not_measured,
+    p_sentence,
+    result_table,
+    screen_lines,
+    upper_limit,
+)
 from estim.common import Finding, Kind
 from estim.common.errors import InputError
 from estim.common.labels import Notation
@@ -41,7 +51,11 @@ PLAIN = Notation("c_rr").label("1")
 def fitted() -> tuple[Analysis, Result, str]:
     campaign = load_campaign(REPLICA)
     analysis = analyse(campaign, ["heavy-04"], seed=1, target=Target(ess=1000.0))
-    return analysis, result_of(campaign, analysis), analysis_report(campaign, analysis, figures=False)["report.md"].decode()
+    return (
+        analysis,
+        result_of(campaign, analysis),
+        analysis_report(campaign, analysis, figures=False)["report.md"].decode(),
+    )
 
 
 def pages(text: str) -> float:
@@ -51,7 +65,10 @@ def pages(text: str) -> float:
 
 def test_the_first_screen_is_short_and_has_the_result_the_rest_is_folded() -> None:
     *_, report = fitted()
-    first, folds = report.partition("<details>")[0], re.findall(r"<summary><b>(.*?)</b></summary>\n\n.*?\n\n</details>", report, re.DOTALL)
+    first, folds = (
+        report.partition("<details>")[0],
+        re.findall(r"<summary><b>(.*?)</b></summary>\n\n.*?\n\n</details>", report, re.DOTALL),
+    )
     assert len(words(first)) < 120
     assert len(folds) == 6
     assert "| κ, inertia of the disk / (M_D R²) |" in first
@@ -79,12 +96,24 @@ def test_what_to_mind_is_what_limits_most_and_a_force_that_is_sure() -> None:
     result = fitted()[1]
     assert result.budget is not None
     assert result.deviation is not None
-    (budget, force), symbol = (result.budget["kappa[heavy]"], result.deviation["heavy-04"]), "are strongly correlated"
+    (budget, force), symbol = (
+        (result.budget["kappa[heavy]"], result.deviation["heavy-04"]),
+        "are strongly correlated",
+    )
 
     def minds(share: float, probability: float) -> str:
-        limited = msgspec.structs.replace(budget, sources=[msgspec.structs.replace(budget.sources[0], share=share), *budget.sources[1:]])
+        limited = msgspec.structs.replace(
+            budget,
+            sources=[msgspec.structs.replace(budget.sources[0], share=share), *budget.sources[1:]],
+        )
         sure = msgspec.structs.replace(force, probability=probability)
-        return "; ".join(first_screen(msgspec.structs.replace(result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure})).minds)
+        return "; ".join(
+            first_screen(
+                msgspec.structs.replace(
+                    result, budget={"kappa[heavy]": limited}, deviation={"heavy-04": sure}
+                )
+            ).minds
+        )
 
     assert symbol in minds(0.51, 0.9)
     assert symbol not in minds(0.49, 0.9)
@@ -105,13 +134,15 @@ def test_what_may_be_zero_has_an_upper_limit(rng: np.random.Generator) -> None:
     draws = np.abs(rng.standard_normal(20_000)) * 0.005
     prior = HalfNormal(0.005)
     limit = upper_limit(summary(draws), prior, draws)
-    assert limit == pytest.approx(1.96 * 0.005, rel=0.03)  # of a folded normal the 95 % quantile is 1.96 sd
+    # of a folded normal the 95 % quantile is 1.96 sd
+    assert limit == pytest.approx(1.96 * 0.005, rel=0.03)
     shown = Estimate(PLAIN, summary(draws), "half-normal", False, limit)
     assert re.fullmatch(r"c_rr < 0\.00\d+ \(95 %\)", shown.relation)
     for sds, limited in ((1.9, True), (2.1, False)):
         near = sds * 0.003 + 0.003 * standard(rng)
         assert (upper_limit(summary(near), prior, near) is not None) is limited
-    tailed = 0.047 * np.exp(0.42 * standard(rng) + 0.3 * np.abs(standard(rng)) ** 3)  # far from 0, with a long tail above
+    # far from 0, with a long tail above
+    tailed = 0.047 * np.exp(0.42 * standard(rng) + 0.3 * np.abs(standard(rng)) ** 3)
     assert np.quantile(tailed, 0.025) > 0.015
     assert summary(tailed).mean < 2.0 * summary(tailed).sd
     assert upper_limit(summary(tailed), HalfNormal(10.0), tailed) is None
@@ -127,26 +158,51 @@ def test_what_lies_on_an_edge_has_a_value_at_every_draw() -> None:
     name = "rolling_resistance"
     p = result.parameters[name]
     edge = Limit("upper", 0.0, float(p.q84), float(p.q975))
-    limited = msgspec.structs.replace(p, mean=None, sd=None, limit=edge, measured=False, upper_95=None)
-    minds = first_screen(msgspec.structs.replace(result, parameters={**result.parameters, name: limited})).minds
+    limited = msgspec.structs.replace(
+        p, mean=None, sd=None, limit=edge, measured=False, upper_95=None
+    )
+    minds = first_screen(
+        msgspec.structs.replace(result, parameters={**result.parameters, name: limited})
+    ).minds
     assert not [words for words in minds if "no value at some of the draws" in words]
-    nothing = msgspec.structs.replace(limited, limit=None, median=None, q025=None, q16=None, q84=None, q975=None)
-    minds = first_screen(msgspec.structs.replace(result, parameters={**result.parameters, name: nothing})).minds
+    nothing = msgspec.structs.replace(
+        limited, limit=None, median=None, q025=None, q16=None, q84=None, q975=None
+    )
+    minds = first_screen(
+        msgspec.structs.replace(result, parameters={**result.parameters, name: nothing})
+    ).minds
     assert minds[0].endswith(f": {name}")
 
 
 def test_values_stand_beside_what_was_stated_and_what_is_true(rng: np.random.Generator) -> None:
     degrees = Notation("φ", "°", 180.0 / np.pi).label("rad")
     draws = np.radians(4.0 + 0.25 * standard(rng))
-    one = Estimate(degrees, summary(draws), Normal(np.radians(3.7), np.radians(0.4)).stated_words("rad", degrees), True, None, np.radians(3.5))
+    one = Estimate(
+        degrees,
+        summary(draws),
+        Normal(np.radians(3.7), np.radians(0.4)).stated_words("rad", degrees),
+        True,
+        None,
+        np.radians(3.5),
+    )
     head, ((meaning, value, stated, true),) = result_table([one])
     assert head == ("", "from these data", "stated value", "true")
-    assert (meaning, value, stated, true) == ("φ, a quantity", "(4.00 ± 0.25)°", "(3.7 ± 0.4)°", "3.5° (+2.0 sd)")
+    assert (meaning, value, stated, true) == (
+        "φ, a quantity",
+        "(4.00 ± 0.25)°",
+        "(3.7 ± 0.4)°",
+        "3.5° (+2.0 sd)",
+    )
     bare = replace(one, stated="", true=None)
     assert result_table([bare])[0] == ("", "from these data")
-    assert screen_lines([one], tests="p") == ["p", "φ = (4.00 ± 0.25)°   stated (3.7 ± 0.4)°; true 3.5° (+2.0 sd)"]
+    assert screen_lines([one], tests="p") == [
+        "p",
+        "φ = (4.00 ± 0.25)°   stated (3.7 ± 0.4)°; true 3.5° (+2.0 sd)",
+    ]
     assert not_measured([one]) == ""
-    assert not_measured([replace(one, measured=False)]) == "φ = (4.00 ± 0.25)° (stated (3.7 ± 0.4)°)"
+    assert (
+        not_measured([replace(one, measured=False)]) == "φ = (4.00 ± 0.25)° (stated (3.7 ± 0.4)°)"
+    )
     assert Uniform(0.0, 1.0).stated_words("1", PLAIN) == "uniform in [0, 1]"
 
 
@@ -167,9 +223,17 @@ def test_true_values_stand_in_a_file_beside_synthetic_data_alone(tmp_path: Path)
 def test_the_part_with_the_reason_stands_open() -> None:
     result = fitted()[1]
     assert opened_by(result) == frozenset()
-    for status, key in (("poor-fit", "curve"), ("contradiction", "values"), ("not-converged", "computing"), ("not-identified", "limits")):
+    for status, key in (
+        ("poor-fit", "curve"),
+        ("contradiction", "values"),
+        ("not-converged", "computing"),
+        ("not-identified", "limits"),
+    ):
         assert opened_by(msgspec.structs.replace(result, status=status)) == {key}
-    assert folded("a <b>", "text\n", opened=False) == "<details>\n<summary><b>a &lt;b></b></summary>\n\ntext\n\n</details>"
+    assert (
+        folded("a <b>", "text\n", opened=False)
+        == "<details>\n<summary><b>a &lt;b></b></summary>\n\ntext\n\n</details>"
+    )
     assert folded("a", "text\n", opened=True) == "text"
     assert folded("a", "\n", opened=False) == ""
 
@@ -180,18 +244,33 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
     large = Estimate(Notation("N").label("1"), summary(4196.0 + 83.0 * standard(rng)), "", False)
     small = Estimate(Notation("I₀").label("A"), summary(1.2e-6 + 1e-7 * standard(rng)), "", True)
     copies = copies_of([one, large, small])
-    assert copies.plain.splitlines()[1:-1] == ["tau = (2.07 ± 0.05) µs", "N = (4.20 ± 0.08)×10³ (not measured here)", "I₀ = (1.20 ± 0.10)×10⁻⁶ A"]
+    assert copies.plain.splitlines()[1:-1] == [
+        "tau = (2.07 ± 0.05) µs",
+        "N = (4.20 ± 0.08)×10³ (not measured here)",
+        "I₀ = (1.20 ± 0.10)×10⁻⁶ A",
+    ]
     assert copies.brackets.splitlines()[1:-1] == [
-        r"$\tau = \qty{2.07(5)}{\micro\second}$", r"$N = \num{4.20(8)e3}$  % not measured here", r"$I_{0} = \qty{1.20(10)e-6}{\ampere}$",
+        r"$\tau = \qty{2.07(5)}{\micro\second}$",
+        r"$N = \num{4.20(8)e3}$  % not measured here",
+        r"$I_{0} = \qty{1.20(10)e-6}{\ampere}$",
     ]
     assert copies.plus_minus.splitlines()[1:-1] == [
-        r"$\tau = \qty{2.07 +- 0.05}{\micro\second}$", r"$N = \num{4.20 +- 0.08 e3}$  % not measured here",
+        r"$\tau = \qty{2.07 +- 0.05}{\micro\second}$",
+        r"$N = \num{4.20 +- 0.08 e3}$  % not measured here",
         r"$I_{0} = \qty{1.20 +- 0.10 e-6}{\ampere}$",
     ]
-    assert copies.table.splitlines()[1] == "quantity,value,u,low_68,high_68,low_95,high_95,unit,measured"
+    assert (
+        copies.table.splitlines()[1]
+        == "quantity,value,u,low_68,high_68,low_95,high_95,unit,measured"
+    )
     assert copies.table.splitlines()[2].startswith("tau,2.07,0.05,2.02")
     assert copies.table.splitlines()[3].endswith(",,no")
-    tilt = Estimate(Notation("φ", "°", 180.0 / np.pi).label("rad"), summary(np.radians(4.0 + 0.25 * standard(rng))), "", True)
+    tilt = Estimate(
+        Notation("φ", "°", 180.0 / np.pi).label("rad"),
+        summary(np.radians(4.0 + 0.25 * standard(rng))),
+        "",
+        True,
+    )
     symbol, value, u, *ends, unit, measured = copies_of([tilt]).table.splitlines()[2].split(",")
     assert (symbol, value, u, unit, measured) == ("φ", "4", "0.25", "°", "yes")
     assert [float(end) for end in ends] == pytest.approx([3.75, 4.25, 3.51, 4.49], abs=0.03)
@@ -211,8 +290,18 @@ def test_every_copy_of_a_lopsided_value_has_the_same_number(rng: np.random.Gener
 
 @pytest.mark.parametrize(
     ("unit", "written"),
-    [("m/s²", r"\metre\per\second\tothe{2}"), ("1/µs", r"\per\micro\second"), ("N m", r"\newton\metre"), ("mm", r"\milli\metre"), ("1", ""),
-     ("m s⁻²", r"\metre\per\second\tothe{2}"), ("°", r"\degree"), ("min", r"\minute"), ("furlong_2", r"\text{furlong\_2}"), ("kg", r"\kilo\gram")],
+    [
+        ("m/s²", r"\metre\per\second\tothe{2}"),
+        ("1/µs", r"\per\micro\second"),
+        ("N m", r"\newton\metre"),
+        ("mm", r"\milli\metre"),
+        ("1", ""),
+        ("m s⁻²", r"\metre\per\second\tothe{2}"),
+        ("°", r"\degree"),
+        ("min", r"\minute"),
+        ("furlong_2", r"\text{furlong\_2}"),
+        ("kg", r"\kilo\gram"),
+    ],
 )
 def test_units_are_written_in_words_of_siunitx_or_as_text(unit: str, written: str) -> None:
     assert _unit(unit) == written
@@ -228,30 +317,75 @@ def test_symbols_are_written_as_mathematics() -> None:
 
 @pytest.mark.parametrize(
     ("value", "digits", "shown"),
-    [(0.09, 2, "0.090"), (0.2, 2, "0.20"), (5.46e-5, 3, "5.46×10⁻⁵"), (-0.004, 2, "−0.0040"), (24.0, 2, "24"), (120.0, 2, "120"), (0.0, 2, "0"),
-     (9.9995e-5, 2, "0.00010"), (1.5e7, 2, "1.5×10⁷"), (float("nan"), 2, "n/a")],
+    [
+        (0.09, 2, "0.090"),
+        (0.2, 2, "0.20"),
+        (5.46e-5, 3, "5.46×10⁻⁵"),
+        (-0.004, 2, "−0.0040"),
+        (24.0, 2, "24"),
+        (120.0, 2, "120"),
+        (0.0, 2, "0"),
+        (9.9995e-5, 2, "0.00010"),
+        (1.5e7, 2, "1.5×10⁷"),
+        (float("nan"), 2, "n/a"),
+    ],
 )
 def test_significant_digits_keep_their_zeros(value: float, digits: int, shown: str) -> None:
     assert significant(value, digits) == shown
 
 
 def test_probabilities_and_shares_are_written_one_way() -> None:
-    assert [format_p(p) for p in (0.9, 0.91, 0.0003, 1e-9)] == ["p = 0.90", "p = 0.91", "p = 0.00030", "p < 1e-6"]
+    assert [format_p(p) for p in (0.9, 0.91, 0.0003, 1e-9)] == [
+        "p = 0.90",
+        "p = 0.91",
+        "p = 0.00030",
+        "p < 1e-6",
+    ]
     assert format_p(5e-5, 5e-5) == "p < 5e-5"
     assert p_digits(2e-5) == "2.0e-5"
-    assert [percentage(share) for share in (1.06, 0.086, 0.003, 0.95)] == ["106 %", "8.6 %", "0.30 %", "95 %"]
-    pairs = (("10.4 ± 0.5", "°"), ("0.4", "m"), ("1 ± 2", "1"), ("n/a", "m"), ("(1.2 ± 0.1)×10⁻⁶", "A"))
-    assert [with_unit(*pair) for pair in pairs] == ["(10.4 ± 0.5)°", "0.4 m", "1 ± 2", "n/a", "(1.2 ± 0.1)×10⁻⁶ A"]
+    assert [percentage(share) for share in (1.06, 0.086, 0.003, 0.95)] == [
+        "106 %",
+        "8.6 %",
+        "0.30 %",
+        "95 %",
+    ]
+    pairs = (
+        ("10.4 ± 0.5", "°"),
+        ("0.4", "m"),
+        ("1 ± 2", "1"),
+        ("n/a", "m"),
+        ("(1.2 ± 0.1)×10⁻⁶", "A"),
+    )
+    assert [with_unit(*pair) for pair in pairs] == [
+        "(10.4 ± 0.5)°",
+        "0.4 m",
+        "1 ± 2",
+        "n/a",
+        "(1.2 ± 0.1)×10⁻⁶ A",
+    ]
     assert p_sentence(0.91, None) == "goodness of fit: p = 0.91"
     assert evidence_words(-1.06) == "2.9 : 1 for a line through the origin, positive evidence"
     assert evidence_words(6.0).startswith("400 : 1 for an intercept, very strong")
 
 
 def test_progress_is_the_share_of_the_draws_needed_by_the_criterion_farthest_from_met() -> None:
-    at = Convergence(n_step=300, rhat=1.005, ess_bulk=3000.0, ess_tail=1000.0, tau=3.0, tau_moved=0.0, met=False, told=())
+    at = Convergence(
+        n_step=300,
+        rhat=1.005,
+        ess_bulk=3000.0,
+        ess_tail=1000.0,
+        tau=3.0,
+        tau_moved=0.0,
+        met=False,
+        told=(),
+    )
     assert _percent(at, Target(ess=4000.0)) == 25
     assert _percent(replace(at, n_step=30), Target(ess=4000.0)) == 20  # of 50 autocorrelation times
-    assert _percent(replace(at, ess_tail=9000.0, ess_bulk=9000.0, n_step=900), Target(ess=4000.0)) == 99  # R-hat is still too large
+    # R-hat is still too large
+    assert (
+        _percent(replace(at, ess_tail=9000.0, ess_bulk=9000.0, n_step=900), Target(ess=4000.0))
+        == 99
+    )
     assert _percent(replace(at, met=True), Target(ess=4000.0)) == 100
     assert _percent(replace(at, tau=float("nan")), Target(ess=4000.0)) == 0
 
@@ -265,7 +399,10 @@ def test_the_first_screen_has_the_gravest_reasons_and_room_for_one_at_least() ->
 
 
 def test_what_to_do_first_is_short_and_one_reading_far_off_comes_before_physics() -> None:
-    size, far, order = (Finding(Kind.CURVE_LACKS, run="r", test=test, p=1e-5, numbers={"deviation": 1.0}) for test in ("chi2", "largest", "runs"))
+    size, far, order = (
+        Finding(Kind.CURVE_LACKS, run="r", test=test, p=1e-5, numbers={"deviation": 1.0})
+        for test in ("chi2", "largest", "runs")
+    )
     assert first_step([]) == ""
     assert first_step([size, far]) == "look at the outlying reading"
     assert "an effect that the curve does not model" in first_step([size, far, order])
@@ -277,17 +414,26 @@ def test_what_to_do_first_is_short_and_one_reading_far_off_comes_before_physics(
 
 def test_what_python_prints_is_what_the_terminal_says() -> None:
     analysis, result, _ = fitted()
-    assert first_screen(result).lines[1:3] == screen_lines(estimates_with_truth(analysis), tests="p")[1:3]
+    assert (
+        first_screen(result).lines[1:3]
+        == screen_lines(estimates_with_truth(analysis), tests="p")[1:3]
+    )
 
 
 def estimates_with_truth(analysis: Analysis) -> list[Estimate]:
     truth = load_campaign(REPLICA).truth
-    return [replace(one, true=truth.get(name, float("nan"))) for one, name in zip(analysis.estimates, analysis.problem.names, strict=True)]
+    return [
+        replace(one, true=truth.get(name, float("nan")))
+        for one, name in zip(analysis.estimates, analysis.problem.names, strict=True)
+    ]
 
 
 def test_numbers_keep_their_units_on_one_line_and_code_stays_as_it_is() -> None:
-    assert unbroken("# 5 % x\n(3 ± 1) m, 5 % of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2 ± 1") == (
-        "# 5 % x\n(3\u00a0±\u00a01)\u00a0m, 5\u00a0% of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2\u00a0±\u00a01"
+    assert unbroken(
+        "# 5 % x\n(3 ± 1) m, 5 % of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± 2\n```\n2 ± 1"
+    ) == (
+        "# 5 % x\n(3\u00a0±\u00a01)\u00a0m, 5\u00a0% of x\n`a = 1 ± 2`\n# 5 % x\n```\n1 ± "
+        "2\n```\n2\u00a0±\u00a01"
     )
     *_, report = fitted()
     assert re.search("\\(3\\.\\d\\d\u00a0±\u00a00\\.\\d\\d\\)°", report.partition("<details>")[0])

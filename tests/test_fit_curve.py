@@ -1,4 +1,6 @@
-"""A user's own curve from points to a result: closed-form answers, recovery, calibration, refusals."""
+"""A user's own curve from points to a result: closed-form answers, recovery, calibration,
+refusals.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +22,17 @@ LINE = "a + b*x"
 T = np.linspace(0.0, 10.0, 41)
 
 
-def normal_equations(design: np.ndarray, y: np.ndarray, cov: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def normal_equations(
+    design: np.ndarray, y: np.ndarray, cov: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     inverse = np.linalg.inv(cov)
     information = design.T @ inverse @ design
     return np.linalg.solve(information, design.T @ inverse @ y), np.linalg.inv(information)
 
 
-def test_a_line_with_stated_errors_is_the_weighted_mean_of_the_textbook(rng: np.random.Generator) -> None:
+def test_a_line_with_stated_errors_is_the_weighted_mean_of_the_textbook(
+    rng: np.random.Generator,
+) -> None:
     u = rng.uniform(0.1, 0.5, T.size)
     y = 2.0 + 0.3 * T + u * rng.standard_normal(T.size)
     shuffled = rng.permutation(T.size)
@@ -35,13 +41,17 @@ def test_a_line_with_stated_errors_is_the_weighted_mean_of_the_textbook(rng: np.
     np.testing.assert_allclose([fit.values["b"], fit.values["a"]], values, rtol=1e-12)
     np.testing.assert_allclose(fit.cov, cov, rtol=1e-10)
     assert fit.names == ("b", "a")
-    assert fit.chi2 == pytest.approx(np.sum(((y - 2.0 - 0.3 * T - (values - [0.3, 2.0]) @ [T, np.ones_like(T)]) / u) ** 2))
+    assert fit.chi2 == pytest.approx(
+        np.sum(((y - 2.0 - 0.3 * T - (values - [0.3, 2.0]) @ [T, np.ones_like(T)]) / u) ** 2)
+    )
     assert fit.dof == T.size - 2
     assert fit.status == "ok"
     assert fit.sigma is None
 
 
-def test_without_stated_errors_their_size_comes_from_the_residuals(rng: np.random.Generator) -> None:
+def test_without_stated_errors_their_size_comes_from_the_residuals(
+    rng: np.random.Generator,
+) -> None:
     y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
     fit = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0})
     coefficients, cov = np.polyfit(T, y, 1, cov=True)
@@ -53,7 +63,9 @@ def test_without_stated_errors_their_size_comes_from_the_residuals(rng: np.rando
     assert "estimated" in fit._repr_markdown_()
 
 
-def test_a_covariance_matrix_weighs_as_the_general_least_squares_do(rng: np.random.Generator) -> None:
+def test_a_covariance_matrix_weighs_as_the_general_least_squares_do(
+    rng: np.random.Generator,
+) -> None:
     cov = 0.04 * np.exp(-np.abs(T[:, None] - T) / 2.0) + 0.01 * np.eye(T.size)
     y = 2.0 + 0.3 * T + np.linalg.cholesky(cov) @ rng.standard_normal(T.size)
     fit = fit_curve(LINE, T, y, start={"a": 0.0, "b": 0.0}, cov_y=cov)
@@ -66,8 +78,12 @@ def test_a_covariance_matrix_weighs_as_the_general_least_squares_do(rng: np.rand
 
 def test_shared_errors_are_the_covariance_they_stand_for(rng: np.random.Generator) -> None:
     y = 2.0 + 0.3 * T + 0.1 * rng.standard_normal(T.size)
-    fit = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, errors=[Component("zero_y", 0.5, "offset")])
-    _, cov = normal_equations(np.column_stack([np.ones_like(T), T]), y, 0.01 * np.eye(T.size) + 0.25)
+    fit = fit_curve(
+        LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, errors=[Component("zero_y", 0.5, "offset")]
+    )
+    _, cov = normal_equations(
+        np.column_stack([np.ones_like(T), T]), y, 0.01 * np.eye(T.size) + 0.25
+    )
     np.testing.assert_allclose(fit.cov[:2, :2], cov, rtol=1e-8)
     assert fit.names == ("a", "b", "offset")
     assert fit.sds["a"] > 0.5 > 10.0 * fit.sds["b"]
@@ -79,7 +95,9 @@ def held_line(x, a, b):
 
 @pytest.mark.parametrize("curve", [LINE, held_line])
 @pytest.mark.parametrize("u_y", [0.2, None])
-def test_a_fixed_parameter_is_the_line_with_its_value_taken_off(curve, u_y: float | None, rng: np.random.Generator) -> None:
+def test_a_fixed_parameter_is_the_line_with_its_value_taken_off(
+    curve, u_y: float | None, rng: np.random.Generator
+) -> None:
     y = 2.0 + 0.3 * T + 0.2 * rng.standard_normal(T.size)
     fit = fit_curve(curve, T, y, start={"b": 1.0}, fixed={"a": 2.5}, u_y=u_y)
     slope, residual = float(T @ (y - 2.5) / (T @ T)), y - 2.5 - float(T @ (y - 2.5) / (T @ T)) * T
@@ -106,7 +124,11 @@ def test_a_report_lists_what_was_fixed(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize(
     ("choice", "says"),
     [
-        ({"priors": {"b": 0.3}}, r"^'priors\[b\]' must be a prior, or text like .* \(an exact value is held by fixed=\{'b': 0.3\}\): 0.3$"),
+        (
+            {"priors": {"b": 0.3}},
+            r"^'priors\[b\]' must be a prior, or text like .* \(an exact value is held by "
+            r"fixed=\{'b': 0.3\}\): 0.3$",
+        ),
         ({"priors": {"b": (0.3, 0.1)}}, r"^'priors\[b\]' must be a prior"),
         ({"priors": {"b": Normal}}, r"^'priors\[b\]' must be a prior"),
         ({"priors": {"b": "0.3"}}, "must have an uncertainty.*goes into `fixed`"),
@@ -118,24 +140,44 @@ def test_a_report_lists_what_was_fixed(rng: np.random.Generator) -> None:
         ({"fixed": {"b": 1.0}}, "^'fixed' names 'b', which has a starting value too"),
         ({"fixed": {"k": 1.0}}, "^'fixed' names 'k', which is not in the formula"),
         ({"fixed": 3.0}, "^'fixed' must be a mapping"),
-        ({"start": {"b": 1.0}, "fixed": {"a": "2.0(1)"}}, r"^'fixed' must be a finite number for 'a' \(a value with an uncertainty is a prior\)"),
+        (
+            {"start": {"b": 1.0}, "fixed": {"a": "2.0(1)"}},
+            r"^'fixed' must be a finite number for 'a' \(a value with an uncertainty is a prior\)",
+        ),
         ({"start": {"b": 1.0}, "fixed": {"a": math.nan}}, "^'fixed' must be a finite number"),
-        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "bounds": {"a": (0.0, 2.0)}}, "^'bounds' names 'a', which is fixed"),
-        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "priors": {"a": "1.0(2)"}}, "^'priors' names 'a', which is fixed"),
-        ({"start": {"b": 1.0}, "fixed": {"a": 1.0}, "errors": [Component("zero_y", 0.1, "a")]}, "has a name that is taken"),
+        (
+            {"start": {"b": 1.0}, "fixed": {"a": 1.0}, "bounds": {"a": (0.0, 2.0)}},
+            "^'bounds' names 'a', which is fixed",
+        ),
+        (
+            {"start": {"b": 1.0}, "fixed": {"a": 1.0}, "priors": {"a": "1.0(2)"}},
+            "^'priors' names 'a', which is fixed",
+        ),
+        (
+            {"start": {"b": 1.0}, "fixed": {"a": 1.0}, "errors": [Component("zero_y", 0.1, "a")]},
+            "has a name that is taken",
+        ),
     ],
 )
-def test_a_choice_of_another_kind_is_refused_in_one_line(choice: dict[str, object], says: str) -> None:
+def test_a_choice_of_another_kind_is_refused_in_one_line(
+    choice: dict[str, object], says: str
+) -> None:
     with pytest.raises(InputError, match=says) as caught:
         fit_curve(LINE, T, 2.0 + 0.3 * T, **{"start": {"a": 1.0, "b": 1.0}, "u_y": 0.1, **choice})
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("kind", "u", "share"), [("scale_y", 0.02, 1.0), ("scale_x", 0.02, 1.0), ("zero_x", 0.3, None)])
-def test_a_shared_error_reaches_the_parameter_it_acts_on(kind: str, u: float, share: float | None) -> None:
+@pytest.mark.parametrize(
+    ("kind", "u", "share"), [("scale_y", 0.02, 1.0), ("scale_x", 0.02, 1.0), ("zero_x", 0.3, None)]
+)
+def test_a_shared_error_reaches_the_parameter_it_acts_on(
+    kind: str, u: float, share: float | None
+) -> None:
     y = 3.0 * np.exp(-T / 4.0)
     plain = fit_curve("a*exp(-x/tau)", T, y, start={"a": 1.0, "tau": 1.0}, u_y=1e-4)
-    fit = fit_curve("a*exp(-x/tau)", T, y, start={"a": 1.0, "tau": 1.0}, u_y=1e-4, errors=[Component(kind, u)])
+    fit = fit_curve(
+        "a*exp(-x/tau)", T, y, start={"a": 1.0, "tau": 1.0}, u_y=1e-4, errors=[Component(kind, u)]
+    )
     name = "tau" if kind == "scale_x" else "a"
     expected = u * share if share else u / 4.0  # a exp(x0/tau)
     assert fit.sds[name] / fit.values[name] == pytest.approx(expected, rel=1e-2)
@@ -145,11 +187,20 @@ def test_a_shared_error_reaches_the_parameter_it_acts_on(kind: str, u: float, sh
 
 def test_a_prior_and_the_data_share_the_work() -> None:
     y = np.full(T.size, 5.0)
-    fit = fit_curve("a + 0*x", T, y, start={"a": 0.0}, u_y=math.sqrt(T.size) * 0.2, priors={"a": Normal(4.0, 0.1)})
+    fit = fit_curve(
+        "a + 0*x",
+        T,
+        y,
+        start={"a": 0.0},
+        u_y=math.sqrt(T.size) * 0.2,
+        priors={"a": Normal(4.0, 0.1)},
+    )
     assert fit.values["a"] == pytest.approx((5.0 / 0.04 + 4.0 / 0.01) / (1 / 0.04 + 1 / 0.01))
     assert fit.sds["a"] == pytest.approx((1 / 0.04 + 1 / 0.01) ** -0.5)
     assert fit.dof == T.size
-    text = fit_curve("a + 0*x", T, y, start={"a": 0.0}, u_y=math.sqrt(T.size) * 0.2, priors={"a": "4.00(10)"})
+    text = fit_curve(
+        "a + 0*x", T, y, start={"a": 0.0}, u_y=math.sqrt(T.size) * 0.2, priors={"a": "4.00(10)"}
+    )
     assert text.values == fit.values
 
 
@@ -157,23 +208,34 @@ def test_with_a_prior_the_estimated_size_of_the_errors_settles(rng: np.random.Ge
     y = 5.0 + 0.2 * rng.standard_normal(T.size)
     fit = fit_curve("a + 0*x", T, y, start={"a": 0.0}, priors={"a": Normal(4.9, 0.05)})
     weight = T.size / fit.sigma**2
-    assert fit.values["a"] == pytest.approx((np.mean(y) * weight + 4.9 / 0.0025) / (weight + 1 / 0.0025))
+    assert fit.values["a"] == pytest.approx(
+        (np.mean(y) * weight + 4.9 / 0.0025) / (weight + 1 / 0.0025)
+    )
     assert fit.sigma == pytest.approx(math.sqrt(np.sum((y - fit.values["a"]) ** 2) / T.size))
 
 
 def test_a_frequency_far_from_the_start_is_found(rng: np.random.Generator) -> None:
     y = 3.0 * np.exp(-0.1 * T) * np.cos(4.0 * T + 0.5) + 0.1 * rng.standard_normal(T.size)
     for start in (1.0, 9.0):
-        fit = fit_curve("a*exp(-b*x)*cos(w*x + p)", T, y, start={"a": 1.0, "b": 0.3, "w": start, "p": 0.0}, u_y=0.1)
+        fit = fit_curve(
+            "a*exp(-b*x)*cos(w*x + p)",
+            T,
+            y,
+            start={"a": 1.0, "b": 0.3, "w": start, "p": 0.0},
+            u_y=0.1,
+        )
         assert fit.status == "ok"
         assert abs(fit.values["w"] - 4.0) < 4 * fit.sds["w"] < 0.1
-        assert fit.values["a"] == pytest.approx(3.0, abs=4 * fit.sds["a"])  # not its mirror image, -3 with the phase turned
+        # not its mirror image, -3 with the phase turned
+        assert fit.values["a"] == pytest.approx(3.0, abs=4 * fit.sds["a"])
 
 
 def test_exchanged_exponentials_keep_the_order_of_the_start() -> None:
     y = 2.0 * np.exp(-0.2 * T) + 3.0 * np.exp(-1.5 * T)
     for start in ({"p": 0.1, "q": 3.0}, {"p": 3.0, "q": 0.1}):
-        fit = fit_curve("a*exp(-p*x) + b*exp(-q*x)", T, y, start={"a": 1.0, "b": 1.0} | start, u_y=1e-3)
+        fit = fit_curve(
+            "a*exp(-p*x) + b*exp(-q*x)", T, y, start={"a": 1.0, "b": 1.0} | start, u_y=1e-3
+        )
         assert (fit.values["p"] < fit.values["q"]) == (start["p"] < start["q"])
         assert sorted((fit.values["p"], fit.values["q"])) == pytest.approx([0.2, 1.5])
 
@@ -182,7 +244,9 @@ def test_exchanged_exponentials_keep_the_order_of_the_start() -> None:
 def test_units_do_not_matter(rng: np.random.Generator, scale: float) -> None:
     y = 3.0 * np.exp(-T / 4.0) + 1.0 + 0.05 * rng.standard_normal(T.size)
     one = fit_curve("a*exp(-x/tau) + c", T, y, start={"a": 1.0, "tau": 20.0, "c": 0.0})
-    other = fit_curve("a*exp(-x/tau) + c", T / scale, y * scale, start={"a": scale, "tau": 20.0 / scale, "c": 0.0})
+    other = fit_curve(
+        "a*exp(-x/tau) + c", T / scale, y * scale, start={"a": scale, "tau": 20.0 / scale, "c": 0.0}
+    )
     assert other.values["tau"] * scale == pytest.approx(one.values["tau"], rel=1e-8)
     assert other.sds["a"] / scale == pytest.approx(one.sds["a"], rel=1e-6)
     assert other.status == one.status
@@ -197,7 +261,14 @@ def test_intervals_cover_what_they_promise() -> None:
         x = np.linspace(0.0, 12.0, 15)
         y = 3.0 * np.exp(-x / 4.0) + 1.0 + 0.1 * noise
         for claimed, key in ((0.1, "right"), (0.04, "wrong")):
-            fit = fit_curve("a*exp(-x/tau) + c", x, y, start={"a": 2.0, "tau": 3.0, "c": 0.0}, u_y=claimed, n_start=1)
+            fit = fit_curve(
+                "a*exp(-x/tau) + c",
+                x,
+                y,
+                start={"a": 2.0, "tau": 3.0, "c": 0.0},
+                u_y=claimed,
+                n_start=1,
+            )
             hits[key] += abs(fit.values["tau"] - truth["tau"]) < fit.sds["tau"]
     expected, sd = 0.683 * n, math.sqrt(n * 0.683 * 0.317)
     assert abs(hits["right"] - expected) < 3.5 * sd
@@ -228,7 +299,10 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     wrong = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert wrong.status == "poor-fit"  # a limit from a curve that does not fit is none
     level = y - (fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}).values["b"] + 1e-3) * T
-    assert any("b lies at its limit 0, and the data favour values beyond it" in reason for reason in wrong.reasons)
+    assert any(
+        "b lies at its limit 0, and the data favour values beyond it" in reason
+        for reason in wrong.reasons
+    )
     fit = fit_curve(LINE, T, level, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (0.0, None)})
     assert fit.status == "ok"  # where a value belongs that is no larger than its error
     assert math.isnan(fit.sds["b"])
@@ -238,7 +312,10 @@ def test_a_limit_is_reported_as_a_limit(rng: np.random.Generator) -> None:
     near = fit_curve(LINE, T, y, start={"a": 1.0, "b": 1.0}, u_y=0.1, bounds={"b": (edge, None)})
     assert near.status == "ok"
     assert math.isnan(near.sds["b"])
-    assert any(note.startswith("b is less than one standard deviation from its limit") for note in near.notes)
+    assert any(
+        note.startswith("b is less than one standard deviation from its limit")
+        for note in near.notes
+    )
 
 
 def test_as_many_parameters_as_points_leave_nothing_to_test() -> None:
@@ -268,8 +345,14 @@ def test_points_without_scatter_and_a_parameter_at_its_limit_are_no_reason_to_fa
 @pytest.mark.slow
 def test_exact_points_with_stated_errors_can_be_sampled() -> None:
     x = np.linspace(0.0, 1.0, 5)
-    analysis = sample_curve(fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}, u_y=0.1), seed=1, target=Target(ess=500))
-    expected = math.sqrt(normal_equations(np.column_stack([np.ones(5), x]), x, 0.01 * np.eye(5))[1][1, 1])
+    analysis = sample_curve(
+        fit_curve(LINE, x, 1.0 + 2.0 * x, start={"a": 0.0, "b": 0.0}, u_y=0.1),
+        seed=1,
+        target=Target(ess=500),
+    )
+    expected = math.sqrt(
+        normal_equations(np.column_stack([np.ones(5), x]), x, 0.01 * np.eye(5))[1][1, 1]
+    )
     assert analysis.chain.flat[:, 1].std() == pytest.approx(expected, rel=0.1)
     assert analysis.diagnosis.ok
     with pytest.raises(InputError, match="passes through every point"):
@@ -309,7 +392,10 @@ def good(**changes: object) -> dict[str, object]:
         ({"bounds": {"z": (0, 1)}}, "names 'z', which is not a parameter"),
         ({"priors": {"z": "1(1)"}}, "names 'z', which is not a parameter"),
         ({"priors": {"a": "1.0"}}, "must have an uncertainty"),
-        ({"priors": {"a": "1(1)"}, "bounds": {"a": (0, 2)}}, "cannot be combined with a prior for 'a'"),
+        (
+            {"priors": {"a": "1(1)"}, "bounds": {"a": (0, 2)}},
+            "cannot be combined with a prior for 'a'",
+        ),
         ({"errors": [Component("zero_y", 0.1, "a")]}, "has a name that is taken"),
         ({"x": T[:2], "y": T[:2]}, "must have more points than parameters"),
         ({"x": T[:1], "y": T[:1], "u_y": 1.0}, "must have at least as many points"),
@@ -328,7 +414,9 @@ def test_wrong_arguments_are_refused_in_one_line(changes: dict[str, object], say
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("arguments", [("nothing", 1.0), ("zero_y", 0.0), ("zero_y", math.inf), ("scale_y", 2.0)])
+@pytest.mark.parametrize(
+    "arguments", [("nothing", 1.0), ("zero_y", 0.0), ("zero_y", math.inf), ("scale_y", 2.0)]
+)
 def test_components_are_checked(arguments: tuple[str, float]) -> None:
     with pytest.raises(InputError):
         Component(*arguments)
@@ -354,7 +442,9 @@ def test_the_same_call_gives_the_same_numbers(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.slow
-def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(rng: np.random.Generator) -> None:
+def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(
+    rng: np.random.Generator,
+) -> None:
     from scipy.stats import t
 
     x = np.linspace(0.0, 1.0, 8)
@@ -365,8 +455,10 @@ def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(rng: np.r
     low, high = np.quantile(draws, [0.025, 0.975])
     half = t.ppf(0.975, 6) * fit.sds["b"]
     assert analysis.diagnosis.ok
-    assert (high - low) / 2 == pytest.approx(half, rel=0.06)  # a factor-20 prior of sigma is nearly the 1/sigma of the textbook
-    assert (high - low) / 2 > 1.15 * 1.96 * fit.sds["b"]  # a normal distribution would be too narrow
+    # a factor-20 prior of sigma is nearly the 1/sigma of the textbook
+    assert (high - low) / 2 == pytest.approx(half, rel=0.06)
+    # a normal distribution would be too narrow
+    assert (high - low) / 2 > 1.15 * 1.96 * fit.sds["b"]
     assert 0.5 * (low + high) == pytest.approx(fit.values["b"], abs=0.1 * half)
 
 
@@ -375,12 +467,27 @@ def test_draws_of_a_line_with_unknown_errors_follow_the_t_distribution(rng: np.r
 def test_the_report_of_a_curve_speaks_of_the_curve(rng: np.random.Generator) -> None:
     y = 60.0 * np.exp(-T / 4.0) + 20.0 + 0.3 * rng.standard_normal(T.size)
     fit = fit_curve(
-        "dT*exp(-x/tau) + room", T, y, start={"dT": 50.0, "tau": 1.0, "room": 25.0}, u_y=0.3, units={"dT": "°C", "tau": "min", "room": "°C"},
-        errors=[Component("zero_y", 0.5)], axes=AxisNames("time", "min", "temperature", "°C"),
+        "dT*exp(-x/tau) + room",
+        T,
+        y,
+        start={"dT": 50.0, "tau": 1.0, "room": 25.0},
+        u_y=0.3,
+        units={"dT": "°C", "tau": "min", "room": "°C"},
+        errors=[Component("zero_y", 0.5)],
+        axes=AxisNames("time", "min", "temperature", "°C"),
     )
-    files = curve_report(fit, sample_curve(fit, seed=1, target=Target(ess=1000)), title="Cooling", kind="synthetic")
+    files = curve_report(
+        fit, sample_curve(fit, seed=1, target=Target(ess=1000)), title="Cooling", kind="synthetic"
+    )
     text = files["report.md"].decode().replace("\u00a0", " ")
-    wanted = ("Curve: `y = dT*exp(-x/tau) + room`", "temperature (°C) against time (min)", "SYNTHETIC", "| tau |", "zero error of y", "points fit")
+    wanted = (
+        "Curve: `y = dT*exp(-x/tau) + room`",
+        "temperature (°C) against time (min)",
+        "SYNTHETIC",
+        "| tau |",
+        "zero error of y",
+        "points fit",
+    )
     for word in wanted:
         assert word in text
     for word in ("turning point", "speed", "mass", "radians", "frame"):
@@ -397,7 +504,9 @@ def peak_of_plain_numbers(x, a, x0, w, b):
 
 
 @pytest.mark.parametrize("curve", [peak, peak_of_plain_numbers])
-def test_a_narrow_peak_far_from_zero_is_fit_as_well_as_near_it(curve, rng: np.random.Generator) -> None:
+def test_a_narrow_peak_far_from_zero_is_fit_as_well_as_near_it(
+    curve, rng: np.random.Generator
+) -> None:
     x = np.linspace(-1.25, 1.25, 120)
     y = peak(x, 5.0, 0.0, 0.05, 1.0) + 0.1 * rng.standard_normal(x.size)
     start = {"a": 4.0, "x0": 0.04, "w": 0.08, "b": 0.8}
@@ -409,5 +518,9 @@ def test_a_narrow_peak_far_from_zero_is_fit_as_well_as_near_it(curve, rng: np.ra
     sds = np.sqrt(np.diag(np.linalg.inv(near.jac.T @ near.jac)))
     far = fit_curve(curve, x + 780.24, y, u_y=0.1, start=start | {"x0": 780.28})
     assert far.status == "ok"
-    np.testing.assert_allclose((np.array(list(far.values.values())) - near.x - [0.0, 780.24, 0.0, 0.0]) / sds, 0.0, atol=1e-4)
+    np.testing.assert_allclose(
+        (np.array(list(far.values.values())) - near.x - [0.0, 780.24, 0.0, 0.0]) / sds,
+        0.0,
+        atol=1e-4,
+    )
     np.testing.assert_allclose(list(far.sds.values()), sds, rtol=1e-5)

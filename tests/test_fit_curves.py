@@ -14,42 +14,80 @@ T = np.linspace(0.0, 6.0, 30)
 RNG = np.random.default_rng(3)
 SWINGS = {
     "first": DataSet(T, 5.0 * np.exp(-T / 2.0) + 1.0 + 0.1 * RNG.standard_normal(30), u_y=0.1),
-    "second": DataSet(T[:20], 3.0 * np.exp(-T[:20] / 2.0) + 1.0 + 0.05 * RNG.standard_normal(20), u_y=0.05),
+    "second": DataSet(
+        T[:20], 3.0 * np.exp(-T[:20] / 2.0) + 1.0 + 0.05 * RNG.standard_normal(20), u_y=0.05
+    ),
 }
 FORMULA, START = "A*exp(-x/tau) + c", {"A": 1.0, "tau": 1.0, "c": 0.0}
 
 
 def test_a_joint_fit_is_least_squares_of_everything_at_once() -> None:
-    fit = fit_curves(FORMULA, SWINGS, shared=["tau", "c"], start=START, derived={"rate": "1/tau", "ratio": "A/c"}, units={"tau": "s"})
+    fit = fit_curves(
+        FORMULA,
+        SWINGS,
+        shared=["tau", "c"],
+        start=START,
+        derived={"rate": "1/tau", "ratio": "A/c"},
+        units={"tau": "s"},
+    )
 
     def residuals(p: np.ndarray) -> np.ndarray:
-        return np.concatenate([(s.y - a * np.exp(-s.x / p[0]) - p[1]) / s.u_y for s, a in zip(SWINGS.values(), p[2:], strict=True)])
+        return np.concatenate(
+            [
+                (s.y - a * np.exp(-s.x / p[0]) - p[1]) / s.u_y
+                for s, a in zip(SWINGS.values(), p[2:], strict=True)
+            ]
+        )
 
     best = least_squares(residuals, [1.5, 0.5, 4.0, 2.0], xtol=1e-14, ftol=1e-14)
     names = ("tau", "c", "A[first]", "A[second]")
     assert set(fit.names) == set(names)
     assert [fit.values[name] for name in names] == pytest.approx(best.x, rel=1e-6)
-    assert [fit.sds[name] for name in names] == pytest.approx(np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac))), rel=1e-4)
+    assert [fit.sds[name] for name in names] == pytest.approx(
+        np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac))), rel=1e-4
+    )
     assert (fit.chi2, fit.dof) == (pytest.approx(2.0 * best.cost), 46)
     assert fit.status == "ok"
     assert fit.derived["rate"].value == pytest.approx(1.0 / fit.values["tau"])
-    assert fit.derived["ratio[second]"].value == pytest.approx(fit.values["A[second]"] / fit.values["c"])
-    assert fit.predict(0.0, data="second").value[0] == pytest.approx(fit.values["A[second]"] + fit.values["c"])
+    assert fit.derived["ratio[second]"].value == pytest.approx(
+        fit.values["A[second]"] / fit.values["c"]
+    )
+    assert fit.predict(0.0, data="second").value[0] == pytest.approx(
+        fit.values["A[second]"] + fit.values["c"]
+    )
     assert fit.plot(data="second").axes[0].get_title() == f"second: {FORMULA}: ok"
     assert fit.contour("tau", "A[second]").n_failed == 0
     assert fit.fit.posterior.problem.n_obs == 50
 
 
 def test_a_campaign_of_the_same_runs_says_the_same(tmp_path) -> None:
-    text = f'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "{FORMULA}"\nx = "t"\ny = "y"\n[curve.parameters]\n'
+    text = (
+        f'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "{FORMULA}"\nx = "t"\ny = '
+        '"y"\n[curve.parameters]\n'
+    )
     text += "tau = {start = 1.0}\nc = {start = 0.0}\nA = {start = 1.0}\n"
     for name, points in SWINGS.items():
-        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([points.x, points.y]), delimiter=",", header="t,y", comments="", fmt="%.17g")
-        text += f'[[runs]]\nname = "{name}"\nfile = "{name}.csv"\nu_y = {points.u_y}\n[runs.parameters]\nA = {{start = 1.0}}\n'
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            np.column_stack([points.x, points.y]),
+            delimiter=",",
+            header="t,y",
+            comments="",
+            fmt="%.17g",
+        )
+        text += (
+            f'[[runs]]\nname = "{name}"\nfile = "{name}.csv"\nu_y = '
+            f"{points.u_y}\n[runs.parameters]\nA = {{start = 1.0}}\n"
+        )
     (tmp_path / "c.toml").write_text(text)
-    theirs = fit_optimum(load_campaign(tmp_path / "c.toml").problem(["first", "second"]), rng=np.random.default_rng(1))
+    theirs = fit_optimum(
+        load_campaign(tmp_path / "c.toml").problem(["first", "second"]),
+        rng=np.random.default_rng(1),
+    )
     ours = fit_curves(FORMULA, SWINGS, shared=["tau", "c"], start=START)
-    assert ours.values == pytest.approx(dict(zip(theirs.names, theirs.values, strict=True)), rel=1e-8)
+    assert ours.values == pytest.approx(
+        dict(zip(theirs.names, theirs.values, strict=True)), rel=1e-8
+    )
     assert ours.sds == pytest.approx(dict(zip(theirs.names, theirs.sds, strict=True)), rel=1e-6)
 
 
@@ -57,12 +95,19 @@ def test_with_nothing_shared_each_set_is_fit_as_if_alone() -> None:
     together = fit_curves("exponential + constant", SWINGS, shared=[])
     for name, points in SWINGS.items():
         alone = fit_curve("exponential + constant", points.x, points.y, u_y=points.u_y)
-        assert {one: together.values[f"{one}[{name}]"] for one in alone.names} == pytest.approx(alone.values, rel=1e-5)
-        assert {one: together.sds[f"{one}[{name}]"] for one in alone.names} == pytest.approx(alone.sds, rel=1e-3)
+        assert {one: together.values[f"{one}[{name}]"] for one in alone.names} == pytest.approx(
+            alone.values, rel=1e-5
+        )
+        assert {one: together.sds[f"{one}[{name}]"] for one in alone.names} == pytest.approx(
+            alone.sds, rel=1e-3
+        )
 
 
 def test_a_wrong_curve_is_refused_with_the_name_of_its_set() -> None:
-    bad = {**SWINGS, "second": DataSet(T, 3.0 * np.exp(-T / 2.0) + 1.0 + 0.3 * np.sin(3 * T), u_y=0.3)}
+    bad = {
+        **SWINGS,
+        "second": DataSet(T, 3.0 * np.exp(-T / 2.0) + 1.0 + 0.3 * np.sin(3 * T), u_y=0.3),
+    }
     fit = fit_curves(FORMULA, bad, shared=["tau", "c"], start=START)
     assert fit.status == "poor-fit"
     assert any("second" in reason for reason in fit.reasons)
@@ -70,7 +115,11 @@ def test_a_wrong_curve_is_refused_with_the_name_of_its_set() -> None:
 
 
 def test_what_is_said_of_one_set_has_the_last_word() -> None:
-    said = {"fixed": {"c[second]": 1.0}, "priors": {"A[first]": "5.0(1)"}, "bounds": {"tau": (0.1, 9.0)}}
+    said = {
+        "fixed": {"c[second]": 1.0},
+        "priors": {"A[first]": "5.0(1)"},
+        "bounds": {"tau": (0.1, 9.0)},
+    }
     fit = fit_curves(FORMULA, SWINGS, shared=["tau"], start=START, **said)  # type: ignore[arg-type]
     assert set(fit.names) == {"tau", "A[first]", "c[first]", "A[second]"}
     assert fit.fixed == {"c[second]": 1.0}
@@ -79,14 +128,23 @@ def test_what_is_said_of_one_set_has_the_last_word() -> None:
 
 def test_counts_and_readings_may_be_fit_together() -> None:
     counts = np.random.default_rng(4).poisson(50.0 * np.exp(-T / 2.0) + 10.0)
-    fit = fit_curves(FORMULA, {"read": SWINGS["first"], "counted": DataSet(T, counts, noise=Poisson())}, shared=["tau"], start={**START, "A": 5.0})
+    fit = fit_curves(
+        FORMULA,
+        {"read": SWINGS["first"], "counted": DataSet(T, counts, noise=Poisson())},
+        shared=["tau"],
+        start={**START, "A": 5.0},
+    )
     assert fit.status == "ok"
-    assert fit.sds["tau"] < fit_curve(FORMULA, T, SWINGS["first"].y, u_y=0.1, start=START).sds["tau"]
+    assert (
+        fit.sds["tau"] < fit_curve(FORMULA, T, SWINGS["first"].y, u_y=0.1, start=START).sds["tau"]
+    )
 
 
 def test_an_error_of_all_points_is_one_unknown_of_all_data_sets() -> None:
     """Against the whole covariance matrix: every y has 0.5 in common."""
-    fit = fit_curves(FORMULA, SWINGS, shared=["tau"], start=START, errors=[Component("zero_y", 0.5, "offset")])
+    fit = fit_curves(
+        FORMULA, SWINGS, shared=["tau"], start=START, errors=[Component("zero_y", 0.5, "offset")]
+    )
     assert [name for name in fit.names if "offset" in name] == ["offset"]
     x, y = (np.concatenate([getattr(s, axis) for s in SWINGS.values()]) for axis in "xy")
     second = np.arange(y.size) >= T.size
@@ -94,9 +152,13 @@ def test_an_error_of_all_points_is_one_unknown_of_all_data_sets() -> None:
     at = [fit.values[name] for name in ("tau", "A[first]", "c[first]", "A[second]", "c[second]")]
     e = np.exp(-x / at[0])
     amplitude = np.where(second, at[3], at[1])
-    jacobian = np.column_stack([amplitude * e * x / at[0] ** 2, ~second * e, ~second, second * e, second])
+    jacobian = np.column_stack(
+        [amplitude * e * x / at[0] ** 2, ~second * e, ~second, second * e, second]
+    )
     sds = np.sqrt(np.diag(np.linalg.inv(jacobian.T @ np.linalg.solve(cov, jacobian))))
-    assert [fit.sds[name] for name in ("tau", "A[first]", "c[first]", "A[second]", "c[second]")] == pytest.approx(sds, rel=1e-3)
+    assert [
+        fit.sds[name] for name in ("tau", "A[first]", "c[first]", "A[second]", "c[second]")
+    ] == pytest.approx(sds, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -105,12 +167,21 @@ def test_an_error_of_all_points_is_one_unknown_of_all_data_sets() -> None:
         ({"shared": ["B"]}, "'shared' names 'B'"),
         ({"start": {**START, "A[third]": 1.0}}, "'start' names a data set that there is not"),
         ({"start": {**START, "A[second": 1.0}}, "'start' names a data set that there is not"),
-        ({"priors": {"tau[second]": "9.0(1)"}}, "'priors' refers to one data set, but 'tau' is shared by all"),
-        ({"bounds": {"tau[first]": (0.0, 1.0)}}, "'bounds' refers to one data set, but 'tau' is shared by all"),
+        (
+            {"priors": {"tau[second]": "9.0(1)"}},
+            "'priors' refers to one data set, but 'tau' is shared by all",
+        ),
+        (
+            {"bounds": {"tau[first]": (0.0, 1.0)}},
+            "'bounds' refers to one data set, but 'tau' is shared by all",
+        ),
         ({"data": {"a": DataSet(T, T)}}, "needs u_y, cov_y or noise"),
         ({"data": {"a[1]": DataSet(T, T, u_y=1.0)}}, r"without \[ and \]"),
         ({"data": {"a": (T, T)}}, "must be a DataSet"),
-        ({"data": {"a": DataSet(T, T[:3], u_y=1.0)}}, "'y' of data set 'a' must have as many values as x"),
+        (
+            {"data": {"a": DataSet(T, T[:3], u_y=1.0)}},
+            "'y' of data set 'a' must have as many values as x",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(change: dict[str, object], said: str) -> None:

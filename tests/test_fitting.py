@@ -51,7 +51,9 @@ def write(folder: Path, rows: str, **words: str) -> Path:
     return folder / "c.toml"
 
 
-def balanced_rows(rng: np.random.Generator, *, c_rr: float, sigma: float, n: int = 40) -> tuple[str, np.ndarray, np.ndarray]:
+def balanced_rows(
+    rng: np.random.Generator, *, c_rr: float, sigma: float, n: int = 40
+) -> tuple[str, np.ndarray, np.ndarray]:
     """Speeds of a balanced wheel, v^2 = 2 g x sin(...)/(1 + kappa), with independent errors."""
     x = np.linspace(0.3, 3.0, n)
     v = np.sqrt(2.0 * 9.81 * x * (np.sin(np.radians(5.5)) - c_rr * np.cos(np.radians(5.5))) / 1.75)
@@ -59,17 +61,30 @@ def balanced_rows(rng: np.random.Generator, *, c_rr: float, sigma: float, n: int
     return "x_m,v_m_s\n" + "\n".join(f"{a},{b}" for a, b in zip(x, v, strict=True)), x, v
 
 
-def test_mode_and_sd_of_one_parameter_are_those_of_the_linear_formula(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_mode_and_sd_of_one_parameter_are_those_of_the_linear_formula(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     sigma, prior_sd = 0.01, 0.02
     rows, x, v = balanced_rows(rng, c_rr=0.03, sigma=sigma)
-    path = write(tmp_path, rows, RESISTANCE='{prior = "normal", mean = 0.02, sd = 0.02}', NOISE='{model = "independent", sigma_v_m_s = 0.01}')
+    path = write(
+        tmp_path,
+        rows,
+        RESISTANCE='{prior = "normal", mean = 0.02, sd = 0.02}',
+        NOISE='{model = "independent", sigma_v_m_s = 0.01}',
+    )
     fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=rng)
 
     def minus_log(c: np.ndarray) -> float:
-        model = np.sqrt(2.0 * 9.81 * x * (np.sin(np.radians(5.5)) - c[0] * np.cos(np.radians(5.5))) / 1.75)
-        return float(0.5 * np.sum((v - model) ** 2) / sigma**2 + 0.5 * ((c[0] - 0.02) / prior_sd) ** 2)
+        model = np.sqrt(
+            2.0 * 9.81 * x * (np.sin(np.radians(5.5)) - c[0] * np.cos(np.radians(5.5))) / 1.75
+        )
+        return float(
+            0.5 * np.sum((v - model) ** 2) / sigma**2 + 0.5 * ((c[0] - 0.02) / prior_sd) ** 2
+        )
 
-    best = minimize(minus_log, [0.03], method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-10})
+    best = minimize(
+        minus_log, [0.03], method="Nelder-Mead", options={"xatol": 1e-10, "fatol": 1e-10}
+    )
     step = 1e-4
     curvature = (minus_log(best.x + step) - 2.0 * best.fun + minus_log(best.x - step)) / step**2
     assert fit.values[0] == pytest.approx(best.x[0], abs=1e-7)
@@ -78,35 +93,55 @@ def test_mode_and_sd_of_one_parameter_are_those_of_the_linear_formula(tmp_path: 
     assert fit.dof == 40
 
 
-def test_stated_sigmas_are_kept_however_small_chi2_is(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_stated_sigmas_are_kept_however_small_chi2_is(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     """lmfit would rescale them by chi2/dof unless told not to."""
     rows, *_ = balanced_rows(rng, c_rr=0.03, sigma=0.001)
     noise = '{model = "independent", sigma_v_m_s = SIGMA}'
     sds = []
     for sigma in ("0.01", "0.02"):
-        path = write(tmp_path, rows, RESISTANCE='{prior = "uniform", low = 0.0, high = 0.09}', NOISE=noise.replace("SIGMA", sigma))
+        path = write(
+            tmp_path,
+            rows,
+            RESISTANCE='{prior = "uniform", low = 0.0, high = 0.09}',
+            NOISE=noise.replace("SIGMA", sigma),
+        )
         sds.append(fit_least_squares(load_campaign(path).problem(["r"]), rng=rng).sds[0])
     assert sds[1] / sds[0] == pytest.approx(2.0, rel=1e-3)
 
 
-def test_parameter_at_its_bound_gets_no_symmetric_sd(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_parameter_at_its_bound_gets_no_symmetric_sd(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     rows, *_ = balanced_rows(rng, c_rr=0.03, sigma=0.01)
-    path = write(tmp_path, rows, RESISTANCE='{prior = "uniform", low = 0.05, high = 0.09}', NOISE='{model = "independent", sigma_v_m_s = 0.01}')
+    path = write(
+        tmp_path,
+        rows,
+        RESISTANCE='{prior = "uniform", low = 0.05, high = 0.09}',
+        NOISE='{model = "independent", sigma_v_m_s = 0.01}',
+    )
     fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=rng)
     assert fit.at_bound == ("rolling_resistance[r]",)
     assert np.isnan(fit.sds[0])
 
 
-def test_inferred_sigma_is_the_rms_of_the_residuals(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_inferred_sigma_is_the_rms_of_the_residuals(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     rows, x, v = balanced_rows(rng, c_rr=0.0, sigma=0.02, n=60)
     noise = '{model = "independent", sigma_v_m_s = {prior = "uniform", low = 0.0, high = 1.0}}'
-    fit = fit_least_squares(load_campaign(write(tmp_path, rows, NOISE=noise)).problem(["r"]), rng=rng)
+    fit = fit_least_squares(
+        load_campaign(write(tmp_path, rows, NOISE=noise)).problem(["r"]), rng=rng
+    )
     rms = np.sqrt(np.mean((v - np.sqrt(2.0 * 9.81 * x * np.sin(np.radians(5.5)) / 1.75)) ** 2))
     assert fit.values[0] == pytest.approx(rms, rel=1e-5)
     assert np.sqrt(fit.cov[0, 0]) == pytest.approx(rms / np.sqrt(2 * 60), rel=1e-4)
 
 
-def test_posterior_agrees_with_brute_force_quadrature(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_posterior_agrees_with_brute_force_quadrature(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     """Two parameters, one of them the noise: means and sds by summing over a grid."""
     rows, x, v = balanced_rows(rng, c_rr=0.03, sigma=0.02)
     noise = '{model = "independent", sigma_v_m_s = {prior = "half-normal", scale = 0.05}}'
@@ -115,8 +150,15 @@ def test_posterior_agrees_with_brute_force_quadrature(tmp_path: Path, rng: np.ra
     c, s = np.meshgrid(np.linspace(0.0, 0.08, 801), np.linspace(0.008, 0.06, 801), indexing="ij")
     square = np.zeros_like(c)
     for xi, vi in zip(x, v, strict=True):
-        square += (vi - np.sqrt(2.0 * 9.81 * xi * (np.sin(np.radians(5.5)) - c * np.cos(np.radians(5.5))) / 1.75)) ** 2
-    log_p = -0.5 * square / s**2 - x.size * np.log(s) - 0.5 * (c / 0.05) ** 2 - 0.5 * (s / 0.05) ** 2
+        square += (
+            vi
+            - np.sqrt(
+                2.0 * 9.81 * xi * (np.sin(np.radians(5.5)) - c * np.cos(np.radians(5.5))) / 1.75
+            )
+        ) ** 2
+    log_p = (
+        -0.5 * square / s**2 - x.size * np.log(s) - 0.5 * (c / 0.05) ** 2 - 0.5 * (s / 0.05) ** 2
+    )
     weight = np.exp(log_p - log_p.max())
     weight /= weight.sum()
     for i, grid in enumerate((c, s)):
@@ -128,18 +170,27 @@ def test_posterior_agrees_with_brute_force_quadrature(tmp_path: Path, rng: np.ra
         assert abs(draws.std() / sd - 1.0) < 4.0 * np.sqrt(1.0 / n_eff)
 
 
-def test_mode_of_the_replica_run_maximises_the_posterior(replica: Path, rng: np.random.Generator) -> None:
+def test_mode_of_the_replica_run_maximises_the_posterior(
+    replica: Path, rng: np.random.Generator
+) -> None:
     """At the reported mode no direction leads uphill."""
     fit = fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), rng=rng)
     assert fit.success
     assert fit.n_same >= 6
     best = fit.posterior.log_density(fit.values[None])[0]
-    around = fit.values + 0.05 * rng.standard_normal((500, fit.values.size)) @ np.linalg.cholesky(fit.cov).T
+    around = (
+        fit.values
+        + 0.05 * rng.standard_normal((500, fit.values.size)) @ np.linalg.cholesky(fit.cov).T
+    )
     assert np.max(fit.posterior.log_density(around)) < best + 1e-4
 
 
-def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Eight starts take few more searches than one, count as eight, and the mode is that of the first alone."""
+def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(
+    replica: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eight starts take few more searches than one, count as eight, and the mode is that of the
+    first alone.
+    """
     problem = load_campaign(replica / "campaign.toml").problem(["light-02"])
     alone = fit_least_squares(problem, rng=np.random.default_rng(4), n_start=1)
     searches, fit_curve = [], least_squares._fit_curve
@@ -157,20 +208,30 @@ def test_starts_that_meet_go_on_as_one_to_the_mode_of_each_alone(replica: Path, 
 
 def test_starts_that_part_go_on_apart() -> None:
     """a^2 measured as 1: starts on either side end on their own, and both are reported."""
-    problem = formula_problem(lambda x, a: a**2 * x, np.array([1.0]), np.array([1.0]), 0.1, {"a": Normal(0.0, 2.0)})
-    fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=12, start=np.array([0.3]))
+    problem = formula_problem(
+        lambda x, a: a**2 * x, np.array([1.0]), np.array([1.0]), 0.1, {"a": Normal(0.0, 2.0)}
+    )
+    fit = fit_least_squares(
+        problem, rng=np.random.default_rng(1), n_start=12, start=np.array([0.3])
+    )
     assert fit.others == pytest.approx(-fit.values[None], rel=1e-6)
     assert 0 < fit.n_same < 12
 
 
 class Following:
-    """In place of a posterior whose covariance follows the curve, and of its problem: where a round leads from each place."""
+    """In place of a posterior whose covariance follows the curve, and of its problem: where a round
+    leads from each place.
+    """
 
     groups = ((0,),)
 
-    def __init__(self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(
+        self, leads: Callable[[np.ndarray], np.ndarray], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         self.rounds, self.problem = 0, self
-        monkeypatch.setattr(least_squares, "_fit_curve", lambda _, values, **choices: self.round(leads, values))
+        monkeypatch.setattr(
+            least_squares, "_fit_curve", lambda _, values, **choices: self.round(leads, values)
+        )
         monkeypatch.setattr(least_squares, "fit_noise", lambda _, values: values)
         monkeypatch.setattr(least_squares, "information", lambda _, values: np.eye(values.size))
 
@@ -182,43 +243,64 @@ class Following:
         return self
 
 
-def test_rounds_that_go_to_and_fro_settle_where_they_lead_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A weighted mean of 0 and 1, the weight of each the larger the farther the last mean lay from it: full rounds end in a cycle."""
+def test_rounds_that_go_to_and_fro_settle_where_they_lead_nowhere_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A weighted mean of 0 and 1, the weight of each the larger the farther the last mean lay from
+    it: full rounds end in a cycle.
+    """
     leads = lambda mean: expit(-8.0 * (mean - 0.5))  # noqa: E731
     cycle = [0.3]
     for _ in range(60):
         cycle.append(float(leads(cycle[-1])))
     assert abs(cycle[-1] - cycle[-2]) > 0.5
-    values, _, moved = least_squares._settle(np.array([0.3]), Following(leads, monkeypatch), max_rounds=60)
+    values, _, moved = least_squares._settle(
+        np.array([0.3]), Following(leads, monkeypatch), max_rounds=60
+    )
     assert moved < 1e-4
     assert values[0] == pytest.approx(0.5, abs=1e-4)
 
 
-def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounds_across_a_jump_end_soon_and_do_not_pass_for_settled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     following = Following(lambda mean: np.where(mean < 0.5, 1.0, 0.0), monkeypatch)
     *_, moved = least_squares._settle(np.array([0.3]), following, max_rounds=60)
     assert moved > 0.4
     assert following.rounds < 30
 
 
-def test_step_between_limits_is_the_best_of_all_ways_to_hold_parameters_there(rng: np.random.Generator) -> None:
-    """Against every choice of which of three parameters are held at which limit; the free step cut off there is worse, and may be worse than none."""
+def test_step_between_limits_is_the_best_of_all_ways_to_hold_parameters_there(
+    rng: np.random.Generator,
+) -> None:
+    """Against every choice of which of three parameters are held at which limit; the free step cut
+    off there is worse, and may be worse than none.
+    """
     nowhere = 0
     for _ in range(200):
-        rows, aim = rng.standard_normal((6, 3)) @ np.array([[1.0, 0.9, 0.8], [0.0, 0.3, 0.5], [0.0, 0.0, 0.2]]), rng.standard_normal(6)
+        rows, aim = (
+            rng.standard_normal((6, 3))
+            @ np.array([[1.0, 0.9, 0.8], [0.0, 0.3, 0.5], [0.0, 0.0, 0.2]]),
+            rng.standard_normal(6),
+        )
         low, high = -rng.uniform(0.0, 0.5, 3) * rng.integers(0, 2, 3), rng.uniform(0.1, 0.5, 3)
         best = np.inf
         for sides in itertools.product((None, low, high), repeat=3):
             step = np.array([0.0 if side is None else side[i] for i, side in enumerate(sides)])
             free = [i for i, side in enumerate(sides) if side is None]
-            step[free] = np.linalg.lstsq(rows[:, free], -aim - rows @ step, rcond=None)[0] if free else []
+            step[free] = (
+                np.linalg.lstsq(rows[:, free], -aim - rows @ step, rcond=None)[0] if free else []
+            )
             if np.all((step >= low - 1e-12) & (step <= high + 1e-12)):
                 best = min(best, float(np.sum((rows @ step + aim) ** 2)))
         found = step_between(rows, aim, low, high)
         assert np.all((found >= low) & (found <= high))
         assert np.sum((rows @ found + aim) ** 2) == pytest.approx(best, rel=1e-9)
         cut = np.clip(np.linalg.lstsq(rows, -aim, rcond=None)[0], low, high)
-        nowhere += all(np.sum((rows @ (length * cut) + aim) ** 2) > np.sum(aim**2) for length in 0.5 ** np.arange(10))
+        nowhere += all(
+            np.sum((rows @ (length * cut) + aim) ** 2) > np.sum(aim**2)
+            for length in 0.5 ** np.arange(10)
+        )
     assert nowhere > 5
     # without limits that matter, the free step
     free = np.linalg.lstsq(rows, -aim, rcond=None)[0]

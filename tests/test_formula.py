@@ -16,15 +16,96 @@ from estim.curves.formula import FUNCTIONS, MAX_LENGTH, _compiled, evaluate, rea
 from estim.curves.function import wrap_function
 
 HOSTILE = [
-    "__import__('os').system('true')", "().__class__.__bases__[0].__subclasses__()", "x.__class__", "np.sin(x)", "open('/etc/passwd')",
-    "eval('1')", "exec('1')", "getattr(x, 'T')", "print(x)", "globals()", "lambda: x", "(lambda: 0)()", "[i for i in range(10**9)]",
-    "{i for i in x}", "(i for i in x)", "{1: x}", "[x]*10", "(x, x)", "x[0]", "x[::2]", "'a'*10**9", "'a'", "b'a'", "f'{x}'", "...", "None",
-    "True + x", "1j*x", "x if x > 0 else 1", "x and a", "not x", "~x", "x << 99", "x | 1", "x // 2", "x % 2", "x @ x", "a := 3", "await x",
-    "yield x", "*x", "x; x", "x\nimport os", "import os", "a = 2", "a == 2", "9**9**9", "9**9**9**9", "x**(9**9)", "2**-(9**9)",
-    "10.0**400", "1e999*x", "9" * 1500 + "*x", "1/0", "x + 0/0", "exp(1000)*x", "log(-1) + x", "sqrt(-1)", "a^2", "exp[x]", "2x", "3(x)",
-    "x x", "sin x", "sin", "sin()", "sin(x, x)", "sin(x=1)", "sin(*x)", "sin(**x)", "where(x)", "max(x)", "x < 1", "1 < x < 2",
-    "where(1 < x < 2, 1, 0)", "_a*x", "__builtins__", "power(x, 2)", "a.b", "", "   ", "(", ")", "(" * 90 + "x", "-" * 1500 + "x",
-    "+".join(["x"] * 900), "x" * (MAX_LENGTH + 1), "a\0b", "\ud800", "where(where(x > 1, 1, 0), 1, x > 2)",
+    "__import__('os').system('true')",
+    "().__class__.__bases__[0].__subclasses__()",
+    "x.__class__",
+    "np.sin(x)",
+    "open('/etc/passwd')",
+    "eval('1')",
+    "exec('1')",
+    "getattr(x, 'T')",
+    "print(x)",
+    "globals()",
+    "lambda: x",
+    "(lambda: 0)()",
+    "[i for i in range(10**9)]",
+    "{i for i in x}",
+    "(i for i in x)",
+    "{1: x}",
+    "[x]*10",
+    "(x, x)",
+    "x[0]",
+    "x[::2]",
+    "'a'*10**9",
+    "'a'",
+    "b'a'",
+    "f'{x}'",
+    "...",
+    "None",
+    "True + x",
+    "1j*x",
+    "x if x > 0 else 1",
+    "x and a",
+    "not x",
+    "~x",
+    "x << 99",
+    "x | 1",
+    "x // 2",
+    "x % 2",
+    "x @ x",
+    "a := 3",
+    "await x",
+    "yield x",
+    "*x",
+    "x; x",
+    "x\nimport os",
+    "import os",
+    "a = 2",
+    "a == 2",
+    "9**9**9",
+    "9**9**9**9",
+    "x**(9**9)",
+    "2**-(9**9)",
+    "10.0**400",
+    "1e999*x",
+    "9" * 1500 + "*x",
+    "1/0",
+    "x + 0/0",
+    "exp(1000)*x",
+    "log(-1) + x",
+    "sqrt(-1)",
+    "a^2",
+    "exp[x]",
+    "2x",
+    "3(x)",
+    "x x",
+    "sin x",
+    "sin",
+    "sin()",
+    "sin(x, x)",
+    "sin(x=1)",
+    "sin(*x)",
+    "sin(**x)",
+    "where(x)",
+    "max(x)",
+    "x < 1",
+    "1 < x < 2",
+    "where(1 < x < 2, 1, 0)",
+    "_a*x",
+    "__builtins__",
+    "power(x, 2)",
+    "a.b",
+    "",
+    "   ",
+    "(",
+    ")",
+    "(" * 90 + "x",
+    "-" * 1500 + "x",
+    "+".join(["x"] * 900),
+    "x" * (MAX_LENGTH + 1),
+    "a\0b",
+    "\ud800",
+    "where(where(x > 1, 1, 0), 1, x > 2)",
 ]
 
 
@@ -66,11 +147,26 @@ def test_a_formula_may_be_written_on_several_lines() -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["a*x + b   # line\n+ 3.0*x**2", "a*x  # slope", "# c\na*x", "a*x + b  # line + 3.0*x**2", "a*x # c\u2028+ b", "a*x #\r+ b", "a*x##\n"]
+    "text",
+    [
+        "a*x + b   # line\n+ 3.0*x**2",
+        "a*x  # slope",
+        "# c\na*x",
+        "a*x + b  # line + 3.0*x**2",
+        "a*x # c\u2028+ b",
+        "a*x #\r+ b",
+        "a*x##\n",
+    ],
 )
 def test_a_comment_is_refused_for_it_would_hide_terms(text: str) -> None:
-    """TOML joins lines that end with a backslash before the formula is read: where a comment ends is not known here."""
-    with pytest.raises(InputError, match=r"must not hold a comment, for # hides what follows it.*: put comments outside the quotes: #"):
+    """TOML joins lines that end with a backslash before the formula is read: where a comment ends
+    is not known here.
+    """
+    with pytest.raises(
+        InputError,
+        match=r"must not hold a comment, for # hides what follows it.*: put comments outside the "
+        r"quotes: #",
+    ):
         read_formula(text)
 
 
@@ -79,10 +175,31 @@ def test_the_line_of_a_comment_is_told() -> None:
         read_formula("a*x\n+ c*x**2   # curvature\n+ b")
 
 
-JOINED = ["a*x +\n b", "a*x\n+ b", "a*x\n\n\n+ b\n", "a*x\r\n+ b", "a*x\r+ b", "a*x\u2028+ b", "a*x\x0c+\tb", "(a\n*x)\n+b"]
+JOINED = [
+    "a*x +\n b",
+    "a*x\n+ b",
+    "a*x\n\n\n+ b\n",
+    "a*x\r\n+ b",
+    "a*x\r+ b",
+    "a*x\u2028+ b",
+    "a*x\x0c+\tb",
+    "(a\n*x)\n+b",
+]
 APART = [
-    "a*x \\\n + b", "a*x; + b", "a*x +", "a*x\nb", "a*1\n5*x", "a*1e\n5", "ab\n(x)", "a*x*\n*b", "si\nn(x)", "a*x\n;b", "'a*x' + b", '"""a*x"""',
-    "a*x, b", "a*x\n\\\nb",
+    "a*x \\\n + b",
+    "a*x; + b",
+    "a*x +",
+    "a*x\nb",
+    "a*1\n5*x",
+    "a*1e\n5",
+    "ab\n(x)",
+    "a*x*\n*b",
+    "si\nn(x)",
+    "a*x\n;b",
+    "'a*x' + b",
+    '"""a*x"""',
+    "a*x, b",
+    "a*x\n\\\nb",
 ]
 
 
@@ -99,11 +216,24 @@ def test_what_is_more_than_one_expression_is_refused(text: str) -> None:
 
 @pytest.mark.parametrize("number", ["1_0", "1_000.5", "0x10", "0b1", "0o7", "1e1_0", "1_0e3"])
 def test_numbers_are_written_as_in_tables(number: str) -> None:
-    with pytest.raises(InputError, match=f"must write numbers with the digits 0 to 9 and a decimal point: {number}"):
+    with pytest.raises(
+        InputError, match=f"must write numbers with the digits 0 to 9 and a decimal point: {number}"
+    ):
         read_formula(f"a*x + {number}")
 
 
-@pytest.mark.parametrize(("number", "value"), [("1e3", 1e3), (".5", 0.5), ("6.", 6.0), ("00", 0.0), ("2.5E-1", 0.25), ("0.1", 0.1), ("9" * 30, 1e30)])
+@pytest.mark.parametrize(
+    ("number", "value"),
+    [
+        ("1e3", 1e3),
+        (".5", 0.5),
+        ("6.", 6.0),
+        ("00", 0.0),
+        ("2.5E-1", 0.25),
+        ("0.1", 0.1),
+        ("9" * 30, 1e30),
+    ],
+)
 def test_numbers_are_read_to_the_last_digit(number: str, value: float) -> None:
     assert read_formula(number).value(np.array([1.0]), {})[0, 0] == value
 
@@ -112,7 +242,14 @@ def test_every_function_agrees_with_the_library_it_is_named_after() -> None:
     from scipy import special
 
     x = np.array([0.3, 0.7, 1.4])
-    other = {"ln": np.log, "abs": np.abs, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2}
+    other = {
+        "ln": np.log,
+        "abs": np.abs,
+        "asin": np.arcsin,
+        "acos": np.arccos,
+        "atan": np.arctan,
+        "atan2": np.arctan2,
+    }
     other |= {"max": np.maximum, "min": np.minimum, "erf": special.erf, "erfc": special.erfc}
     for name, (_, count) in FUNCTIONS.items():
         if count == 3:
@@ -141,11 +278,26 @@ def test_a_formula_is_compiled_once_and_sees_no_built_in_name() -> None:
 
 
 SMOOTH = [
-    "a*exp(-b*x) + c", "a*sin(b*x + c)/x", "a*x**b + c", "(a + b*x + c*x**2)/(1 + a*x)", "a*log(b*x + c*c)", "a*sqrt(b*x) + cbrt(c*x)",
-    "a**(b*x)*c", "a*arctan(b*x) + arcsin(c*x/9)", "a*tanh(b*x)*cosh(c)", "a/(1 + exp(b - c*x))", "arctan2(a*x, b + c*x)",
-    "hypot(a, b*x)*c", "a*expm1(-b*x)/log1p(c*x)", "where(x > 1.2, a*x**2, b*x) + c", "a*log10(b*x)*log2(c + x)",
-    "a*arccosh(2 + b*x) + arcsinh(c*x) + arctanh(x/9)", "tan(a*x/4)*radians(b)*degrees(c)", "max(a*x, b) + min(c*x, 1)",
-    "a - -b*+x + x**-c", "abs(a - x)*b + c",
+    "a*exp(-b*x) + c",
+    "a*sin(b*x + c)/x",
+    "a*x**b + c",
+    "(a + b*x + c*x**2)/(1 + a*x)",
+    "a*log(b*x + c*c)",
+    "a*sqrt(b*x) + cbrt(c*x)",
+    "a**(b*x)*c",
+    "a*arctan(b*x) + arcsin(c*x/9)",
+    "a*tanh(b*x)*cosh(c)",
+    "a/(1 + exp(b - c*x))",
+    "arctan2(a*x, b + c*x)",
+    "hypot(a, b*x)*c",
+    "a*expm1(-b*x)/log1p(c*x)",
+    "where(x > 1.2, a*x**2, b*x) + c",
+    "a*log10(b*x)*log2(c + x)",
+    "a*arccosh(2 + b*x) + arcsinh(c*x) + arctanh(x/9)",
+    "tan(a*x/4)*radians(b)*degrees(c)",
+    "max(a*x, b) + min(c*x, 1)",
+    "a - -b*+x + x**-c",
+    "abs(a - x)*b + c",
 ]
 VALUES = {"a": 1.3, "b": 0.7, "c": 0.45}
 X = np.array([0.5, 0.9, 1.5, 2.6])
@@ -159,7 +311,9 @@ def test_derivatives_agree_with_differences(text: str) -> None:
     h = 1e-6
     for name in formula.names:
         up, down = (formula.value(X, VALUES | {name: VALUES[name] + s}) for s in (h, -h))
-        np.testing.assert_allclose(local.gradient[name], (up - down) / (2 * h), rtol=1e-7, atol=1e-8, err_msg=name)
+        np.testing.assert_allclose(
+            local.gradient[name], (up - down) / (2 * h), rtol=1e-7, atol=1e-8, err_msg=name
+        )
     slope = (formula.value(X + h, VALUES) - formula.value(X - h, VALUES)) / (2 * h)
     np.testing.assert_allclose(local.slope, slope, rtol=1e-7, atol=1e-8)
 
@@ -203,8 +357,11 @@ def test_draws_together_are_the_draws_one_by_one(rng: np.random.Generator) -> No
 
 
 def test_time_derivatives_follow_the_motion() -> None:
-    # dx/dt = a*sqrt(x) moves as x = (a t/2)^2: v = a^2 t/2 has second derivative 0; dx/dt = x^2 has d2v/dt2 = 6 x^4, d4v/dt4 = 120 x^6
-    np.testing.assert_allclose(read_formula("a*sqrt(x)").time_derivative(X, {"a": 1.7}, 2), 0.0, atol=1e-14)
+    # dx/dt = a*sqrt(x) moves as x = (a t/2)^2: v = a^2 t/2 has second derivative 0; dx/dt = x^2 has
+    # d2v/dt2 = 6 x^4, d4v/dt4 = 120 x^6
+    np.testing.assert_allclose(
+        read_formula("a*sqrt(x)").time_derivative(X, {"a": 1.7}, 2), 0.0, atol=1e-14
+    )
     np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 2)[0], 6.0 * X**4)
     np.testing.assert_allclose(read_formula("x**2").time_derivative(X, {}, 4)[0], 120.0 * X**6)
 
@@ -221,11 +378,17 @@ def real_only(x, a, b):
     return np.array([float(a) * 2.718281828459045 ** (-float(b) * float(v)) for v in x])
 
 
-WAYS = [(numpy_style, "dual", 1e-14), (cast_first, "complex", 1e-14), (real_only, "differences", 1e-9)]
+WAYS = [
+    (numpy_style, "dual", 1e-14),
+    (cast_first, "complex", 1e-14),
+    (real_only, "differences", 1e-9),
+]
 
 
 @pytest.mark.parametrize(("function", "way", "digits"), WAYS)
-def test_a_function_is_differentiated_in_the_best_way_it_allows(function, way: str, digits: float) -> None:
+def test_a_function_is_differentiated_in_the_best_way_it_allows(
+    function, way: str, digits: float
+) -> None:
     curve = wrap_function(function, ("a", "b"), X, {"a": 2.0, "b": 0.8})
     assert curve.derivatives == way
     local = curve.local(X, {"a": 2.0, "b": 0.8})
@@ -235,39 +398,66 @@ def test_a_function_is_differentiated_in_the_best_way_it_allows(function, way: s
 
 def test_a_function_whose_complex_values_mislead_is_not_differentiated_by_them() -> None:
     def misleading(x, a):
-        return np.abs(np.asarray(x) + a)  # the modulus of a complex number has no useful imaginary part
+        # the modulus of a complex number has no useful imaginary part
+        return np.abs(np.asarray(x) + a)
 
     curve = wrap_function(misleading, ("a",), X, {"a": 2.0})
     np.testing.assert_allclose(curve.local(X, {"a": 2.0}).gradient["a"], 1.0, rtol=1e-9)
 
 
 NARROW = {
-    "a line at 780 nm": (lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2), "a*exp(-0.5*((x-x0)/w)**2)",
-                         np.linspace(779.0, 781.5, 150), {"a": 4.0, "x0": 780.24, "w": 0.05}),
-    "a period at an epoch in days": (lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w), "a*sin(2*pi*(x-x0)/w)",
-                                     np.linspace(2459000.0, 2459020.0, 150), {"a": 1.0, "x0": 2459003.2, "w": 3.1}),
-    "a period that steps of one size would miss": (lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w), "a*sin(2*pi*(x-x0)/w)",
-                                                   np.linspace(1e5, 1e5 + 4.0, 150), {"a": 1.0, "x0": 1e5, "w": 1.0}),
-    "a place that happens to be nearly zero": (lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2), "a*exp(-0.5*((x-x0)/w)**2)",
-                                               np.linspace(-3.0, 3.0, 150), {"a": 4.0, "x0": 1e-17, "w": 1.0}),
+    "a line at 780 nm": (
+        lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2),
+        "a*exp(-0.5*((x-x0)/w)**2)",
+        np.linspace(779.0, 781.5, 150),
+        {"a": 4.0, "x0": 780.24, "w": 0.05},
+    ),
+    "a period at an epoch in days": (
+        lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w),
+        "a*sin(2*pi*(x-x0)/w)",
+        np.linspace(2459000.0, 2459020.0, 150),
+        {"a": 1.0, "x0": 2459003.2, "w": 3.1},
+    ),
+    "a period that steps of one size would miss": (
+        lambda x, a, x0, w: a * np.sin(2.0 * np.pi * (x - x0) / w),
+        "a*sin(2*pi*(x-x0)/w)",
+        np.linspace(1e5, 1e5 + 4.0, 150),
+        {"a": 1.0, "x0": 1e5, "w": 1.0},
+    ),
+    "a place that happens to be nearly zero": (
+        lambda x, a, x0, w: a * np.exp(-0.5 * ((x - x0) / w) ** 2),
+        "a*exp(-0.5*((x-x0)/w)**2)",
+        np.linspace(-3.0, 3.0, 150),
+        {"a": 4.0, "x0": 1e-17, "w": 1.0},
+    ),
 }
 
 
 def plain_only(function):
     """The function, but of plain numbers alone: neither dual nor complex ones."""
-    return lambda x, **parameters: function(np.asarray(x, dtype=float), **{name: float(value) for name, value in parameters.items()})
+    return lambda x, **parameters: function(
+        np.asarray(x, dtype=float), **{name: float(value) for name, value in parameters.items()}
+    )
 
 
 @pytest.mark.parametrize("case", NARROW)
 def test_a_narrow_feature_far_from_zero_is_differentiated_as_well_as_its_formula(case: str) -> None:
     function, text, x, values = NARROW[case]
     exact = read_formula(text, field="curve").local(x, values)
-    for given, way, digits in ((function, "dual", 1e-13), (plain_only(function), "differences", 3e-9)):
+    for given, way, digits in (
+        (function, "dual", 1e-13),
+        (plain_only(function), "differences", 3e-9),
+    ):
         curve = wrap_function(given, tuple(values), x, values)
         assert curve.derivatives == way
         local = curve.local(x, values)
-        for ours, theirs in ((local.slope, exact.slope), *((local.gradient[name], exact.gradient[name]) for name in values)):
-            np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=digits * float(np.max(np.abs(theirs))))
+        for ours, theirs in (
+            (local.slope, exact.slope),
+            *((local.gradient[name], exact.gradient[name]) for name in values),
+        ):
+            np.testing.assert_allclose(
+                ours, theirs, rtol=0.0, atol=digits * float(np.max(np.abs(theirs)))
+            )
 
 
 def test_a_step_that_spoils_a_function_of_plain_numbers_is_no_step() -> None:
@@ -275,7 +465,9 @@ def test_a_step_that_spoils_a_function_of_plain_numbers_is_no_step() -> None:
         return np.array([a + math.log(v - b) for v in x])
 
     x = np.linspace(100.01, 101.0, 40)
-    local = wrap_function(curve, ("a", "b"), x, {"a": 1.0, "b": 100.0}).local(x, {"a": 1.0, "b": 100.0})
+    local = wrap_function(curve, ("a", "b"), x, {"a": 1.0, "b": 100.0}).local(
+        x, {"a": 1.0, "b": 100.0}
+    )
     np.testing.assert_allclose(local.gradient["b"][0], -1.0 / (x - 100.0), rtol=1e-6)
 
 
@@ -297,11 +489,20 @@ def test_a_complex_resonator_has_the_derivatives_of_its_real_form(part: str) -> 
         return seen(1.0 - k / (1.0 + 2j * q * (x - f) / f))
 
     x, values = np.linspace(5.999e9, 6.001e9, 151), {"f": 6.0001e9, "q": 2e4, "k": 0.7}
-    curve, exact = wrap_function(resonator, tuple(values), x, values), read_formula(text, field="curve").local(x, values)
+    curve, exact = (
+        wrap_function(resonator, tuple(values), x, values),
+        read_formula(text, field="curve").local(x, values),
+    )
     assert curve.derivatives == "dual"
     local = curve.local(x, values)
-    for ours, theirs in ((local.value, exact.value), (local.slope, exact.slope), *((local.gradient[n], exact.gradient[n]) for n in values)):
-        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-12 * float(np.max(np.abs(theirs))))
+    for ours, theirs in (
+        (local.value, exact.value),
+        (local.slope, exact.slope),
+        *((local.gradient[n], exact.gradient[n]) for n in values),
+    ):
+        np.testing.assert_allclose(
+            ours, theirs, rtol=0.0, atol=1e-12 * float(np.max(np.abs(theirs)))
+        )
 
 
 def test_a_function_that_takes_no_columns_is_called_draw_by_draw() -> None:
@@ -322,17 +523,31 @@ def test_a_parameter_may_bear_any_name_that_python_could_read(name: str) -> None
 @pytest.mark.parametrize(
     ("formula", "told"),
     [
-        ("a*x + \u0430", "a, \u0430 (cyrillic small letter a)"), ("a*\u0445 + b", "x, \u0445 (cyrillic small letter ha)"),
-        ("k*x + \u0435", "e, \u0435 (cyrillic small letter ie)"), ("T*x + \u03a4", "T, \u03a4 (greek capital letter tau)"),
+        ("a*x + \u0430", "a, \u0430 (cyrillic small letter a)"),
+        ("a*\u0445 + b", "x, \u0445 (cyrillic small letter ha)"),
+        ("k*x + \u0435", "e, \u0435 (cyrillic small letter ie)"),
+        ("T*x + \u03a4", "T, \u03a4 (greek capital letter tau)"),
     ],
 )
 def test_names_that_only_look_alike_are_refused_with_their_letters(formula: str, told: str) -> None:
-    with pytest.raises(InputError, match="has two names that look alike: write both in the letters of one alphabet") as refused:
+    with pytest.raises(
+        InputError, match="has two names that look alike: write both in the letters of one alphabet"
+    ) as refused:
         read_formula(formula)
     assert told in str(refused.value)
 
 
-@pytest.mark.parametrize("formula", ["A*x + a", "\u03c1*x + p", "\u0430*x + \u0431", "\u00b5*x + m", "\u03bd*x + v", "\u03b1*x + a"])
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "A*x + a",
+        "\u03c1*x + p",
+        "\u0430*x + \u0431",
+        "\u00b5*x + m",
+        "\u03bd*x + v",
+        "\u03b1*x + a",
+    ],
+)
 def test_names_that_can_be_told_apart_pass(formula: str) -> None:
     assert len(read_formula(formula).names) == 2
 
@@ -340,7 +555,8 @@ def test_names_that_can_be_told_apart_pass(formula: str) -> None:
 def test_parameters_that_only_look_like_those_of_a_curve_are_refused_with_their_letters() -> None:
     x = np.arange(9.0)
     for curve, given in (
-        ("a*x + b", {"start": {"\u0430": 1.0, "b": 0.0}}), ("a*x", {"start": {"a": 1.0}, "derived": {"\u0430": "2*a"}}),
+        ("a*x + b", {"start": {"\u0430": 1.0, "b": 0.0}}),
+        ("a*x", {"start": {"a": 1.0}, "derived": {"\u0430": "2*a"}}),
         (lambda x, **named: sum(named.values()) * x, {"start": {"a": 1.0, "\u0430": 0.0}}),
     ):
         with pytest.raises(InputError, match=r"a, \u0430 \(cyrillic small letter a\)"):

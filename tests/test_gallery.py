@@ -1,4 +1,6 @@
-"""The gallery: its campaigns pose problems, its index says what the results say, and the results are those of the data beside them."""
+"""The gallery: its campaigns pose problems, its index says what the results say, and the results
+are those of the data beside them.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,11 @@ def value_of(step: str, place: str) -> Quantity:
 @pytest.mark.parametrize("file", CAMPAIGNS, ids=lambda file: file.stem)
 def test_every_campaign_is_read_and_run(file: Path) -> None:
     campaign = load_campaign(file)
-    assert [campaign.problem([name]).n_obs for name in campaign.source.names if campaign.problem([name]).n_obs < 3] == []
+    assert [
+        campaign.problem([name]).n_obs
+        for name in campaign.source.names
+        if campaign.problem([name]).n_obs < 3
+    ] == []
     assert f"fit data/gallery/{file.name}" in " ".join(step["command"] for step in STEPS.values())
 
 
@@ -59,9 +65,16 @@ def test_the_reports_are_of_the_data_and_campaigns_beside_them() -> None:
     seen = 0
     for step in STEPS:
         for file in (gallery.REPORTS / step).rglob("result.json"):
-            made = gallery.result_of(step, str(file.parent.relative_to(gallery.REPORTS / step)))["provenance"]
-            for name, digest in {made["campaign"]: made["campaign_sha256"], **made["data_sha256"]}.items():
-                assert hashlib.sha256((gallery.PROJECT / name).read_bytes()).hexdigest() == digest, f"{file}: run `make gallery`"
+            made = gallery.result_of(step, str(file.parent.relative_to(gallery.REPORTS / step)))[
+                "provenance"
+            ]
+            for name, digest in {
+                made["campaign"]: made["campaign_sha256"],
+                **made["data_sha256"],
+            }.items():
+                assert (
+                    hashlib.sha256((gallery.PROJECT / name).read_bytes()).hexdigest() == digest
+                ), f"{file}: run `make gallery`"
                 seen += 1
     assert seen > 40
 
@@ -76,11 +89,15 @@ def test_the_reports_are_small_and_no_link_is_broken() -> None:
 
 
 def test_the_peaks_are_those_that_were_found() -> None:
-    assert gallery.collected(STEPS["franck_hertz_peaks"]) == (gallery.DATA / "franck_hertz_peaks.csv").read_text(encoding="utf-8")
+    assert gallery.collected(STEPS["franck_hertz_peaks"]) == (
+        gallery.DATA / "franck_hertz_peaks.csv"
+    ).read_text(encoding="utf-8")
 
 
 def test_the_tables_are_those_that_were_published() -> None:
-    """Michelson: certified by NIST StRD.  Cavendish: his printed mean is that with 5.88 for the third value (README of the data)."""
+    """Michelson: certified by NIST StRD.  Cavendish: his printed mean is that with 5.88 for the
+    third value (README of the data).
+    """
     speed, density = columns("michelson_1879.csv", 2), columns("cavendish_1798.csv", 1)
     assert speed.mean() == pytest.approx(299.8524, abs=1e-9)
     assert speed.std(ddof=1) == pytest.approx(0.0790105478, abs=1e-9)
@@ -90,7 +107,10 @@ def test_the_tables_are_those_that_were_published() -> None:
 
 def test_results_against_what_can_be_done_by_hand() -> None:
     """Means and slopes in closed form, within a tenth of a standard uncertainty."""
-    density, (distance, velocity) = columns("cavendish_1798.csv", 1), columns("hubble_1929.csv", 1, 2)
+    density, (distance, velocity) = (
+        columns("cavendish_1798.csv", 1),
+        columns("hubble_1929.csv", 1, 2),
+    )
     number, voltage, u = columns("franck_hertz_peaks.csv", 0, 1, 2)
     found = {
         ("cavendish", "all:D"): density.mean(),
@@ -104,18 +124,29 @@ def test_results_against_what_can_be_done_by_hand() -> None:
         value = value_of(step, place)
         assert abs(value.value - by_hand) < 0.1 * value.u, (step, place)
     shifted = value_of("hubble", "through-origin:H")
-    assert abs(shifted.value - found["hubble", "with-intercept:H"]) > 0.5 * shifted.u  # another line is told from this one
+    # another line is told from this one
+    assert abs(shifted.value - found["hubble", "with-intercept:H"]) > 0.5 * shifted.u
 
 
 def test_what_the_texts_say_is_so() -> None:
     """Words of gallery.toml that no number of the tables holds."""
-    status = {place: gallery.found(step, place)[0] for step, place in (
-        ("michelson_mean", "independent:c"), ("falling_phone", "speed-squared:D"), ("table_length", "2m-ruler-normal:L"),
-        ("table_length", "30cm-ruler-normal:L"), ("franck_hertz_spacing", "even:E"),
-    )}
+    status = {
+        place: gallery.found(step, place)[0]
+        for step, place in (
+            ("michelson_mean", "independent:c"),
+            ("falling_phone", "speed-squared:D"),
+            ("table_length", "2m-ruler-normal:L"),
+            ("table_length", "30cm-ruler-normal:L"),
+            ("franck_hertz_spacing", "even:E"),
+        )
+    }
     assert set(status.values()) == {"poor-fit"}
     independent = 0.0790105478 / 10.0  # the standard deviation of the mean of 100
-    assert independent < 0.5 * value_of("michelson_mean", "correlated:c").u < value_of("michelson", "c").u
+    assert (
+        independent
+        < 0.5 * value_of("michelson_mean", "correlated:c").u
+        < value_of("michelson", "c").u
+    )
     speed = value_of("michelson", "c")
     assert 4.0 < (speed.value - 299.7345) / speed.u < 5.0
     assert value_of("filament", "b2").u == pytest.approx(1.5 * 0.0517, rel=0.1)
@@ -128,11 +159,23 @@ def test_what_the_texts_say_is_so() -> None:
 
 def test_reports_say_what_is_exact_and_what_may_be_done_about_blunders() -> None:
     exact = {
-        (step, run): [fact for r in gallery.result_of(step, run)["runs"].values() for fact in r["facts"]]
-        for step, run in (("hubble", "through-origin"), ("hubble", "with-intercept"), ("falling_phone", "speed-squared"))
+        (step, run): [
+            fact for r in gallery.result_of(step, run)["runs"].values() for fact in r["facts"]
+        ]
+        for step, run in (
+            ("hubble", "through-origin"),
+            ("hubble", "with-intercept"),
+            ("falling_phone", "speed-squared"),
+        )
     }
-    assert list(exact.values()) == [["K is fixed at 0"], [], ["n is fixed at 2", "T is fixed at 0.621"]]
-    normal, robust = (gallery.result_of("table_length", run)["advice"] for run in ("2m-ruler-normal", "2m-ruler"))
+    assert list(exact.values()) == [
+        ["K is fixed at 0"],
+        [],
+        ["n is fixed at 2", "T is fixed at 0.621"],
+    ]
+    normal, robust = (
+        gallery.result_of("table_length", run)["advice"] for run in ("2m-ruler-normal", "2m-ruler")
+    )
     assert ['robust = "mixture" in [curve]' in line for line in normal].count(True) == 1
     assert robust == []
     drifting = gallery.result_of("falling_phone", "speed-squared")["advice"]
@@ -147,11 +190,23 @@ def test_a_published_value_has_the_uncertainty_of_its_side() -> None:
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize(("step", "place"), [("hubble", "through-origin:H"), ("filament", "b2"), ("falling_phone", "any-power:n"), ("muon", "tau")])
-def test_the_commands_give_the_numbers_again(step: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("step", "place"),
+    [
+        ("hubble", "through-origin:H"),
+        ("filament", "b2"),
+        ("falling_phone", "any-power:n"),
+        ("muon", "tau"),
+    ],
+)
+def test_the_commands_give_the_numbers_again(
+    step: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     kept = value_of(step, place)
     monkeypatch.chdir(gallery.PROJECT)
-    CliRunner().invoke(cli.cli, [*STEPS[step]["command"].split(), "--no-figures", "--out", str(tmp_path / step)])
+    CliRunner().invoke(
+        cli.cli, [*STEPS[step]["command"].split(), "--no-figures", "--out", str(tmp_path / step)]
+    )
     monkeypatch.setattr(gallery, "REPORTS", tmp_path)
     again = value_of(step, place)
     assert abs(again.value - kept.value) < 0.1 * kept.u

@@ -1,4 +1,6 @@
-"""The gate for numbers that a person hands over in Python: what is no real number is refused by one line with its cure, at every door."""
+"""The gate for numbers that a person hands over in Python: what is no real number is refused by one
+line with its cure, at every door.
+"""
 
 from __future__ import annotations
 
@@ -38,9 +40,16 @@ Y = 2.0 * X + 1.0 + 0.05 * (-1.0) ** X
 DATES = np.datetime64("2024-01-01T00:00:00", "s") + X.astype("timedelta64[s]")
 MASK = np.arange(N) == 3
 BAD: dict[str, tuple[Any, str]] = {
-    "masked": (np.ma.array(Y, mask=MASK), "must not be masked: leave those points out of all arrays, as x[~y.mask] and y[~y.mask]: 1 masked"),
+    "masked": (
+        np.ma.array(Y, mask=MASK),
+        "must not be masked: leave those points out of all arrays, as x[~y.mask] and "
+        "y[~y.mask]: 1 masked",
+    ),
     "list with a masked one": ([*Y[:-1], np.ma.masked], "must not be masked"),
-    "dates": (DATES, "not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')"),
+    "dates": (
+        DATES,
+        "not dates: count them from one of them, (t - t[0])/numpy.timedelta64(1, 's')",
+    ),
     "dates in ns": (DATES.astype("datetime64[ns]"), "not dates"),
     "series of dates": (pd.Series(DATES), "not dates"),
     "dates with a zone": (pd.Series(DATES).dt.tz_localize("UTC"), "not dates"),
@@ -57,9 +66,18 @@ BAD: dict[str, tuple[Any, str]] = {
     "records": (np.array([(y,) for y in Y], dtype=[("y", float)]), "not records of several fields"),
 }
 GOOD: dict[str, Any] = {
-    "list": Y.tolist(), "tuple": tuple(Y), "whole numbers": np.arange(N), "short floats": Y.astype(np.float32), "series": pd.Series(Y),
-    "series with objects": pd.Series(Y, dtype=object), "floats that may lack": pd.array(Y, dtype="Float64"), "decimals": [Decimal(str(y)) for y in Y],
-    "fractions": [Fraction(y) for y in Y], "nothing masked": np.ma.array(Y, mask=False), "large": [10**20] * N, "other order": np.asfortranarray(Y),
+    "list": Y.tolist(),
+    "tuple": tuple(Y),
+    "whole numbers": np.arange(N),
+    "short floats": Y.astype(np.float32),
+    "series": pd.Series(Y),
+    "series with objects": pd.Series(Y, dtype=object),
+    "floats that may lack": pd.array(Y, dtype="Float64"),
+    "decimals": [Decimal(str(y)) for y in Y],
+    "fractions": [Fraction(y) for y in Y],
+    "nothing masked": np.ma.array(Y, mask=False),
+    "large": [10**20] * N,
+    "other order": np.asfortranarray(Y),
 }
 START = {"a": 1.0, "b": 0.0}
 LINE = fit_line(X, Y)
@@ -71,32 +89,58 @@ def curve(x: Any = X, y: Any = Y, **given: Any) -> object:
 
 
 DOORS: dict[str, Callable[[Any], object]] = {
-    "x": lambda v: curve(v), "y": lambda v: curve(y=v), "u_y": lambda v: curve(u_y=v), "u_x": lambda v: curve(u_x=v),
+    "x": lambda v: curve(v),
+    "y": lambda v: curve(y=v),
+    "u_y": lambda v: curve(u_y=v),
+    "u_x": lambda v: curve(u_x=v),
     "correlated": lambda v: curve(correlated=v),
     "curve": lambda v: fit_curve(lambda x, a, b: v, X, Y, u_y=0.1, start=START),
-    "data set": lambda v: fit_curves("a*x + b", {"one": DataSet(X, v, u_y=0.1)}, shared=["a"], start=START),
+    "data set": lambda v: fit_curves(
+        "a*x + b", {"one": DataSet(X, v, u_y=0.1)}, shared=["a"], start=START
+    ),
     "counts": lambda v: fit_curve("a*x + b", X, v, noise="poisson", start=START),
     "bins": lambda v: fit_curve("a*x + b", X, np.round(Y), noise=Poisson(bins=v), start=START),
-    "trials": lambda v: fit_curve("a + 0*x", X, np.ones(N), noise=Binomial(trials=v), start={"a": 0.5}),
-    "events": lambda v: fit_curve("exp(-x/tau)", v, None, noise=EventTimes(0.0, 1e12), start={"tau": 3.0}),
-    "line x": lambda v: fit_line(v, Y), "line y": lambda v: fit_line(X, v), "line u_y": lambda v: fit_line(X, Y, u_y=v),
-    "line r_xy": lambda v: fit_line(X, Y, u_x=0.1, u_y=0.1, r_xy=v), "line posterior": lambda v: line_posterior(X, v, scatter=1.0),
-    "confidence band": lambda v: confidence_band(LINE, v), "prediction band": lambda v: prediction_band(LINE, X, u_y=v),
-    "prediction band, u_x": lambda v: prediction_band(LINE, X, u_x=v), "predict": lambda v: curve().predict(v),  # type: ignore[attr-defined]
-    "readings": lambda v: Input.from_readings("a", v), "budget": lambda v: budget_along(propagate_linear(lambda q: q["a"] * X, OF_A), v),
+    "trials": lambda v: fit_curve(
+        "a + 0*x", X, np.ones(N), noise=Binomial(trials=v), start={"a": 0.5}
+    ),
+    "events": lambda v: fit_curve(
+        "exp(-x/tau)", v, None, noise=EventTimes(0.0, 1e12), start={"tau": 3.0}
+    ),
+    "line x": lambda v: fit_line(v, Y),
+    "line y": lambda v: fit_line(X, v),
+    "line u_y": lambda v: fit_line(X, Y, u_y=v),
+    "line r_xy": lambda v: fit_line(X, Y, u_x=0.1, u_y=0.1, r_xy=v),
+    "line posterior": lambda v: line_posterior(X, v, scatter=1.0),
+    "confidence band": lambda v: confidence_band(LINE, v),
+    "prediction band": lambda v: prediction_band(LINE, X, u_y=v),
+    "prediction band, u_x": lambda v: prediction_band(LINE, X, u_x=v),
+    "predict": lambda v: curve().predict(v),  # type: ignore[attr-defined]
+    "readings": lambda v: Input.from_readings("a", v),
+    "budget": lambda v: budget_along(propagate_linear(lambda q: q["a"] * X, OF_A), v),
     "linear": lambda v: propagate_linear(lambda q: v, OF_A),
-    "Monte Carlo": lambda v: propagate_monte_carlo(lambda q: v, OF_A, rng=np.random.default_rng(1), n_draw=10_000),
+    "Monte Carlo": lambda v: propagate_monte_carlo(
+        lambda q: v, OF_A, rng=np.random.default_rng(1), n_draw=10_000
+    ),
 }
 NUMBERS: dict[str, Callable[[Any], object]] = {
-    "start": lambda v: curve(start={"a": v, "b": 0.0}), "fixed": lambda v: curve(start={"b": 0.0}, fixed={"a": v}),
-    "bounds": lambda v: curve(bounds={"a": (None, v)}), "deviation": lambda v: curve(deviation=v),
-    "low": lambda v: fit_curve("exp(-x/tau)", X, None, noise=EventTimes(v, 20.0), start={"tau": 3.0}),
-    "value": lambda v: Input("a", v, 0.1), "u": lambda v: Input("a", 1.0, v), "half width": lambda v: Input.from_half_width("a", 1.0, v),
+    "start": lambda v: curve(start={"a": v, "b": 0.0}),
+    "fixed": lambda v: curve(start={"b": 0.0}, fixed={"a": v}),
+    "bounds": lambda v: curve(bounds={"a": (None, v)}),
+    "deviation": lambda v: curve(deviation=v),
+    "low": lambda v: fit_curve(
+        "exp(-x/tau)", X, None, noise=EventTimes(v, 20.0), start={"tau": 3.0}
+    ),
+    "value": lambda v: Input("a", v, 0.1),
+    "u": lambda v: Input("a", 1.0, v),
+    "half width": lambda v: Input.from_half_width("a", 1.0, v),
     "inverse": lambda v: inverse_prediction(LINE, v),
 }
 MATRICES: dict[str, Callable[[Any], object]] = {
-    "cov_y": lambda m: curve(u_y=None, cov_y=m(N)), "cov": lambda m: fit_line(X, Y, cov=m(2 * N)),
-    "correlation": lambda m: propagate_linear(lambda q: q["a"], [*OF_A, Input("b", 1.0, 0.1)], correlation=m(2)),
+    "cov_y": lambda m: curve(u_y=None, cov_y=m(N)),
+    "cov": lambda m: fit_line(X, Y, cov=m(2 * N)),
+    "correlation": lambda m: propagate_linear(
+        lambda q: q["a"], [*OF_A, Input("b", 1.0, 0.1)], correlation=m(2)
+    ),
 }
 
 
@@ -119,7 +163,20 @@ def test_every_door_for_arrays_refuses_them_in_one_line(door: str) -> None:
 
 @pytest.mark.parametrize("door", NUMBERS)
 @pytest.mark.parametrize(
-    "value", [True, np.True_, "1.0", 1j, np.complex128(1.0), DATES[0], DATES[1] - DATES[0], datetime(2024, 1, 1), None, [1.0], np.ma.masked]
+    "value",
+    [
+        True,
+        np.True_,
+        "1.0",
+        1j,
+        np.complex128(1.0),
+        DATES[0],
+        DATES[1] - DATES[0],
+        datetime(2024, 1, 1),
+        None,
+        [1.0],
+        np.ma.masked,
+    ],
 )
 def test_every_door_for_one_number_refuses_them_in_one_line(door: str, value: object) -> None:
     if door == "bounds" and value is None:
@@ -130,10 +187,16 @@ def test_every_door_for_one_number_refuses_them_in_one_line(door: str, value: ob
 
 @pytest.mark.parametrize("door", MATRICES)
 def test_every_door_for_matrices_refuses_them_in_one_line(door: str) -> None:
-    assert MATRICES[door](lambda n: 0.01 * np.eye(n) if door != "correlation" else np.eye(n)) is not None
+    assert (
+        MATRICES[door](lambda n: 0.01 * np.eye(n) if door != "correlation" else np.eye(n))
+        is not None
+    )
     for bad in (
-        lambda n: np.ma.array(np.eye(n), mask=np.eye(n, k=1) > 0), lambda n: np.eye(n) * (1.0 + 0j), lambda n: np.eye(n) > 0,
-        lambda n: [[str(one) for one in row] for row in np.eye(n)], lambda n: [np.ma.array(row, mask=row > 0) for row in np.eye(n)],
+        lambda n: np.ma.array(np.eye(n), mask=np.eye(n, k=1) > 0),
+        lambda n: np.eye(n) * (1.0 + 0j),
+        lambda n: np.eye(n) > 0,
+        lambda n: [[str(one) for one in row] for row in np.eye(n)],
+        lambda n: [np.ma.array(row, mask=row > 0) for row in np.eye(n)],
     ):
         with pytest.raises(InputError):
             MATRICES[door](bad)
@@ -147,11 +210,16 @@ def test_numbers_of_any_make_pass_unchanged(kind: str) -> None:
 
 
 def test_one_number_of_any_make_passes() -> None:
-    assert [real_number(one, "u") for one in (2, 2.0, np.int64(2), np.float32(2.0), Decimal(2), Fraction(2), np.array(2.0))] == [2.0] * 7
+    assert [
+        real_number(one, "u")
+        for one in (2, 2.0, np.int64(2), np.float32(2.0), Decimal(2), Fraction(2), np.array(2.0))
+    ] == [2.0] * 7
 
 
 def test_a_function_that_masks_its_values_is_refused_where_its_mask_would_be_dropped() -> None:
-    with pytest.raises(InputError, match="must return a plain array, with nan where it has no value"):
+    with pytest.raises(
+        InputError, match="must return a plain array, with nan where it has no value"
+    ):
         fit_curve(lambda x, a, b: np.ma.masked_greater(a * x + b, 1e3), X, Y, u_y=0.1, start=START)
 
 

@@ -32,13 +32,19 @@ body = "wheel"
 file = "r.csv"
 theta0_rad = {prior = "normal", mean = 0.1, sd = 0.3}
 rolling_resistance = {prior = "half-normal", scale = 0.05}
-noise = {encoder_step_rad = 0.0125663706, derivative = "five-point", scatter = {prior = "half-normal", scale = 0.5}}
-window = {theta_min_rad = 0.5}
+[runs.noise]
+encoder_step_rad = 0.0125663706
+derivative = "five-point"
+scatter = {prior = "half-normal", scale = 0.5}
+[runs.window]
+theta_min_rad = 0.5
 """
 
 
 def wheel(folder: Path, *, gamma: str, rng: np.random.Generator) -> Path:
-    """An encoder record of an eccentric wheel rolling down, true gamma 0.163, and a campaign that claims `gamma`."""
+    """An encoder record of an eccentric wheel rolling down, true gamma 0.163, and a campaign that
+    claims `gamma`.
+    """
     from model import Body, trajectory
 
     body = Body(radius=0.235, gamma=0.163, kappa=0.75)
@@ -46,32 +52,47 @@ def wheel(folder: Path, *, gamma: str, rng: np.random.Generator) -> Path:
     x, _ = trajectory(t, body, phi=np.radians(-5.5), theta0=0.15, rolling_resistance=0.03, g=9.81)
     step = 2.0 * np.pi / 500
     counts = np.floor(x[0] / 0.235 / step + rng.uniform())
-    (folder / "r.csv").write_text("t_s,theta_rad\n" + "\n".join(f"{a:.1f},{b * step}" for a, b in zip(t - t[0], counts, strict=True)))
+    (folder / "r.csv").write_text(
+        "t_s,theta_rad\n"
+        + "\n".join(f"{a:.1f},{b * step}" for a, b in zip(t - t[0], counts, strict=True))
+    )
     (folder / "c.toml").write_text(WHEEL.replace("GAMMA", gamma))
     return folder / "c.toml"
 
 
 def test_right_model_with_inferred_scatter_passes(tmp_path: Path, rng: np.random.Generator) -> None:
-    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.163", rng=rng)).problem(["r"]), rng=rng)
+    fit = fit_least_squares(
+        load_campaign(wheel(tmp_path, gamma="0.163", rng=rng)).problem(["r"]), rng=rng
+    )
     (good,) = check_goodness(fit, rng=rng)
     assert good.failed == ()
     assert good.scatter_ratio < 2.0
 
 
-def test_wrong_model_fails_although_its_scatter_is_inferred(tmp_path: Path, rng: np.random.Generator) -> None:
-    fit = fit_least_squares(load_campaign(wheel(tmp_path, gamma="0.0", rng=rng)).problem(["r"]), rng=rng)
+def test_wrong_model_fails_although_its_scatter_is_inferred(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    fit = fit_least_squares(
+        load_campaign(wheel(tmp_path, gamma="0.0", rng=rng)).problem(["r"]), rng=rng
+    )
     (good,) = check_goodness(fit, rng=rng)
     assert "chi2" not in good.checks  # the inferred scatter has swallowed it
     assert "autocorrelation" in good.failed
     assert good.scatter_ratio > 10.0
-    diagnosis = analyse(load_campaign(tmp_path / "c.toml"), ["r"], seed=1, target=Target(ess=400)).diagnosis
+    diagnosis = analyse(
+        load_campaign(tmp_path / "c.toml"), ["r"], seed=1, target=Target(ess=400)
+    ).diagnosis
     assert diagnosis.status == "poor-fit"
     assert any("scatter" in reason for reason in diagnosis.reasons)
 
 
 @pytest.mark.statistics
-def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, replica: Path) -> None:
-    """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 % level."""
+def test_p_values_are_uniform_under_the_right_model(
+    rng: np.random.Generator, replica: Path
+) -> None:
+    """Refit data simulated from the fit itself: each test rejects 5 % of right models at the 5 %
+    level.
+    """
     from dataclasses import replace
 
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-06"])
@@ -87,18 +108,23 @@ def test_p_values_are_uniform_under_the_right_model(rng: np.random.Generator, re
         for name, check in good.checks.items():
             below[name] = below.get(name, 0) + (check.p_value < 0.05)
     for name, count in below.items():
-        # priors are not redrawn here, which makes chi2 a little small: only an excess is an error of the test
+        # priors are not redrawn here, which makes chi2 a little small: only an excess is an error
+        # of the test
         assert count / n < 0.05 + 3.5 * np.sqrt(0.05 * 0.95 / n), name
         if name not in ("chi2", "runs"):  # runs is discrete, its level lies below 5 %
             assert count / n > 0.05 - 3.5 * np.sqrt(0.05 * 0.95 / n), name
 
 
-def test_understated_noise_is_a_poor_fit(replica: Path, tmp_path: Path, rng: np.random.Generator) -> None:
+def test_understated_noise_is_a_poor_fit(
+    replica: Path, tmp_path: Path, rng: np.random.Generator
+) -> None:
     text = (replica / "campaign.toml").read_text()
     assert "sigma_x_m = 0.001" in text
     (tmp_path / "campaign.toml").write_text(text.replace("sigma_x_m = 0.001", "sigma_x_m = 0.0005"))
     (tmp_path / "runs").symlink_to(replica / "runs")
-    fit = fit_least_squares(load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]), rng=rng)
+    fit = fit_least_squares(
+        load_campaign(tmp_path / "campaign.toml").problem(["heavy-02"]), rng=rng
+    )
     (good,) = check_goodness(fit, rng=rng)
     assert good.checks["chi2"].p_value < P_POOR_FIT
 
@@ -109,17 +135,26 @@ def test_truth_of_the_replica_is_never_read(replica: Path) -> None:
     assert "truth" not in (replica / "campaign.toml").read_text()
 
 
-# --- a stated error far larger than the residuals ------------------------------------------------------------------------------------------
+# --- a stated error far larger than the residuals
+# ------------------------------------------------------------------------------------------
 
 
 def parabola(pattern: np.ndarray, stated: float):
     x = np.linspace(0.0, 1.0, pattern.size)
     from estim import fit_curve
 
-    return fit_curve("a + b*x + c*x**2", x, 1.0 + 2.0 * x - 3.0 * x**2 + pattern, start={"a": 1.0, "b": 1.0, "c": 1.0}, u_y=stated)
+    return fit_curve(
+        "a + b*x + c*x**2",
+        x,
+        1.0 + 2.0 * x - 3.0 * x**2 + pattern,
+        start={"a": 1.0, "b": 1.0, "c": 1.0},
+        u_y=stated,
+    )
 
 
-def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(rng: np.random.Generator) -> None:
+def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(
+    rng: np.random.Generator,
+) -> None:
     """3.5 mm of a sine under a stated 5 cm: ok, with the standard deviations of 5 cm."""
     x = np.linspace(0.0, 1.0, 40)
     pattern = 0.0035 * np.sin(19.0 * x) + 0.001 * rng.standard_normal(40)
@@ -137,9 +172,15 @@ def test_a_stated_error_that_covers_the_pattern_is_conservative_and_kept(rng: np
 
 
 @pytest.mark.parametrize(("size", "n"), [(0.03, 40), (0.0035, 1000)])
-def test_a_pattern_as_large_as_a_stated_standard_deviation_is_a_poor_fit(rng: np.random.Generator, size: float, n: int) -> None:
-    """Also where it is small, if there are so many points that a standard deviation of a parameter is smaller still."""
-    fit = parabola(size * np.sin(19.0 * np.linspace(0.0, 1.0, n)) + 0.001 * rng.standard_normal(n), 0.05)
+def test_a_pattern_as_large_as_a_stated_standard_deviation_is_a_poor_fit(
+    rng: np.random.Generator, size: float, n: int
+) -> None:
+    """Also where it is small, if there are so many points that a standard deviation of a parameter
+    is smaller still.
+    """
+    fit = parabola(
+        size * np.sin(19.0 * np.linspace(0.0, 1.0, n)) + 0.001 * rng.standard_normal(n), 0.05
+    )
     assert fit.goodness[0].checks["chi2"].p_value > 1.0 - P_POOR_FIT
     assert fit.status == "poor-fit"
 
@@ -152,8 +193,12 @@ def test_small_white_residuals_have_no_pattern_to_cover(rng: np.random.Generator
 
 
 @pytest.mark.statistics
-def test_stated_deviations_cover_where_the_pattern_is_called_covered(rng: np.random.Generator) -> None:
-    """Patterns over a tenth and a fifth of the range: what passes the rule is covered, all of them together are not."""
+def test_stated_deviations_cover_where_the_pattern_is_called_covered(
+    rng: np.random.Generator,
+) -> None:
+    """Patterns over a tenth and a fifth of the range: what passes the rule is covered, all of them
+    together are not.
+    """
     from estim.checks.goodness import _pattern
 
     n = 300
@@ -164,7 +209,9 @@ def test_stated_deviations_cover_where_the_pattern_is_called_covered(rng: np.ran
         apart = np.sqrt(3.0) * np.abs(x[:, None] - x) / length
         lower = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(n))
         size = np.tile([0.05, 0.1, 0.2, 0.3], 250)[:, None]
-        errors = size * (rng.standard_normal((1000, n)) @ lower.T) + 0.02 * rng.standard_normal((1000, n))
+        errors = size * (rng.standard_normal((1000, n)) @ lower.T) + 0.02 * rng.standard_normal(
+            (1000, n)
+        )
         off = np.abs(errors @ basis @ np.linalg.inv(triangle).T) / sd
         left = errors - errors @ basis @ basis.T
         covered = np.array([_pattern(row) <= 1.0 for row in left])
@@ -179,16 +226,22 @@ CUBIC = {"start": {"a": 1.0, "b": 0.0, "c": 0.0, "d": 0.0}}
 
 @pytest.mark.parametrize("correlated", [False, True])
 def test_a_curve_that_can_take_every_slow_shape_shows_no_drift(correlated: bool) -> None:
-    """A cubic leaves nothing of the shapes of `trend` but rounding, or what the mixture of correlated errors leaves: no sign of a wrong curve."""
+    """A cubic leaves nothing of the shapes of `trend` but rounding, or what the mixture of
+    correlated errors leaves: no sign of a wrong curve.
+    """
     x = np.linspace(-0.8, 0.8, 17)
     failed = []
     for seed in range(6):
         y = 5.0 - 1.5 * x**2 + 0.3 * x**3 + 0.02 * np.random.default_rng(seed).standard_normal(17)
-        failed.append(fit_curve("a + b*x + c*x**2 + d*x**3", x, y, correlated=correlated, **CUBIC).status)
+        failed.append(
+            fit_curve("a + b*x + c*x**2 + d*x**3", x, y, correlated=correlated, **CUBIC).status
+        )
     assert failed == ["ok"] * 6
 
 
 def test_a_drift_that_the_curve_cannot_take_is_seen(rng: np.random.Generator) -> None:
     x = np.linspace(-1.0, 1.0, 60)
-    fit = fit_curve("a + b*x", x, x + 0.3 * x**2 + 0.1 * rng.standard_normal(60), start={"a": 0.0, "b": 1.0})
+    fit = fit_curve(
+        "a + b*x", x, x + 0.3 * x**2 + 0.1 * rng.standard_normal(60), start={"a": 0.0, "b": 1.0}
+    )
     assert "trend" in {finding.test for finding in fit.findings}

@@ -1,6 +1,8 @@
-"""Starting values of a formula from the points alone: which unit a parameter has, which parameters are linear, and that the optimum is reached.
+"""Starting values of a formula from the points alone: which unit a parameter has, which parameters
+are linear, and that the optimum is reached.
 
-The certified sums of squares are those of NIST (see `test_nist.py`, whose files give no start here).
+The certified sums of squares are those of NIST (see `test_nist.py`, whose files give no start
+here).
 """
 
 from __future__ import annotations
@@ -31,7 +33,10 @@ QUICK = ("Bennett5", "Chwirut2", "Eckerle4", "Kirby2", "MGH09", "MGH17", "Rat43"
     [
         ("a*exp(-x/tau) + c", {"a": (0, 1), "tau": (1, 0), "c": (0, 1)}),
         ("A*exp(-b*x)*cos(2*pi*x/T + p)", {"A": (0, 1), "b": (-1, 0), "T": (1, 0), "p": (0, 0)}),
-        ("b1*(x**2 + x*b2)/(x**2 + x*b3 + b4)", {"b1": (0, 1), "b2": (1, 0), "b3": (1, 0), "b4": (2, 0)}),
+        (
+            "b1*(x**2 + x*b2)/(x**2 + x*b3 + b4)",
+            {"b1": (0, 1), "b2": (1, 0), "b3": (1, 0), "b4": (2, 0)},
+        ),
         ("a*voigt(x - c, s, g)", {"a": (1, 1), "c": (1, 0), "s": (1, 0), "g": (1, 0)}),
         ("a*sqrt(x - x0)", {"a": (-0.5, 1), "x0": (1, 0)}),
         ("where(x > edge, a*x, b)", {"edge": (1, 0), "a": (-1, 1), "b": (0, 1)}),
@@ -40,7 +45,9 @@ QUICK = ("Bennett5", "Chwirut2", "Eckerle4", "Kirby2", "MGH09", "MGH17", "Rat43"
         ("a*b*x", {}),
     ],
 )
-def test_the_unit_of_a_parameter_follows_from_the_formula(text: str, units: dict[str, tuple[float, float]]) -> None:
+def test_the_unit_of_a_parameter_follows_from_the_formula(
+    text: str, units: dict[str, tuple[float, float]]
+) -> None:
     assert dimensions_of(read_formula(text)) == units
 
 
@@ -57,17 +64,25 @@ def test_data_in_any_unit_give_the_same_start() -> None:
     formula, u = read_formula("a*exp(-x/tau) + c"), np.ones(60)
     plain = guess_starts(formula, x, y, u, known={}, limits={})
     small = guess_starts(formula, 1e-9 * x, 1e6 * y, u, known={}, limits={})
-    assert small == pytest.approx({"a": 1e6 * plain["a"], "tau": 1e-9 * plain["tau"], "c": 1e6 * plain["c"]}, rel=1e-4)
+    assert small == pytest.approx(
+        {"a": 1e6 * plain["a"], "tau": 1e-9 * plain["tau"], "c": 1e6 * plain["c"]}, rel=1e-4
+    )
     assert guess_starts(formula, x, y, u, known={"tau": 3.0}, limits={})["tau"] == 3.0
-    assert guess_starts(formula, x, y, u, known={}, limits={"tau": (2.0, 9.0)})["tau"] == pytest.approx(2.0, rel=0.01)
+    assert guess_starts(formula, x, y, u, known={}, limits={"tau": (2.0, 9.0)})[
+        "tau"
+    ] == pytest.approx(2.0, rel=0.01)
 
 
 def squares_without_starts(path: Path) -> float:
     """Squares that the starts leave, over the certified ones."""
     reference = read(path)
     formula = read_formula(reference.expression)
-    found = guess_starts(formula, reference.x, reference.y, np.ones(reference.x.size), known={}, limits={})
-    return float(np.sum((reference.y - formula.value(reference.x, found)[0]) ** 2)) / reference.squares
+    found = guess_starts(
+        formula, reference.x, reference.y, np.ones(reference.x.size), known={}, limits={}
+    )
+    return (
+        float(np.sum((reference.y - formula.value(reference.x, found)[0]) ** 2)) / reference.squares
+    )
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -76,17 +91,22 @@ def test_the_certified_optimum_is_reached_without_starts(name: str) -> None:
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("path", [pytest.param(path, id=path.stem) for path in NONLINEAR if path.stem not in QUICK])
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, id=path.stem) for path in NONLINEAR if path.stem not in QUICK]
+)
 def test_every_certified_optimum_is_reached_without_starts(path: Path) -> None:
     assert squares_without_starts(path) < 1.0001
 
 
 def test_there_are_27_such_sets() -> None:
-    assert len({path.stem for path in NONLINEAR} | {"Nelson"}) == 27  # Nelson's y depends on two variables
+    # Nelson's y depends on two variables
+    assert len({path.stem for path in NONLINEAR} | {"Nelson"}) == 27
 
 
 @pytest.mark.parametrize("name", ["filament", "falling_phone", "muon_binned"])
-def test_formulas_of_the_gallery_reach_their_optimum_without_starts(name: str, project: Path, tmp_path: Path) -> None:
+def test_formulas_of_the_gallery_reach_their_optimum_without_starts(
+    name: str, project: Path, tmp_path: Path
+) -> None:
     source = project / "data" / "gallery" / f"{name}.toml"
     text = source.read_text()
     bare = re.sub(r"\bstart = [-+.\de]+(, )?", "", text)
@@ -97,15 +117,27 @@ def test_formulas_of_the_gallery_reach_their_optimum_without_starts(name: str, p
     ends = []
     for path in (source, tmp_path / "bare.toml"):
         campaign = load_campaign(path)
-        ends.append(fit_optimum(campaign.problem(list(campaign.run_names)[:1]), rng=np.random.default_rng(1)))
-    np.testing.assert_allclose((ends[1].values - ends[0].values) / np.sqrt(np.diag(ends[0].cov)), 0.0, atol=0.01)
+        ends.append(
+            fit_optimum(
+                campaign.problem(list(campaign.run_names)[:1]), rng=np.random.default_rng(1)
+            )
+        )
+    np.testing.assert_allclose(
+        (ends[1].values - ends[0].values) / np.sqrt(np.diag(ends[0].cov)), 0.0, atol=0.01
+    )
 
 
 @pytest.mark.parametrize("name", ["Eckerle4", "MGH17"])
 def test_one_descent_from_1_does_not_reach_them(name: str) -> None:
     """A wrong search fails where this one does not."""
     reference = read(FOLDER / f"{name}.dat")
-    fit = fit_curve(reference.expression, reference.x, reference.y, start=dict.fromkeys(reference.certified, 1.0), n_start=1)
+    fit = fit_curve(
+        reference.expression,
+        reference.x,
+        reference.y,
+        start=dict.fromkeys(reference.certified, 1.0),
+        n_start=1,
+    )
     assert fit.chi2 > 100.0 * reference.squares
 
 
@@ -117,17 +149,28 @@ def test_fit_curve_needs_no_starts() -> None:
 def test_several_data_sets_need_no_starts() -> None:
     rng = np.random.default_rng(3)
     x = np.linspace(0.0, 8.0, 40)
-    data = {name: DataSet(x, a * np.exp(-x / 2.0) + 0.05 * rng.standard_normal(40), u_y=0.05) for name, a in (("one", 3.0), ("two", 5.0))}
+    data = {
+        name: DataSet(x, a * np.exp(-x / 2.0) + 0.05 * rng.standard_normal(40), u_y=0.05)
+        for name, a in (("one", 3.0), ("two", 5.0))
+    }
     fit = fit_curves("a*exp(-x/tau)", data, shared=["tau"])
     assert fit.status == "ok"
     assert abs(fit.values["tau"] - 2.0) < 4.0 * fit.sds["tau"]
 
 
-def test_searches_that_end_at_different_places_ask_for_a_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_searches_that_end_at_different_places_ask_for_a_start(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     squares = iter(np.linspace(2.0, 1.0, 6))
-    monkeypatch.setattr(guesses, "_searched", lambda search, rng: (np.ones(2), float(next(squares))))
+    monkeypatch.setattr(
+        guesses, "_searched", lambda search, rng: (np.ones(2), float(next(squares)))
+    )
     x = np.linspace(0.0, 1.0, 20)
-    with pytest.raises(InputError, match=r"'start' of b and c could not be found from the points: give one .*--start b=1, or {start = 1.0} in"):
+    with pytest.raises(
+        InputError,
+        match=r"'start' of b and c could not be found from the points: give one .*--start b=1, or "
+        r"{start = 1.0} in",
+    ):
         guess_starts(read_formula("a*sin(b*x + c)"), x, x, np.ones(20), known={}, limits={})
 
 
@@ -141,8 +184,18 @@ def test_a_table_and_a_formula_are_enough(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     t = np.linspace(0.0, 10.0, 60)
     rows = zip(t, 3.0 * np.exp(-t / 1.7) + 0.5 + 0.02 * rng.standard_normal(60), strict=True)
-    (tmp_path / "decay.csv").write_text("t [s],U [V]\n" + "".join(f"{a:.4f},{b:.5f}\n" for a, b in rows))
-    said = ["--formula", "a*exp(-t/tau) + c", "--u-y", "0.02", "--no-figures", "--out", str(tmp_path / "out")]
+    (tmp_path / "decay.csv").write_text(
+        "t [s],U [V]\n" + "".join(f"{a:.4f},{b:.5f}\n" for a, b in rows)
+    )
+    said = [
+        "--formula",
+        "a*exp(-t/tau) + c",
+        "--u-y",
+        "0.02",
+        "--no-figures",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     done = CliRunner().invoke(cli.cli, ["fit", str(tmp_path / "decay.csv"), *said])
     assert done.exit_code == 0, done.output
     assert "decay: ok" in done.output

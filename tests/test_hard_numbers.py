@@ -1,4 +1,6 @@
-"""Numbers beyond all measure, curves without derivatives, data without scatter: one line or a status, never a traceback or a warning of NumPy."""
+"""Numbers beyond all measure, curves without derivatives, data without scatter: one line or a
+status, never a traceback or a warning of NumPy.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +25,15 @@ def scaled_run(folder: Path, factor: float, **choices: str) -> Path:
     path = Disk(**choices).write(folder)
     head, *rows = (folder / "r.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]
-    (folder / "r.csv").write_text("\n".join([head, *(f"{t},{float(x) * factor!r}" for t, x in cells)]) + "\n")
+    (folder / "r.csv").write_text(
+        "\n".join([head, *(f"{t},{float(x) * factor!r}" for t, x in cells)]) + "\n"
+    )
     return path
 
 
-def curve(folder: Path, expression: str, parameters: str, *, u_y: str = "u_y = 0.02", error: float = 0.02) -> Path:
+def curve(
+    folder: Path, expression: str, parameters: str, *, u_y: str = "u_y = 0.02", error: float = 0.02
+) -> Path:
     path = Formula(expression, parameters, STRAIGHT.truth, error=error).write(folder)
     path.write_text(path.read_text().replace("u_y = 0.02", u_y))
     return path
@@ -41,8 +47,13 @@ def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("any_speed")
 def test_positions_in_a_wrong_unit_end_in_words(tmp_path: Path) -> None:
-    """Every parameter is pressed against a limit, a hundred thousand standard deviations from what was stated: there is nothing to sample."""
-    with pytest.raises(NumericalError, match="the posterior density is zero or not finite everywhere around the fit"):
+    """Every parameter is pressed against a limit, a hundred thousand standard deviations from what
+    was stated: there is nothing to sample.
+    """
+    with pytest.raises(
+        NumericalError,
+        match="the posterior density is zero or not finite everywhere around the fit",
+    ):
         analyse(load_campaign(scaled_run(tmp_path, 1000.0)), ["r"], seed=1, target=QUICK)
 
 
@@ -67,34 +78,57 @@ def test_a_reading_beyond_all_measure_is_refused_at_its_line(tmp_path: Path) -> 
     [
         ("a*x + 0*b", "a = {start = 1.0}\nb = {start = 0.0}", "'b' is not determined"),
         ("a*x/b**0", "a = {start = 1.0}\nb = {start = 1.0}", "'b' is not determined"),
-        ("a*x + b*abs(c)", "a = {start = 1.0}\nb = {start = 1.0}\nc = {start = 1.0}", "'b' is not determined by the data, nor is 'c'"),
+        (
+            "a*x + b*abs(c)",
+            "a = {start = 1.0}\nb = {start = 1.0}\nc = {start = 1.0}",
+            "'b' is not determined by the data, nor is 'c'",
+        ),
         ("where(x > a, 1, 2)*b", "a = {start = 1.0}\nb = {start = 1.0}", "'a' is not determined"),
     ],
 )
-def test_the_parameter_that_is_not_determined_is_the_one_named(tmp_path: Path, expression: str, parameters: str, blamed: str) -> None:
+def test_the_parameter_that_is_not_determined_is_the_one_named(
+    tmp_path: Path, expression: str, parameters: str, blamed: str
+) -> None:
     with pytest.raises(InputError, match=blamed):
         analyse(load_campaign(curve(tmp_path, expression, parameters)), ["r"], seed=1, target=QUICK)
 
 
 def test_errors_of_x_as_large_as_its_range_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"campaign\.toml:8: 'u_x' must be below the standard deviation of x, "):
+    with pytest.raises(
+        InputError, match=r"campaign\.toml:8: 'u_x' must be below the standard deviation of x, "
+    ):
         load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 0.02\nu_x = 1e10"))
 
 
 def test_an_error_of_y_below_its_digits_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"campaign\.toml:7: 'u_y' must be above the last digit"):
-        load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 1e-16", error=0.0)).problem(["r"])
+        load_campaign(
+            curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="u_y = 1e-16", error=0.0)
+        ).problem(["r"])
 
 
 def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="'u_y' must be stated: the curve meets every point"):
-        analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="", error=0.0)), ["r"], seed=1, target=QUICK)
-    stated = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, error=0.0)), ["r"], seed=1, target=QUICK)
+        analyse(
+            load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="", error=0.0)),
+            ["r"],
+            seed=1,
+            target=QUICK,
+        )
+    stated = analyse(
+        load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, error=0.0)),
+        ["r"],
+        seed=1,
+        target=QUICK,
+    )
     assert [reason for reason in stated.diagnosis.reasons if reason.startswith("run r")] == [
-        "run r: all residuals are zero apart from rounding errors, which never happens with measurements: "
+        "run r: all residuals are zero apart from rounding errors, which never happens "
+        "with measurements: "
         "were the data computed? (test 'zero', p < 5e-5)"
     ]
-    noisy = analyse(load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="")), ["r"], seed=1)
+    noisy = analyse(
+        load_campaign(curve(tmp_path, "a*x + b", STRAIGHT.parameters, u_y="")), ["r"], seed=1
+    )
     assert noisy.diagnosis.ok
 
 
@@ -102,15 +136,23 @@ def test_points_without_scatter_are_told_as_such(tmp_path: Path) -> None:
 def test_positions_in_a_wrong_unit_fit_as_they_are_end_in_a_fit(tmp_path: Path) -> None:
     """Hundreds of times too large."""
     path = scaled_run(tmp_path, 300.0)
-    path.write_text(path.read_text().replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"'))
-    fit = fit_least_squares(load_campaign(path).problem(["r"]), rng=np.random.default_rng(1), n_start=1)
+    path.write_text(
+        path.read_text().replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"')
+    )
+    fit = fit_least_squares(
+        load_campaign(path).problem(["r"]), rng=np.random.default_rng(1), n_start=1
+    )
     assert np.all(np.isfinite(fit.values))
     assert fit.p_value < 1e-6
 
 
-def test_a_point_on_the_edge_of_where_the_curve_is_defined_does_not_stop_the_fit(tmp_path: Path) -> None:
+def test_a_point_on_the_edge_of_where_the_curve_is_defined_does_not_stop_the_fit(
+    tmp_path: Path,
+) -> None:
     """At the start the curve begins at the first point, with a slope without limit."""
-    path = Formula("a*sqrt(x - c)", "a = {start = 1.0}\nc = {start = 0.1}", lambda x: 2.0 * np.sqrt(x - 0.05)).write(tmp_path)
+    path = Formula(
+        "a*sqrt(x - c)", "a = {start = 1.0}\nc = {start = 0.1}", lambda x: 2.0 * np.sqrt(x - 0.05)
+    ).write(tmp_path)
     problem = load_campaign(path).problem(["r"])
     start = np.array([1.0, 0.1])
     with np.errstate(divide="ignore"):

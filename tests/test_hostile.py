@@ -1,4 +1,6 @@
-"""Hostile strings in every text field of a campaign, through every command: nothing raw comes out, and no report changes its shape."""
+"""Hostile strings in every text field of a campaign, through every command: nothing raw comes out,
+and no report changes its shape.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ from estim.reports.rendering import render
 
 FORGED = "a\x1b[2J\u202e | *b* <i>c</i> `d` [x](y) $e$\n\n# Forged\n\r|---|"
 FILE = "r\x1b[31m\u202e *b* <i> `d` | [x](y) $e$\n# Forged.csv"
-pytestmark = pytest.mark.filterwarnings("ignore:Glyph", "ignore:Matplotlib currently does not", "ignore:.*is deprecated")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:Glyph", "ignore:Matplotlib currently does not", "ignore:.*is deprecated"
+)
 
 
 @dataclass(frozen=True)
@@ -36,7 +40,12 @@ class Done:
 
     @property
     def one_line(self) -> bool:
-        return self.out == "" and self.err.startswith("error: ") and self.err.count("\n") == 1 and self.err[:-1].isprintable()
+        return (
+            self.out == ""
+            and self.err.startswith("error: ")
+            and self.err.count("\n") == 1
+            and self.err[:-1].isprintable()
+        )
 
 
 @pytest.fixture
@@ -52,7 +61,13 @@ def estim(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
 
 def toml(text: str) -> str:
     """A TOML string, every mark but plain letters as an escape; surrogates cannot stand in one."""
-    return '"' + "".join(mark if mark.isascii() and mark.isalnum() else f"\\U{ord(mark):08x}" for mark in text) + '"'
+    return (
+        '"'
+        + "".join(
+            mark if mark.isascii() and mark.isalnum() else f"\\U{ord(mark):08x}" for mark in text
+        )
+        + '"'
+    )
 
 
 @pytest.fixture
@@ -70,9 +85,14 @@ def plain(estim, monkeypatch: pytest.MonkeyPatch):
 def curve_campaign(folder: Path, word: str, file: str) -> Path:
     """A formula of the user's own with `word` in every text that is free."""
     folder.mkdir(parents=True)
-    unit = re.sub(r"[\s$|\\`]", "", " ".join(word.split()).translate(dict.fromkeys(range(32))).replace("\u202e", ""))[:19]
+    unit = re.sub(
+        r"[\s$|\\`]",
+        "",
+        " ".join(word.split()).translate(dict.fromkeys(range(32))).replace("\u202e", ""),
+    )[:19]
     (folder / file).write_text(
-        f"# made by estim import\n# {one(word)}\n# warning: {one(word)}\nt,_{one(word).replace(',', '')},y\n"
+        f"# made by estim import\n# {one(word)}\n# warning: "
+        f"{one(word)}\nt,_{one(word).replace(',', '')},y\n"
         + "".join(f"{0.1 * n:.1f},0,{1 + 0.2 * n + 0.01 * (-1) ** n:.3f}\n" for n in range(12))
     )
     (folder / "c.toml").write_text(f"""title = {toml(word)}
@@ -97,13 +117,18 @@ def one(word: str) -> str:
     return " ".join(word.split())
 
 
-def body_campaign(folder: Path, replica: Path, word: str, file: str, shared: str = "", run: str = "heavy-04") -> Path:
+def body_campaign(
+    folder: Path, replica: Path, word: str, file: str, shared: str = "", run: str = "heavy-04"
+) -> Path:
     """A run of the replica and its line, with `word` in every text that is free."""
     folder.mkdir(parents=True)
     (folder / file).write_text(f"# {one(word)}\n" + (replica / "runs" / "heavy-04.csv").read_text())
-    (folder / f"line {file}").write_text(f"# {one(word)}\n" + (replica / "theta_min.csv").read_text())
+    (folder / f"line {file}").write_text(
+        f"# {one(word)}\n" + (replica / "theta_min.csv").read_text()
+    )
     (folder / f"paper {file}").write_text(
-        f'paper = {toml(word)}\n[[number]]\nname = {toml(word)}\nparameter = "gamma"\nvalue = 0.2\nunit = {toml(word)}\nsection = {toml(word)}\n'
+        f'paper = {toml(word)}\n[[number]]\nname = {toml(word)}\nparameter = "gamma"\nvalue '
+        f"= 0.2\nunit = {toml(word)}\nsection = {toml(word)}\n"
     )
     (folder / "c.toml").write_text(f"""title = {toml(word)}
 kind = "synthetic"
@@ -141,11 +166,17 @@ def written(folder: Path) -> dict[str, str]:
     for path in files:
         assert not raw(str(path.relative_to(folder)))
         assert re.fullmatch(r"[\w./ +-]+", str(path.relative_to(folder)))
-    return {str(path.relative_to(folder)): path.read_text() for path in files if path.suffix in (".md", ".json")}
+    return {
+        str(path.relative_to(folder)): path.read_text()
+        for path in files
+        if path.suffix in (".md", ".json")
+    }
 
 
 def compare_with_harmless(hostile: Path, harmless: Path) -> dict[str, str]:
-    """The reports of two campaigns that differ in their texts alone: the same structure, and nothing raw."""
+    """The reports of two campaigns that differ in their texts alone: the same structure, and
+    nothing raw.
+    """
     texts, others = written(hostile), written(harmless)
     assert texts.keys() == others.keys()
     for name, text in texts.items():
@@ -198,15 +229,23 @@ def texts_of_figures(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ids=lambda command: " ".join(command[:2]),
 )
 def test_a_rolling_body_with_hostile_texts(
-    estim, plain, tmp_path: Path, replica: Path, command: tuple[str, ...], request: pytest.FixtureRequest
+    estim,
+    plain,
+    tmp_path: Path,
+    replica: Path,
+    command: tuple[str, ...],
+    request: pytest.FixtureRequest,
 ) -> None:
-    """The figure of the energy alone has a text of the campaign's: it is drawn, as those of a formula are above.
+    """The figure of the energy alone has a text of the campaign's: it is drawn, as those of a
+    formula are above.
 
     One of the commands speaks of an unmodelled force.
     """
     in_figures = [] if command[0] == "energy" else request.getfixturevalue("texts_of_figures")
     shared = "" if command[0] == "fit" else "unmodelled_force = 0"
-    hostile = body_campaign(tmp_path / FORGED.replace("/", ""), replica, FORGED, FILE.replace("/", ""), shared)
+    hostile = body_campaign(
+        tmp_path / FORGED.replace("/", ""), replica, FORGED, FILE.replace("/", ""), shared
+    )
     harmless = body_campaign(tmp_path / "harmless", replica, "word", "r.csv", shared)
     done = estim(command[0], hostile, *command[1:], "--out", tmp_path / "a")
     twin = plain(command[0], harmless, *command[1:], "--out", tmp_path / "b")
@@ -223,15 +262,44 @@ def test_a_rolling_body_with_hostile_texts(
 def test_a_comparison_of_models_with_hostile_texts() -> None:
     """Its templates alone: sampling every model twice would take minutes."""
     row = SimpleNamespace(
-        name="positions, student-t", status="ok", data="positions", n_obs=3, elpd=1.0, se_elpd=None, behind=1.0, se_behind=0.1, log_evidence=None,
-        u_log_evidence=None, influential={"r": [0.1]}, words="word", reasons=["word"],
+        name="positions, student-t",
+        status="ok",
+        data="positions",
+        n_obs=3,
+        elpd=1.0,
+        se_elpd=None,
+        behind=1.0,
+        se_behind=0.1,
+        log_evidence=None,
+        u_log_evidence=None,
+        influential={"r": [0.1]},
+        words="word",
+        reasons=["word"],
     )
-    values = {"kind": KINDS["measured"], "rows": [row], "cells": [["0.1 ± 0.2"]], "influential": 0.7, "behind": 4.0}
+    values = {
+        "kind": KINDS["measured"],
+        "rows": [row],
+        "cells": [["0.1 ± 0.2"]],
+        "influential": 0.7,
+        "behind": 4.0,
+    }
     values |= {"folder": folder_of, "several_data": True}
-    plain = render("compare.md.j2", title="word", runs=["r"], heads=["γ"], data=["positions"], **values)
+    plain = render(
+        "compare.md.j2", title="word", runs=["r"], heads=["γ"], data=["positions"], **values
+    )
     for text in filter(shown, STRINGS):
-        hostile = SimpleNamespace(**vars(row) | {"words": text, "reasons": [text], "data": text, "influential": {text: [0.1]}})
-        report = render("compare.md.j2", title=text, runs=[text], heads=[text], data=[text], **values | {"rows": [hostile], "cells": [[text]]})
+        hostile = SimpleNamespace(
+            **vars(row)
+            | {"words": text, "reasons": [text], "data": text, "influential": {text: [0.1]}}
+        )
+        report = render(
+            "compare.md.j2",
+            title=text,
+            runs=[text],
+            heads=[text],
+            data=[text],
+            **values | {"rows": [hostile], "cells": [[text]]},
+        )
         assert outline(report) == outline(plain), text
         assert seen(report).startswith(f"{shown(text)}: noise models of {shown(text)}\n")
         assert not raw(report)
@@ -239,26 +307,42 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
 
 @pytest.mark.parametrize("name", [text for text in STRINGS if "\x00" not in text], ids=ascii)
 def test_import_says_names_of_tracks_and_files_literally(estim, tmp_path: Path, name: str) -> None:
-    """A name in XML, in the head of the CSV and on the terminal; the CSV holds as many rows as the track."""
+    """A name in XML, in the head of the CSV and on the terminal; the CSV holds as many rows as the
+    track.
+    """
     legal = "".join(mark for mark in name if mark in "\t\n\r" or mark >= " ").replace("\ufff9", "")
-    text = legal.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("\r", "&#13;")
+    text = (
+        legal.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace("\r", "&#13;")
+    )
     points = {n: (100.0 + n * n, 200.0 - 0.1 * n) for n in range(8)}
-    (tmp_path / "clip.trk").write_text(trk(point_mass(text, points), point_mass("second " + text, {1: (1.0, 2.0)}), extra="", unit="m"))
+    (tmp_path / "clip.trk").write_text(
+        trk(
+            point_mass(text, points),
+            point_mass("second " + text, {1: (1.0, 2.0)}),
+            extra="",
+            unit="m",
+        )
+    )
     done = estim("import", tmp_path / "clip.trk", "--track", "second", "-o", tmp_path / "r.csv")
     assert done.one_line
     assert done.code == 2
-    done = estim("import", tmp_path / "clip.trk", "--track", legal.strip() or legal, "-o", tmp_path / "r.csv")
+    done = estim(
+        "import", tmp_path / "clip.trk", "--track", legal.strip() or legal, "-o", tmp_path / "r.csv"
+    )
     assert not raw(done.out + done.err)
     if done.code == 0:
         lines = (tmp_path / "r.csv").read_text().split("\n")
-        assert sum(not line.startswith("#") for line in lines) == 8 + 1 + 1  # header, and what follows the last end of line
+        # header, and what follows the last end of line
+        assert sum(not line.startswith("#") for line in lines) == 8 + 1 + 1
         assert all(not raw(line) for line in lines)
     else:
         assert done.one_line, done.err
 
 
 @pytest.mark.parametrize("text", STRINGS, ids=ascii)
-def test_errors_quote_hostile_text_on_one_line(estim, tmp_path: Path, replica: Path, text: str) -> None:
+def test_errors_quote_hostile_text_on_one_line(
+    estim, tmp_path: Path, replica: Path, text: str
+) -> None:
     campaign = (replica / "campaign.toml").read_text()
     (tmp_path / "runs").symlink_to(replica / "runs")
     (tmp_path / "theta_min.csv").symlink_to(replica / "theta_min.csv")
@@ -271,7 +355,8 @@ def test_errors_quote_hostile_text_on_one_line(estim, tmp_path: Path, replica: P
         "body": campaign.replace('body = "heavy"', f"body = {toml(text)}"),
         "bodies": campaign + f"\n[bodies.{toml('-' + text)}]\nkappa = 0.4\n",
         "formula": 'title = "x"\nkind = "measured"\n[curve]\n'
-        f'expression = {toml("import " + text)}\nx = "t"\ny = "y"\n[[runs]]\nname = "r"\nfile = "r.csv"\n',
+        f'expression = {toml("import " + text)}\nx = "t"\ny = "y"\n[[runs]]\nname = '
+        '"r"\nfile = "r.csv"\n',
     }
     for name, content in broken.items():
         (tmp_path / "c.toml").write_text(content)
@@ -314,15 +399,24 @@ def test_a_path_that_is_not_utf8(estim, tmp_path: Path) -> None:
     assert estim("fit", folder / "no.toml").one_line
 
 
-def test_a_body_name_that_would_lead_out_of_the_report_is_refused(estim, tmp_path: Path, replica: Path) -> None:
-    text = (replica / "campaign.toml").read_text().replace('"heavy"', '"../../heavy"').replace("[bodies.heavy]", '[bodies."../../heavy"]')
+def test_a_body_name_that_would_lead_out_of_the_report_is_refused(
+    estim, tmp_path: Path, replica: Path
+) -> None:
+    text = (
+        (replica / "campaign.toml")
+        .read_text()
+        .replace('"heavy"', '"../../heavy"')
+        .replace("[bodies.heavy]", '[bodies."../../heavy"]')
+    )
     (tmp_path / "c.toml").write_text(text)
     done = estim("reanalyse", tmp_path / "c.toml", "--out", tmp_path / "out")
     assert (done.code, done.one_line) == (2, True)
     assert re.search(r"c.toml:\d+: 'bodies' must be made of letters, digits, blanks", done.err)
 
 
-def test_a_simulated_campaign_holds_what_its_design_says(estim, tmp_path: Path, replica: Path) -> None:
+def test_a_simulated_campaign_holds_what_its_design_says(
+    estim, tmp_path: Path, replica: Path
+) -> None:
     import tomllib
 
     design = (replica / "design.toml").read_text().replace("heavy", "heavy disk")

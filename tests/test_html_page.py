@@ -1,4 +1,6 @@
-"""A report as one HTML file: it says what `report.md` says, needs nothing else, lets nothing in, and `estim verify` knows it."""
+"""A report as one HTML file: it says what `report.md` says, needs nothing else, lets nothing in,
+and `estim verify` knows it.
+"""
 
 from __future__ import annotations
 
@@ -26,12 +28,20 @@ from estim.reports.rendering import folded
 PROJECT = Path(__file__).parents[1]
 BROKEN = re.compile(r"(?:</details>|\.png\))\n[^\n]|[^\n]\n<details>")
 VOID = {"meta", "img", "input", "br", "hr"}
-REPORTS = ("replica", "gallery/filament", "gallery/wheel", "gallery/cavendish", "gallery/muon_binned")
+REPORTS = (
+    "replica",
+    "gallery/filament",
+    "gallery/wheel",
+    "gallery/cavendish",
+    "gallery/muon_binned",
+)
 
 
 @dataclass
 class Page(HTMLParser):
-    """What a browser sees, by the standard library: tags in order, texts, what is open at the end."""
+    """What a browser sees, by the standard library: tags in order, texts, what is open at the
+    end.
+    """
 
     tags: list[tuple[str, dict[str, str | None]]] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
@@ -71,7 +81,10 @@ def seen(page: bytes) -> Page:
 
 def files_of(name: str) -> dict[str, bytes]:
     place = PROJECT / "reports" / name
-    return {path.relative_to(place).as_posix(): path.read_bytes() for path in (place / "report.md", *sorted(place.glob("figures/*.png")))}
+    return {
+        path.relative_to(place).as_posix(): path.read_bytes()
+        for path in (place / "report.md", *sorted(place.glob("figures/*.png")))
+    }
 
 
 def page_of(text: str, **pictures: bytes) -> Page:
@@ -84,7 +97,9 @@ def report(request: pytest.FixtureRequest) -> tuple[dict[str, bytes], Page]:
     return files, seen(with_formats(files, ["html"])["report.html"])
 
 
-def test_every_number_of_the_report_is_in_the_page_in_its_order(report: tuple[dict[str, bytes], Page]) -> None:
+def test_every_number_of_the_report_is_in_the_page_in_its_order(
+    report: tuple[dict[str, bytes], Page],
+) -> None:
     files, page = report
     text = re.sub(r"!\[(?:[^\]\\]|\\.)*\]\([^)]*\)|\]\([^)]*\)", " ", files["report.md"].decode())
     numbers = re.findall(r"\d+(?:\.\d+)?", text)
@@ -92,16 +107,24 @@ def test_every_number_of_the_report_is_in_the_page_in_its_order(report: tuple[di
     assert len(numbers) > 10
 
 
-def test_a_page_needs_nothing_from_elsewhere_and_runs_nothing(report: tuple[dict[str, bytes], Page]) -> None:
+def test_a_page_needs_nothing_from_elsewhere_and_runs_nothing(
+    report: tuple[dict[str, bytes], Page],
+) -> None:
     files, page = report
     shown = page.all("img")
-    inside = [b64decode(str(image["src"]).removeprefix("data:image/png;base64,")) for image in shown]
+    inside = [
+        b64decode(str(image["src"]).removeprefix("data:image/png;base64,")) for image in shown
+    ]
     wanted = re.findall(r"\]\((figures/\S+?\.png)\)", files["report.md"].decode())
     assert inside == [files[path] for path in wanted]
     assert all(image["alt"] for image in shown)
     assert not page.all("script", "link", "iframe", "object", "base", "form", "svg")
     assert not any(name.startswith("on") for _, attributes in page.tags for name in attributes)
-    policy = next(str(meta["content"]) for meta in page.all("meta") if meta.get("http-equiv") == "Content-Security-Policy")
+    policy = next(
+        str(meta["content"])
+        for meta in page.all("meta")
+        if meta.get("http-equiv") == "Content-Security-Policy"
+    )
     assert policy.startswith("default-src 'none'; ")
     css = (PROJECT / "estim" / "reports" / "templates" / "page.css").read_text()
     assert "url(" not in css
@@ -111,9 +134,15 @@ def test_a_page_needs_nothing_from_elsewhere_and_runs_nothing(report: tuple[dict
 def test_a_page_is_in_the_language_that_is_spoken() -> None:
     part = folded("b", "text", opened=False)
     with spoken("es"):
-        page = with_formats({"report.md": f"# a\n\n{part}\n".encode()}, ["html"])["report.html"].decode()
+        page = with_formats({"report.md": f"# a\n\n{part}\n".encode()}, ["html"])[
+            "report.html"
+        ].decode()
     assert '<html lang="es">' in page
-    for words in ("Contenido", "abrir todas las secciones, también para imprimir", "no se imprimen"):
+    for words in (
+        "Contenido",
+        "abrir todas las secciones, también para imprimir",
+        "no se imprimen",
+    ):
         assert words in page
     assert "Contents" not in page
 
@@ -140,12 +169,19 @@ def test_html_ends_at_a_blank_line_in_every_report() -> None:
 
 
 def test_folded_parts_figures_and_tables_are_made_of_markdown() -> None:
-    text = f"# T\n\n## Standing\n\n![a *finding*](figures/a.png)\n\n*Its caption, γ = 1.*\n\n{folded('Inner', '## Inner', opened=False)}\n"
+    text = (
+        "# T\n\n## Standing\n\n![a *finding*](figures/a.png)\n\n*Its caption, γ = "
+        f"1.*\n\n{folded('Inner', '## Inner', opened=False)}\n"
+    )
     text += f"\n{folded('Other', '## Another' + chr(10) * 2 + '### Deeper', opened=False)}\n"
-    text += f"\n{folded('Third', '### First of all', opened=False)}\n\n| | b |\n|---|---|\n| [r](x/report.md) | 1.0 ± 0.1 |\n"
+    text += (
+        f"\n{folded('Third', '### First of all', opened=False)}\n\n| | b |\n|---|---|\n| "
+        "[r](x/report.md) | 1.0 ± 0.1 |\n"
+    )
     page = page_of(text, **{"figures/a.png": PIXEL})
     headings = [tag for tag, _ in page.tags if re.fullmatch("h[1-6]", tag)]
-    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4", "h2", "h3"]  # "Inner" once, as the title of its part
+    # "Inner" once, as the title of its part
+    assert headings == ["h1", "h2", "h2", "h2", "h3", "h4", "h2", "h3"]
     assert [tag for tag, _ in page.tags if tag.startswith("fig")] == ["figure", "figcaption"]
     assert page.all("img")[0]["alt"] == "a finding"
     assert [link["href"] for link in page.all("a")][-1] == "x/report.html"
@@ -153,7 +189,12 @@ def test_folded_parts_figures_and_tables_are_made_of_markdown() -> None:
 
 
 RAW = (
-    "<script>alert(1)</script>", "<img src=x onerror=alert(1)>", "</details>", "</div></main>", "<details open>\n<summary>x</summary>", "a <b>c</b>",
+    "<script>alert(1)</script>",
+    "<img src=x onerror=alert(1)>",
+    "</details>",
+    "</div></main>",
+    "<details open>\n<summary>x</summary>",
+    "a <b>c</b>",
     "<!-- x",
 )
 
@@ -161,7 +202,17 @@ RAW = (
 @pytest.mark.parametrize("raw", RAW)
 def test_html_that_is_none_of_ours_is_shown_as_text(raw: str) -> None:
     page = page_of(f"# T\n\n{raw}\n\nend <i onclick=x>\n")
-    assert {tag for tag, _ in page.tags} <= {"html", "head", "meta", "title", "style", "body", "main", "h1", "p"}
+    assert {tag for tag, _ in page.tags} <= {
+        "html",
+        "head",
+        "meta",
+        "title",
+        "style",
+        "body",
+        "main",
+        "h1",
+        "p",
+    }
     assert raw.split()[-1] in page.text
     assert "<i onclick=x>" in page.text
 
@@ -171,8 +222,14 @@ def test_texts_of_others_are_shown_literally_in_titles_and_cells() -> None:
         shown = markdown(words)
         if not shown:
             continue
-        page = page_of(f"# {shown}\n\n{folded(words, 'body', opened=False)}\n\n| a |\n|---|\n| {shown} |\n")
-        assert [tag for tag, _ in page.tags if tag in ("script", "em", "strong", "a", "img", "code", "h3", "ul", "blockquote")] == ["a"], words
+        page = page_of(
+            f"# {shown}\n\n{folded(words, 'body', opened=False)}\n\n| a |\n|---|\n| {shown} |\n"
+        )
+        assert [
+            tag
+            for tag, _ in page.tags
+            if tag in ("script", "em", "strong", "a", "img", "code", "h3", "ul", "blockquote")
+        ] == ["a"], words
         assert len(page.all("td")) == 1
         assert page.text.count("body") == 1
 
@@ -225,13 +282,21 @@ def test_a_page_of_the_report_before_does_not_stay(model: Path) -> None:
     assert run("propagate", "model.toml", "--out", "out", "--format", "html").exit_code == 0
     assert run("propagate", "model.toml", "--out", "out").exit_code == 0
     assert not (model / "out" / "report.html").exists()
-    (model / "out" / "report.html").write_text("mine")  # it would pass for the page of the new report
-    assert "report.html: was not written by estim" in str(run("propagate", "model.toml", "--out", "out").exception)
+    # it would pass for the page of the new report
+    (model / "out" / "report.html").write_text("mine")
+    assert "report.html: was not written by estim" in str(
+        run("propagate", "model.toml", "--out", "out").exception
+    )
     assert (model / "out" / "report.html").read_text() == "mine"
 
 
-def test_what_is_missing_is_said_before_anything_is_computed(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for trouble, said in ((ImportError, "needs the package weasyprint: pip install weasyprint"), (OSError, "needs libraries that weasyprint")):
+def test_what_is_missing_is_said_before_anything_is_computed(
+    model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for trouble, said in (
+        (ImportError, "needs the package weasyprint: pip install weasyprint"),
+        (OSError, "needs libraries that weasyprint"),
+    ):
 
         def missing(name: str, trouble: type[Exception] = trouble) -> None:
             raise trouble(name)
@@ -253,10 +318,14 @@ def test_on_paper_what_is_folded_follows_as_an_appendix() -> None:
     assert "from these data" in standing
     assert "recomputes this report" in standing
     assert all(title.decode() in appendix and title.decode() not in standing for title in folds)
-    assert sorted(re.findall(r"\d+\.\d+", page.text)) == sorted(re.findall(r"\d+\.\d+", seen(html_page(files)).text))
+    assert sorted(re.findall(r"\d+\.\d+", page.text)) == sorted(
+        re.findall(r"\d+\.\d+", seen(html_page(files)).text)
+    )
 
 
-def test_the_pdf_has_the_pages_the_title_the_figures_words_and_is_made_again_alike(model: Path) -> None:
+def test_the_pdf_has_the_pages_the_title_the_figures_words_and_is_made_again_alike(
+    model: Path,
+) -> None:
     try:
         import weasyprint  # noqa: F401
     except (ImportError, OSError):  # the package, or the libraries of the system that it loads
@@ -264,7 +333,10 @@ def test_the_pdf_has_the_pages_the_title_the_figures_words_and_is_made_again_ali
     assert run("propagate", "model.toml", "--out", "out", "--format", "pdf").exit_code == 0
     pdf = (model / "out" / "report.pdf").read_bytes()
     assert pdf.startswith(b"%PDF-1.")
-    inside = b"".join(zlib.decompress(one) for one in re.findall(rb"/FlateDecode[^>]*>>\nstream\n(.*?)\nendstream", pdf, re.DOTALL))
+    inside = b"".join(
+        zlib.decompress(one)
+        for one in re.findall(rb"/FlateDecode[^>]*>>\nstream\n(.*?)\nendstream", pdf, re.DOTALL)
+    )
     assert b"/StructTreeRoot" in inside + pdf
     assert b"/Lang (en)" in inside + pdf
     assert b"pdfuaid" in inside + pdf
@@ -274,10 +346,21 @@ def test_the_pdf_has_the_pages_the_title_the_figures_words_and_is_made_again_ali
 
 
 def test_every_command_that_writes_a_report_has_formats() -> None:
-    having = {name for name, command in cli.commands.items() if any(one.name == "formats" for one in command.params)}
+    having = {
+        name
+        for name, command in cli.commands.items()
+        if any(one.name == "formats" for one in command.params)
+    }
     assert having == set(cli.commands) - {"simulate", "import", "new", "verify", "diff"}
     writing = {
-        path.stem for path in (PROJECT / "estim" / "cli").glob("*.py")
-        if {"write_files", "replace_own"} & {ast.unparse(node.func) for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Call)}
+        path.stem
+        for path in (PROJECT / "estim" / "cli").glob("*.py")
+        if {"write_files", "replace_own"}
+        & {
+            ast.unparse(node.func)
+            for node in ast.walk(ast.parse(path.read_text()))
+            if isinstance(node, ast.Call)
+        }
     }
-    assert writing == {"commands", "importing", "new", "terminal"}  # what is no report, and `write_report`
+    # what is no report, and `write_report`
+    assert writing == {"commands", "importing", "new", "terminal"}

@@ -28,12 +28,21 @@ def test_all_pulls_from_one_solution_are_those_of_leaving_each_out_and_name_a_wr
     rng = np.random.default_rng(5)
     fit = fit_least_squares(readings(60, rng, wrong=7), rng=rng, n_start=1)
     model, n = around(fit), fit.values.size
-    slopes = np.array([p.prior.residual_slope(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)])
-    off = np.array([p.prior.residual(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)])
-    pulls, together = _pulls_at_once(model, np.diag(slopes), off), model.least(np.diag(slopes), off)[1]
+    slopes = np.array(
+        [p.prior.residual_slope(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)]
+    )
+    off = np.array(
+        [p.prior.residual(v) for p, v in zip(fit.problem.parameters, fit.values, strict=True)]
+    )
+    pulls, together = (
+        _pulls_at_once(model, np.diag(slopes), off),
+        model.least(np.diag(slopes), off)[1],
+    )
     for k in (0, 1, 15, n - 1):
         others = np.arange(n) != k
-        assert pulls[k] ** 2 == pytest.approx(together - model.least(np.diag(slopes)[others], off[others])[1], rel=1e-6, abs=1e-8)
+        assert pulls[k] ** 2 == pytest.approx(
+            together - model.least(np.diag(slopes)[others], off[others])[1], rel=1e-6, abs=1e-8
+        )
     assert fit.names[int(np.argmax(np.abs(pulls)))] == "tilt[7]"
 
 
@@ -41,7 +50,10 @@ def test_of_many_runs_one_that_is_wrong_fails_and_the_others_do_not() -> None:
     rng = np.random.default_rng(6)
     problem = readings(100, rng)
     bent = problem.runs[31]
-    problem = Problem(problem.parameters, (*problem.runs[:31], replace(bent, y=bent.y + 1.0 * (X - 0.5) ** 2), *problem.runs[32:]))
+    problem = Problem(
+        problem.parameters,
+        (*problem.runs[:31], replace(bent, y=bent.y + 1.0 * (X - 0.5) ** 2), *problem.runs[32:]),
+    )
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     checked = check_goodness(fit, rng=rng)
     assert [run.run for run in checked if run.failed] == ["r31"]
@@ -55,7 +67,9 @@ def test_of_many_runs_one_that_is_wrong_fails_and_the_others_do_not() -> None:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """In place of a likelihood linearised at a value: where a round leads from there, and the density."""
+    """In place of a likelihood linearised at a value: where a round leads from there, and the
+    density.
+    """
 
     leads: float
     height: float
@@ -89,20 +103,34 @@ class Map:
 
     @property
     def parameters(self) -> list[Any]:
-        return [SimpleNamespace(prior=SimpleNamespace(log_density=lambda v: np.zeros(v.shape)))] * self.n_par
+        return [
+            SimpleNamespace(prior=SimpleNamespace(log_density=lambda v: np.zeros(v.shape)))
+        ] * self.n_par
 
     def named(self, _: np.ndarray) -> dict[str, np.ndarray]:
         return {}
 
     def linearised(self, values: np.ndarray) -> Map:
-        return replace(self, likelihoods=tuple(Place(f(v), -abs(v - 0.4)) for f, v in zip(self.maps, values, strict=True)))
+        return replace(
+            self,
+            likelihoods=tuple(
+                Place(f(v), -abs(v - 0.4)) for f, v in zip(self.maps, values, strict=True)
+            ),
+        )
 
 
 def settled(*maps: Callable[[float], float], start: float = 0.3) -> rounds.FixedPoint:
     values = np.full(len(maps), start)
     best = lambda posterior, _: np.array([place.leads for place in posterior.likelihoods])  # noqa: E731
     ones = np.ones(len(maps))
-    return settle_by_runs(values, Map(maps).linearised(values), most=60, tolerance=1e-4, best=best, spread=lambda *_: ones)  # type: ignore[arg-type]
+    return settle_by_runs(
+        values,
+        Map(maps).linearised(values),
+        most=60,
+        tolerance=1e-4,
+        best=best,
+        spread=lambda *_: ones,
+    )  # type: ignore[arg-type]
 
 
 def test_a_run_that_swings_goes_a_share_of_its_step_and_the_others_whole_ones() -> None:
@@ -128,19 +156,30 @@ def test_a_long_table_is_cut_and_the_whole_of_it_stands_beside() -> None:
     assert "| r0 | 0" in report
     assert f"r{MOST_ROWS} " not in report
     assert report.endswith("after")
-    assert files["tables/all-values.csv"].decode().splitlines()[MOST_ROWS + 1] == f"r{MOST_ROWS},{MOST_ROWS} | m"
-    assert shortened(text.replace(rows[-1] + "\n", ""))["report.md"].decode() == text.replace(rows[-1] + "\n", "")
+    assert (
+        files["tables/all-values.csv"].decode().splitlines()[MOST_ROWS + 1]
+        == f"r{MOST_ROWS},{MOST_ROWS} | m"
+    )
+    assert shortened(text.replace(rows[-1] + "\n", ""))["report.md"].decode() == text.replace(
+        rows[-1] + "\n", ""
+    )
 
 
-def test_of_many_parameters_those_that_are_tied_most_keep_their_correlations(rng: np.random.Generator) -> None:
+def test_of_many_parameters_those_that_are_tied_most_keep_their_correlations(
+    rng: np.random.Generator,
+) -> None:
     """100 runs of two parameters each that share two more; run 90 alone ties its own two."""
     names = ["a", "b", *(f"{name}[{i}]" for i in range(100) for name in ("c", "d"))]
     draws = rng.standard_normal((400, len(names)))
     draws[:, names.index("d[90]")] += 3.0 * draws[:, names.index("c[90]")]
     shared = np.array([0, 1])
     used = tuple(np.append(shared, [2 + 2 * i, 3 + 2 * i]) for i in range(100))
-    problem = SimpleNamespace(n_par=len(names), names=names, columns=used, foremost=lambda most: list(range(most)))
-    found = correlation_of(cast(Analysis, SimpleNamespace(problem=problem, chain=SimpleNamespace(flat=draws))))
+    problem = SimpleNamespace(
+        n_par=len(names), names=names, columns=used, foremost=lambda most: list(range(most))
+    )
+    found = correlation_of(
+        cast(Analysis, SimpleNamespace(problem=problem, chain=SimpleNamespace(flat=draws)))
+    )
     assert 148 < len(found.names) <= 150
     assert {"a", "b", "c[90]", "d[90]"} <= set(found.names)
     i, j = found.names.index("c[90]"), found.names.index("d[90]")

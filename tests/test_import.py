@@ -1,4 +1,6 @@
-"""From a track to a run: direction, tilt, release, warnings, `estim import`, and campaigns that name a file of Tracker."""
+"""From a track to a run: direction, tilt, release, warnings, `estim import`, and campaigns that
+name a file of Tracker.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,12 @@ def made(t, x, y, speed=None) -> Track:
     return Track("a.trk", "0" * 64, "A", np.array(t, dtype=float), x, y, None, lines, speed, (), ())
 
 
-def rolling(angle_deg: float, *, n: int = 40, back: bool = False, origin=(0.3, -0.2)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Times, true distances from rest, x and y of a motion along `angle_deg`; `back` turns in the middle and comes back."""
+def rolling(
+    angle_deg: float, *, n: int = 40, back: bool = False, origin=(0.3, -0.2)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times, true distances from rest, x and y of a motion along `angle_deg`; `back` turns in the
+    middle and comes back.
+    """
     t = 0.02 * np.arange(n)
     s = 0.5 * 0.8 * t**2
     if back:
@@ -69,9 +75,19 @@ SLANTED = (math.sqrt(3) / 2, 0.5)
 
 
 @pytest.mark.parametrize(
-    ("along", "expected"), [("x", (1, 0)), ("-x", (-1, 0)), ("y", (0, 1)), ("-y", (0, -1)), (30.0, SLANTED), ("30", SLANTED)]
+    ("along", "expected"),
+    [
+        ("x", (1, 0)),
+        ("-x", (-1, 0)),
+        ("y", (0, 1)),
+        ("-y", (0, -1)),
+        (30.0, SLANTED),
+        ("30", SLANTED),
+    ],
 )
-def test_stated_direction_is_taken_as_it_is_and_the_fitted_tilt_stands_beside(along, expected) -> None:
+def test_stated_direction_is_taken_as_it_is_and_the_fitted_tilt_stands_beside(
+    along, expected
+) -> None:
     t, _, x, y = rolling(25.0)
     ramp = run_along(made(t, x, y), along)
     np.testing.assert_allclose(ramp.along, expected[0] * x + expected[1] * y, atol=1e-12)
@@ -81,7 +97,9 @@ def test_stated_direction_is_taken_as_it_is_and_the_fitted_tilt_stands_beside(al
 @pytest.mark.parametrize("along", ["up", "nan", 400.0, "inf", ""])
 def test_a_direction_that_is_none_is_refused(along) -> None:
     t, _, x, y = rolling(25.0)
-    with pytest.raises(InputError, match="'along' must be fit, x, y, -x, -y or an angle in degrees"):
+    with pytest.raises(
+        InputError, match="'along' must be fit, x, y, -x, -y or an angle in degrees"
+    ):
         run_along(made(t, x, y), along)
 
 
@@ -91,7 +109,9 @@ def test_one_coordinate_runs_along_its_axis() -> None:
     np.testing.assert_allclose(down.along - down.along[0], s, atol=1e-12)
     assert down.tilt is None
     np.testing.assert_allclose(run_along(made(t, None, 0.5 - s), "y").along, 0.5 - s)
-    with pytest.raises(InputError, match="must be fit, y or -y: the file holds no other coordinate: 4"):
+    with pytest.raises(
+        InputError, match="must be fit, y or -y: the file holds no other coordinate: 4"
+    ):
         run_along(made(t, None, s), 4.0)
 
 
@@ -101,16 +121,21 @@ def test_a_point_at_rest_has_no_direction() -> None:
 
 
 def test_uncertainty_of_the_fitted_tilt_is_its_scatter(rng: np.random.Generator) -> None:
-    """2000 tracks with independent errors of 1 mm: pulls have a standard deviation of 1 within 4 errors, without the scatter's share not."""
+    """2000 tracks with independent errors of 1 mm: pulls have a standard deviation of 1 within 4
+    errors, without the scatter's share not.
+    """
     t, _, x, y = rolling(4.0)
     pulls, plain = [], []
     for _ in range(2000):
-        ramp = run_along(made(t, x + rng.normal(0.0, 1e-3, t.size), y + rng.normal(0.0, 1e-3, t.size)))
+        ramp = run_along(
+            made(t, x + rng.normal(0.0, 1e-3, t.size), y + rng.normal(0.0, 1e-3, t.size))
+        )
         pulls.append((ramp.tilt.value - math.radians(4.0)) / ramp.tilt.u)
         plain.append((ramp.tilt.value - math.radians(4.0)) / (1e-3 / np.ptp(np.hypot(x, y))))
     error = 4.0 / math.sqrt(2 * 2000)
     assert abs(np.mean(pulls)) < 4.0 / math.sqrt(2000)
-    assert np.std(pulls) == pytest.approx(1.0, abs=error + 0.03)  # Student's t with 38 degrees of freedom: 1.027
+    # Student's t with 38 degrees of freedom: 1.027
+    assert np.std(pulls) == pytest.approx(1.0, abs=error + 0.03)
     assert np.std(plain) != pytest.approx(1.0, abs=error + 0.03)
 
 
@@ -139,7 +164,9 @@ def test_a_release_outside_the_track_is_refused(write, release: float) -> None:
 
 
 def warned(write, *columns, names="t,x,y", **choices) -> str:
-    return " | ".join(import_track(write(export(*columns, names=names)), Choices(**choices)).warnings)
+    return " | ".join(
+        import_track(write(export(*columns, names=names)), Choices(**choices)).warnings
+    )
 
 
 def test_a_clean_track_is_not_suspected(write) -> None:
@@ -185,14 +212,20 @@ def test_speed_column_is_checked_against_the_positions(write) -> None:
     assert "the column v is a magnitude" in text
     assert "central difference" not in text
     assert "not the central difference" in warned(write, t, x, y, 1.1 * v, names="t,x,y,v")
-    assert "not the central difference" in warned(write, 4 * t, x, y, v, names="t,x,y,v")  # times changed after v was made
+    # times changed after v was made
+    assert "not the central difference" in warned(write, 4 * t, x, y, v, names="t,x,y,v")
 
 
 # the command
 
 
 def estim(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-m", "estim", *map(str, arguments)], capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-m", "estim", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
 
 
 def test_command_writes_a_run_that_is_read_back_unchanged(write, tmp_path) -> None:
@@ -208,7 +241,11 @@ def test_command_writes_a_run_that_is_read_back_unchanged(write, tmp_path) -> No
     assert np.array_equal(run.columns["x_m"], imported.x)
     assert run.warnings == imported.warnings  # they are kept with the numbers
     text = (tmp_path / "new" / "run.csv").read_text()
-    for fact in (imported.track.sha256, "tilt of the fitted line 4.000 deg", "x_m = 0 at the first point"):
+    for fact in (
+        imported.track.sha256,
+        "tilt of the fitted line 4.000 deg",
+        "x_m = 0 at the first point",
+    ):
         assert fact in text
     assert [p.name for p in (tmp_path / "new").iterdir()] == ["run.csv"]
 
@@ -218,7 +255,10 @@ def test_command_writes_a_run_that_is_read_back_unchanged(write, tmp_path) -> No
     [
         (["--track", "B"], "'track' must name one of the tracks (A): B"),
         (["--release", "soon"], "'release' must be first, keep or a time in s: soon"),
-        (["--frame-ms", "4"], "'frame_ms' goes with .trk and .trz files: an export states its times"),
+        (
+            ["--frame-ms", "4"],
+            "'frame_ms' goes with .trk and .trz files: an export states its times",
+        ),
         (["--along", "-y", "--unit", "inch"], "'inch' is not one of"),
     ],
 )
@@ -241,19 +281,31 @@ def test_command_does_not_write_over_its_input(write) -> None:
 
 def test_axis_options_that_look_like_options_are_values(write, tmp_path) -> None:
     t, s, _, y = rolling(-90.0, origin=(0.0, 0.0))
-    done = estim("import", write(export(t, s * 0.0, y)), "--along", "-y", "-o", tmp_path / "run.csv")
+    done = estim(
+        "import", write(export(t, s * 0.0, y)), "--along", "-y", "-o", tmp_path / "run.csv"
+    )
     assert done.returncode == 0, done.stderr
-    np.testing.assert_allclose(read_run(tmp_path / "run.csv", name="a").columns["x_m"], s, atol=1e-12)
+    np.testing.assert_allclose(
+        read_run(tmp_path / "run.csv", name="a").columns["x_m"], s, atol=1e-12
+    )
 
 
 # recordings: stand-ins, and real files where they are present
 
 
 READ = {
-    "viscosity/CIMG9886.trk": Choices(), "viscosity/CIMG9888.trk": Choices(), "viscosity/CIMG9892.trk": Choices(), "viscosity/a1.txt": Choices(),
-    "viscosity/a2.txt": Choices(), "viscosity/b3.txt": Choices(), "halfpipe/Klipp0.csv": Choices(), "halfpipe/Klipp1.csv": Choices(),
-    "halfpipe/52.txt": Choices(drop_duplicates=True), "rolling_ball/kulefullbane.txt": Choices(unit="cm"),
-    "rolling_ball/ringfullbane.txt": Choices(unit="cm"), "rolling_ball/Vid3.txt": Choices(),
+    "viscosity/CIMG9886.trk": Choices(),
+    "viscosity/CIMG9888.trk": Choices(),
+    "viscosity/CIMG9892.trk": Choices(),
+    "viscosity/a1.txt": Choices(),
+    "viscosity/a2.txt": Choices(),
+    "viscosity/b3.txt": Choices(),
+    "halfpipe/Klipp0.csv": Choices(),
+    "halfpipe/Klipp1.csv": Choices(),
+    "halfpipe/52.txt": Choices(drop_duplicates=True),
+    "rolling_ball/kulefullbane.txt": Choices(unit="cm"),
+    "rolling_ball/ringfullbane.txt": Choices(unit="cm"),
+    "rolling_ball/Vid3.txt": Choices(),
 }
 
 
@@ -276,7 +328,10 @@ def test_real_files_are_those_that_have_stand_ins(stand_ins: Path, real_files: l
 
 
 def test_a_trk_and_its_export_make_the_same_run(tracker_folder: Path) -> None:
-    video, table = (import_track(tracker_folder / "viscosity" / name, Choices(along="-y")) for name in ("CIMG9886.trk", "a1.txt"))
+    video, table = (
+        import_track(tracker_folder / "viscosity" / name, Choices(along="-y"))
+        for name in ("CIMG9886.trk", "a1.txt")
+    )
     np.testing.assert_allclose(video.x, table.x, atol=1.1e-8)
 
 
@@ -314,20 +369,34 @@ def test_a_campaign_names_an_export_directly(write) -> None:
     t, s, x, y = rolling(4.0)
     write(export(t, 100 * x, 100 * y))
     write(export(t, x, y, 2 * x, 2 * y, names="t,x,y,x,y", head=",A,,B,"), "two.txt")
-    campaign = load_campaign(write(CAMPAIGN + run("one", "a.txt", 'unit = "cm"') + run("two", "two.txt", 'track = "A"\nalong = 4.0'), "c.toml"))
+    campaign = load_campaign(
+        write(
+            CAMPAIGN
+            + run("one", "a.txt", 'unit = "cm"')
+            + run("two", "two.txt", 'track = "A"\nalong = 4.0'),
+            "c.toml",
+        )
+    )
     for name in ("one", "two"):
         np.testing.assert_allclose(campaign.tables[name].columns["x_m"], s, atol=1e-9)
         assert math.degrees(campaign.tables[name].tilt.value) == pytest.approx(4.0)
-        assert any("tilt of the fitted line 4.000 deg" in fact for fact in campaign.tables[name].facts)
+        assert any(
+            "tilt of the fitted line 4.000 deg" in fact for fact in campaign.tables[name].facts
+        )
 
 
 def test_a_campaign_names_a_trk_directly(write) -> None:
     t, s, x, y = rolling(4.0)
     points = {n: (100.0 + 50.0 * x[n], 200.0 - 50.0 * y[n]) for n in range(t.size)}
-    write(trk(point_mass("mass A", points), point_mass("mass B", points), delta_t=20.0), "video.trk")
+    write(
+        trk(point_mass("mass A", points), point_mass("mass B", points), delta_t=20.0), "video.trk"
+    )
     loaded = load_campaign(write(CAMPAIGN + run("one", "video.trk", 'track = "mass A"'), "c.toml"))
     np.testing.assert_allclose(loaded.tables["one"].columns["x_m"], s, atol=1e-9)
-    with pytest.raises(InputError, match=r"video.trk: 'track' must be named, as there are several \(mass A, mass B\)"):
+    with pytest.raises(
+        InputError,
+        match=r"video.trk: 'track' must be named, as there are several \(mass A, mass B\)",
+    ):
         load_campaign(write(CAMPAIGN + run("one", "video.trk"), "c.toml"))
 
 
@@ -336,7 +405,9 @@ def test_choices_in_a_campaign_are_checked(write) -> None:
     write(export(t, x, y))
     write("t_s,x_m\n" + "".join(f"{a},{b}\n" for a, b in zip(t, s, strict=True)), "own.csv")
     cases = {
-        'unit = "inch"': r"c.toml:\d+: 'unit'", "release = true": r"c.toml:\d+: 'release'", 'along = "up"': "a.txt: 'along' must be fit",
+        'unit = "inch"': r"c.toml:\d+: 'unit'",
+        "release = true": r"c.toml:\d+: 'release'",
+        'along = "up"': "a.txt: 'along' must be fit",
         "frame_ms = 4": "a.txt: 'frame_ms' goes with",
     }
     for more, message in cases.items():
@@ -350,15 +421,22 @@ def test_a_frame_rate_unlike_that_of_the_other_runs_is_suspected(write) -> None:
     t, _, x, y = rolling(4.0)
     for i in range(4):
         write(export(4 * t if i == 2 else t, x, y), f"{i}.txt")
-    campaign = load_campaign(write(CAMPAIGN + "".join(run(f"r{i}", f"{i}.txt") for i in range(4)), "c.toml"))
-    assert campaign.tables["r2"].warnings == ("the frames are 0.08 s apart, while those of most runs are 0.02 s apart: is the frame rate right?",)
+    campaign = load_campaign(
+        write(CAMPAIGN + "".join(run(f"r{i}", f"{i}.txt") for i in range(4)), "c.toml")
+    )
+    assert campaign.tables["r2"].warnings == (
+        "the frames are 0.08 s apart, while those of most runs are 0.02 s apart: is the "
+        "frame rate right?",
+    )
     assert campaign.tables["r1"].warnings == ()
 
 
 @pytest.mark.parametrize("factor", [1e-310, 1e-200])
 def test_times_that_no_clock_tells_apart_are_refused(write, factor: float) -> None:
     t, _, x, y = rolling(4.0)
-    with pytest.raises(InputError, match=r":\d+: 't' must advance by at least 1e-09 s from row to row") as caught:
+    with pytest.raises(
+        InputError, match=r":\d+: 't' must advance by at least 1e-09 s from row to row"
+    ) as caught:
         import_track(write(export(t * factor, x, y)), Choices())
     assert "\n" not in str(caught.value)
 
@@ -382,7 +460,7 @@ kappa = 0.4
 [[runs]]
 name = "r"
 body = "ball"
-file = "{tracker_folder / 'rolling_ball' / 'kulefullbane.txt'}"
+file = "{tracker_folder / "rolling_ball" / "kulefullbane.txt"}"
 unit = "cm"
 phi_deg = "-2.0(20)"
 theta0_deg = {{prior = "uniform", low = 0.0, high = 360.0}}
@@ -395,7 +473,11 @@ noise = {{sigma_x_m = 0.002}}
     if tracker_folder == stand_ins:
         n, a = ROLLS["kulefullbane"]
         reach = f"{50.0 * a * ((n - 2) / 30.0) ** 2:.4g}"  # the last frame that has a speed
-    with pytest.raises(InputError, match=rf"kulefullbane\.txt: 'x_m' reaches {reach} m, .* is it in cm or mm, or the time not in s\?$"):
+    with pytest.raises(
+        InputError,
+        match=rf"kulefullbane\.txt: 'x_m' reaches {reach} m, .* is it in cm or mm, or the time not "
+        r"in s\?$",
+    ):
         load_campaign(tmp_path / "c.toml")
 
 
@@ -403,14 +485,26 @@ BARE = "t,x\n0,0.01\n0.1,0.02\n0.2,0.04\n0.3,0.07\n0.4,0.11\n"
 
 
 def test_a_table_of_t_and_x_alone_is_not_taken_for_an_export_whose_zero_moves(write) -> None:
-    """Nothing in such a file shows whether x is counted from the release (a table) or from the first point (a track)."""
-    for text, line in ((BARE, 1), (f"# by hand\n{BARE.replace(',', ';')}", 2), (BARE.replace("t,x", "t (s),x (m)"), 1), (BARE.replace("x", "y"), 1)):
-        with pytest.raises(InputError, match=rf"^a\.csv:{line}: 'header' may be a table or an export .* write t_s,x_m .* release = \"first\""):
+    """Nothing in such a file shows whether x is counted from the release (a table) or from the
+    first point (a track).
+    """
+    for text, line in (
+        (BARE, 1),
+        (f"# by hand\n{BARE.replace(',', ';')}", 2),
+        (BARE.replace("t,x", "t (s),x (m)"), 1),
+        (BARE.replace("x", "y"), 1),
+    ):
+        with pytest.raises(
+            InputError,
+            match=rf"^a\.csv:{line}: 'header' may be a table or an export .* write t_s,x_m .* "
+            r"release = \"first\"",
+        ):
             read_run(write(text), name="r", shown_as="a.csv")
     stated = [
         read_run(write(text), name="r", choices=choices)
         for text, choices in (
-            (BARE, Choices(release="keep", along="x")), (BARE, Choices(release="first")), (f"mass A\n{BARE}", None),
+            (BARE, Choices(release="keep", along="x")), (BARE, Choices(release="first")),
+            (f"mass A\n{BARE}", None),
             (BARE.replace("t,x", "t_s,x_m"), None),
         )
     ]  # fmt: skip

@@ -1,4 +1,6 @@
-"""Distributions of inputs beyond the common ones, against scipy's and against the recipes by which JCGM 101 draws from them."""
+"""Distributions of inputs beyond the common ones, against scipy's and against the recipes by which
+JCGM 101 draws from them.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +20,35 @@ SIGMA = math.sqrt(math.log1p(0.4**2))
 @pytest.mark.parametrize(
     ("one", "reference"),
     [
-        (Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=0.4), stats.trapezoid(0.3, 0.7, 3.0, 4.0)),
-        (Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=0.0), stats.triang(0.5, 3.0, 4.0)),
-        (Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=1.0), stats.uniform(3.0, 4.0)),
+        (
+            Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=0.4),
+            stats.trapezoid(0.3, 0.7, 3.0, 4.0),
+        ),
+        (
+            Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=0.0),
+            stats.triang(0.5, 3.0, 4.0),
+        ),
+        (
+            Input.from_half_width("x", 5.0, 2.0, distribution="trapezoidal", shape=1.0),
+            stats.uniform(3.0, 4.0),
+        ),
         (Input("x", 5.0, 5.0, "exponential"), stats.expon(scale=5.0)),
         (Input("x", 5.0, 2.0, "exponential"), stats.expon(3.0, 2.0)),
-        (Input("x", 5.0, 2.0, "lognormal"), stats.lognorm(SIGMA, scale=5.0 * math.exp(-0.5 * SIGMA**2))),
+        (
+            Input("x", 5.0, 2.0, "lognormal"),
+            stats.lognorm(SIGMA, scale=5.0 * math.exp(-0.5 * SIGMA**2)),
+        ),
         (Input("x", 5.0, 2.0, "gamma"), stats.gamma(6.25, scale=0.8)),
     ],
 )
 def test_quantiles_mean_and_standard_deviation_are_those_of_scipy(one, reference):
     z = np.linspace(-5.0, 5.0, 41)
-    np.testing.assert_allclose(one.value + one.u * standard_score(one, z), reference.ppf(stats.norm.cdf(z)), rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(
+        one.value + one.u * standard_score(one, z),
+        reference.ppf(stats.norm.cdf(z)),
+        rtol=1e-6,
+        atol=1e-9,
+    )
     assert (reference.mean(), reference.std()) == pytest.approx((one.value, one.u))
 
 
@@ -48,7 +67,10 @@ def test_curvilinear_trapezoid_is_that_of_the_recipe_in_gum_s1_643(shape, rng):
 
 
 @pytest.mark.parametrize("r", [-0.5, 0.7])
-@pytest.mark.parametrize("other", [Input("b", 3.0, 2.0), Input("b", 3.0, 2.0, "rectangular"), Input("b", 3.0, 2.0, "lognormal")])
+@pytest.mark.parametrize(
+    "other",
+    [Input("b", 3.0, 2.0), Input("b", 3.0, 2.0, "rectangular"), Input("b", 3.0, 2.0, "lognormal")],
+)
 def test_copula_meets_the_correlation_where_a_distribution_is_skew(other, r, rng):
     inputs = [Input("a", 1.0, 1.0, "exponential"), other]
     copula = copula_matrix(inputs, correlation_matrix(inputs, {("a", "b"): r}))
@@ -60,6 +82,9 @@ def test_copula_meets_the_correlation_where_a_distribution_is_skew(other, r, rng
 
 def test_skew_quantities_cannot_be_fully_anticorrelated():
     inputs = [Input("a", 1.0, 1.0, "exponential"), Input("b", 1.0, 1.0, "exponential")]
-    assert copula_matrix(inputs, correlation_matrix(inputs, {("a", "b"): 1.0}))[0, 1] == pytest.approx(1.0)
-    with pytest.raises(InputError, match=r"between 'a' and 'b' can be -0\.64\d+ to 1\.0000"):  # 1 - pi^2/6 = -0.6449
+    assert copula_matrix(inputs, correlation_matrix(inputs, {("a", "b"): 1.0}))[
+        0, 1
+    ] == pytest.approx(1.0)
+    # 1 - pi^2/6 = -0.6449
+    with pytest.raises(InputError, match=r"between 'a' and 'b' can be -0\.64\d+ to 1\.0000"):
         copula_matrix(inputs, correlation_matrix(inputs, {("a", "b"): -0.7}))

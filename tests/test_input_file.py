@@ -1,4 +1,6 @@
-"""Opening an input file: what is no ordinary file is refused by every reader and never waited for; size is bounded, whatever the file says of it."""
+"""Opening an input file: what is no ordinary file is refused by every reader and never waited for;
+size is bounded, whatever the file says of it.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,18 @@ from estim.reading.input_file import line_after_comment, lines_of, read_bytes, r
 from estim.reading.tracker.importing import Choices, import_track
 from estim.studies.published import read_published
 
-NO_FILES = [p for p in ("/proc/kmsg", "/proc/self/status", "/dev/zero", "/dev/null", "/dev/random", "/dev/tty") if Path(p).exists()]
+NO_FILES = [
+    p
+    for p in (
+        "/proc/kmsg",
+        "/proc/self/status",
+        "/dev/zero",
+        "/dev/null",
+        "/dev/random",
+        "/dev/tty",
+    )
+    if Path(p).exists()
+]
 LOAD = """
 import sys
 from estim.campaign import load_campaign
@@ -30,10 +43,18 @@ for path in sys.argv[1:]:
         print(error)
 """
 BODY = 'title = "x"\nkind = "measured"\n[bodies.b]\nradius_m = 0.15\ngamma = 0.2\nkappa = 0.5\n'
-RUN = BODY + '[[runs]]\nname = "a"\nbody = "b"\nfile = "/proc/kmsg"\nphi_deg = 4.0\ntheta0_deg = 60.0\n'
-CURVE = 'title = "x"\nkind = "measured"\n[curve]\nexpression = "a*x"\nx = "x"\ny = "y"\nparameters = {a = 1.0}\n'
+RUN = (
+    BODY
+    + '[[runs]]\nname = "a"\nbody = "b"\nfile = "/proc/kmsg"\nphi_deg = 4.0\ntheta0_deg = 60.0\n'
+)
+CURVE = (
+    'title = "x"\nkind = "measured"\n[curve]\nexpression = "a*x"\nx = "x"\ny = '
+    '"y"\nparameters = {a = 1.0}\n'
+)
 CAMPAIGNS = [
-    RUN, RUN + 'along = "x"\n', CURVE + '[[runs]]\nname = "a"\nfile = "/proc/kmsg"\n',
+    RUN,
+    RUN + 'along = "x"\n',
+    CURVE + '[[runs]]\nname = "a"\nfile = "/proc/kmsg"\n',
     BODY + '[line]\nbody = "b"\nfile = "/proc/kmsg"\nu_phi_deg = 1.0\nu_theta_min_deg = 1.0\n',
 ]
 
@@ -41,7 +62,9 @@ CAMPAIGNS = [
 @pytest.mark.skipif(not NO_FILES, reason="a system without such files")
 @pytest.mark.parametrize("path", NO_FILES)
 def test_what_only_looks_like_a_file_is_refused(path: str) -> None:
-    with pytest.raises(InputError, match=r"must be a regular file|must not be empty|cannot be read"):
+    with pytest.raises(
+        InputError, match=r"must be a regular file|must not be empty|cannot be read"
+    ):
         read_bytes(Path(path), shown_as="a.csv")
 
 
@@ -51,21 +74,33 @@ def test_no_campaign_waits_for_a_file_without_end(tmp_path: Path) -> None:
     paths = [tmp_path / f"{i}.toml" for i in range(len(CAMPAIGNS))]
     for path, text in zip(paths, CAMPAIGNS, strict=True):
         path.write_text(text)
-    done = subprocess.run([sys.executable, "-c", LOAD, *map(str, paths)], capture_output=True, text=True, check=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", LOAD, *map(str, paths)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
     assert done.stdout.count("/proc/kmsg") == done.stdout.count("\n") == len(CAMPAIGNS)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names")
-@pytest.mark.parametrize("read", [load_campaign, load_design, read_published, lambda path: import_track(path, Choices())])
+@pytest.mark.parametrize(
+    "read", [load_campaign, load_design, read_published, lambda path: import_track(path, Choices())]
+)
 @pytest.mark.parametrize("name", ["p.toml", "p.trk", "p.trz", "p.csv"])
-def test_no_reader_waits_for_a_pipe(tmp_path: Path, read: Callable[[Path], object], name: str) -> None:
+def test_no_reader_waits_for_a_pipe(
+    tmp_path: Path, read: Callable[[Path], object], name: str
+) -> None:
     os.mkfifo(tmp_path / name)
     with pytest.raises(InputError, match=r"must be a regular file, not a pipe"):
         read(tmp_path / name)
 
 
 @pytest.mark.parametrize("size", [0, 1, 1000, 1001, 3_000_000])
-def test_size_is_bounded_by_what_is_read_not_by_what_the_file_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+def test_size_is_bounded_by_what_is_read_not_by_what_the_file_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
+) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"x" * size)
     status = list(os.stat(path))
@@ -88,19 +123,36 @@ def test_lines_end_where_editors_end_them() -> None:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("1\n# a\rb\n", 3), ("# a\rb\n", 2), ("1\r2\r # a\rb\n", 4), ("%a\rb\nc", 2),
-        ("# a\rb\rc", None), ("# a\r\nb", None), ("# a\r\r\nb", None), ("a\rb\n", None),
+        ("1\n# a\rb\n", 3),
+        ("# a\rb\n", 2),
+        ("1\r2\r # a\rb\n", 4),
+        ("%a\rb\nc", 2),
+        ("# a\rb\rc", None),
+        ("# a\r\nb", None),
+        ("# a\r\r\nb", None),
+        ("a\rb\n", None),
     ],
 )
-def test_what_follows_a_comment_behind_a_carriage_return_alone_is_found(text: str, line: int | None) -> None:
+def test_what_follows_a_comment_behind_a_carriage_return_alone_is_found(
+    text: str, line: int | None
+) -> None:
     assert line_after_comment(text) == line
 
 
 @pytest.mark.parametrize(
     ("data", "what"),
-    [("é".encode("latin-1"), "may be Latin-1"), ("a".encode("utf-16"), "is UTF-16"), (b"a\r\nb\rc\n\xff", "may be Latin-1")],
+    [
+        ("é".encode("latin-1"), "may be Latin-1"),
+        ("a".encode("utf-16"), "is UTF-16"),
+        (b"a\r\nb\rc\n\xff", "may be Latin-1"),
+    ],
 )
-def test_bytes_that_are_no_utf8_are_told_with_their_likely_kind(tmp_path: Path, data: bytes, what: str) -> None:
+def test_bytes_that_are_no_utf8_are_told_with_their_likely_kind(
+    tmp_path: Path, data: bytes, what: str
+) -> None:
     (tmp_path / "a").write_bytes(data)
-    with pytest.raises(InputError, match=rf"^a:[14]: 'byte' must be UTF-8 text \(this {what}.*: save it again as UTF-8\)"):
+    with pytest.raises(
+        InputError,
+        match=rf"^a:[14]: 'byte' must be UTF-8 text \(this {what}.*: save it again as UTF-8\)",
+    ):
         read_text(tmp_path / "a", shown_as="a")

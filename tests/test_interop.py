@@ -1,4 +1,6 @@
-"""Results for other programs: what ArviZ, xarray, pandas and notebooks get is what the analysis holds."""
+"""Results for other programs: what ArviZ, xarray, pandas and notebooks get is what the analysis
+holds.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,9 @@ def analysis(campaign: estim.Campaign) -> Analysis:
 def own_curve() -> Analysis:
     x = np.linspace(0.0, 1.0, 12)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(3).standard_normal(x.size)
-    fit = estim.fit_curve("a + b*x", x, y, u_y=0.1, start={"a": 0.0, "b": 1.0}, priors={"a": "1.0(5)"})
+    fit = estim.fit_curve(
+        "a + b*x", x, y, u_y=0.1, start={"a": 0.0, "b": 1.0}, priors={"a": "1.0(5)"}
+    )
     return estim.sample_curve(fit, seed=1, target=Target(ess=500))
 
 
@@ -58,14 +62,18 @@ WRONG = Finding(Kind.SINGULAR)
 
 
 def rejected(analysis: Analysis, status: str) -> Analysis:
-    return replace(analysis, diagnosis=replace(analysis.diagnosis, status=Status(status), findings=(WRONG,)))
+    return replace(
+        analysis, diagnosis=replace(analysis.diagnosis, status=Status(status), findings=(WRONG,))
+    )
 
 
 # --- order of draws
 
 
 @pytest.mark.parametrize(("n_step", "n_walker"), [(6, 2), (7, 2), (7, 3), (5, 1), (6, 3)])
-def test_halves_of_a_chain_are_its_halves_in_time_and_walkers_stay_together(n_step: int, n_walker: int) -> None:
+def test_halves_of_a_chain_are_its_halves_in_time_and_walkers_stay_together(
+    n_step: int, n_walker: int
+) -> None:
     order = interop.time_halves_order(n_step, n_walker)
     n_half = n_step * n_walker // 2
     assert sorted(order) == list(range(n_step * n_walker))
@@ -75,7 +83,9 @@ def test_halves_of_a_chain_are_its_halves_in_time_and_walkers_stay_together(n_st
         assert list(zip(walker, step, strict=True)) == sorted(zip(walker, step, strict=True))
 
 
-def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_not(analysis: Analysis) -> None:
+def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_not(
+    analysis: Analysis,
+) -> None:
     from arviz_stats.base import array_stats
 
     draws = analysis.chain.draws
@@ -83,13 +93,23 @@ def test_order_keeps_our_r_hat_and_effective_sizes_and_the_order_in_time_does_no
     ordered = flat[:, interop.time_halves_order(*draws.shape[1:3])]
 
     def sizes(d: np.ndarray) -> np.ndarray:
-        return np.array([array_stats.ess(d[..., i], chain_axis=0, draw_axis=1, method="bulk") for i in range(d.shape[-1])], dtype=float)
+        return np.array(
+            [
+                array_stats.ess(d[..., i], chain_axis=0, draw_axis=1, method="bulk")
+                for i in range(d.shape[-1])
+            ],
+            dtype=float,
+        )
 
-    hats = [float(array_stats.rhat(ordered[..., i], chain_axis=0, draw_axis=1)) for i in range(draws.shape[-1])]
+    hats = [
+        float(array_stats.rhat(ordered[..., i], chain_axis=0, draw_axis=1))
+        for i in range(draws.shape[-1])
+    ]
     np.testing.assert_allclose(hats, r_hat(draws), rtol=1e-9)
     ratio = sizes(ordered) / effective_size(draws, "bulk")
     assert np.all(np.abs(ratio - 1.0) < 0.25), ratio  # 15 % off at most in five tries
-    assert np.all(sizes(flat) > 1.6 * effective_size(draws, "bulk"))  # step by step: every draw passes for an independent one
+    # step by step: every draw passes for an independent one
+    assert np.all(sizes(flat) > 1.6 * effective_size(draws, "bulk"))
 
 
 # --- DataTree and netCDF
@@ -103,7 +123,9 @@ def test_netcdf_and_back_gives_equal_numbers(analysis: Analysis, xarray: SimpleN
         assert tree.equals(back)
         posterior = back["posterior"].dataset
         for i, name in enumerate(analysis.chain.names):
-            stored = analysis.chain.draws[:, posterior["step"].values, posterior["walker"].values, i]
+            stored = analysis.chain.draws[
+                :, posterior["step"].values, posterior["walker"].values, i
+            ]
             np.testing.assert_array_equal(posterior[name].values, stored)
         stored = analysis.chain.log_density[:, posterior["step"].values, posterior["walker"].values]
         np.testing.assert_array_equal(back["sample_stats"]["lp"].values, stored)
@@ -113,24 +135,34 @@ def test_netcdf_and_back_gives_equal_numbers(analysis: Analysis, xarray: SimpleN
         assert back.attrs["version_emcee"]
 
 
-def test_same_analysis_gives_the_same_tree_and_another_seed_other_draws_of_the_prior(analysis: Analysis, xarray: SimpleNamespace) -> None:
+def test_same_analysis_gives_the_same_tree_and_another_seed_other_draws_of_the_prior(
+    analysis: Analysis, xarray: SimpleNamespace
+) -> None:
     tree = estim.to_datatree(analysis)
     assert tree.identical(estim.to_datatree(analysis))
     assert not tree["prior"].equals(estim.to_datatree(replace(analysis, seed=2))["prior"])
 
 
-def test_log_likelihood_belongs_to_the_draws_it_stands_beside(analysis: Analysis, xarray: SimpleNamespace) -> None:
+def test_log_likelihood_belongs_to_the_draws_it_stands_beside(
+    analysis: Analysis, xarray: SimpleNamespace
+) -> None:
     tree = estim.to_datatree(analysis)
     terms = tree["log_likelihood"]["heavy-04"]
     chosen = terms["draw"].values[[0, 7, -1]]
     posterior = tree["posterior"].dataset.sel(draw=chosen)
-    draws = np.stack([posterior[name].values for name in analysis.chain.names], axis=-1).reshape(-1, len(analysis.chain.names))
+    draws = np.stack([posterior[name].values for name in analysis.chain.names], axis=-1).reshape(
+        -1, len(analysis.chain.names)
+    )
     (again,) = analysis.fit.posterior.pointwise(draws)
-    np.testing.assert_allclose(terms.sel(draw=chosen).values.reshape(again.shape), again, rtol=1e-12)
+    np.testing.assert_allclose(
+        terms.sel(draw=chosen).values.reshape(again.shape), again, rtol=1e-12
+    )
     assert terms.sizes["chain"] * terms.sizes["draw"] <= 2000
 
 
-def test_data_of_the_tree_are_those_that_were_fit(campaign: estim.Campaign, analysis: Analysis, xarray: SimpleNamespace) -> None:
+def test_data_of_the_tree_are_those_that_were_fit(
+    campaign: estim.Campaign, analysis: Analysis, xarray: SimpleNamespace
+) -> None:
     tree = estim.to_datatree(analysis)
     run = campaign.problem(["heavy-04"]).runs[0]
     np.testing.assert_array_equal(tree["observed_data"]["heavy-04"].values, run.y)
@@ -158,19 +190,35 @@ def test_arviz_summary_and_loo_agree_with_ours(analysis: Analysis, xarray: Simpl
     tree = estim.to_datatree(analysis)
     table = arviz_stats.summary(tree, round_to="none")
     draws = analysis.chain.flat
-    np.testing.assert_allclose(table["mean"].loc[list(analysis.chain.names)].astype(float), draws.mean(axis=0), rtol=1e-9)
-    np.testing.assert_allclose(table["sd"].loc[list(analysis.chain.names)].astype(float), draws.std(axis=0, ddof=1), rtol=1e-3)
+    np.testing.assert_allclose(
+        table["mean"].loc[list(analysis.chain.names)].astype(float), draws.mean(axis=0), rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        table["sd"].loc[list(analysis.chain.names)].astype(float),
+        draws.std(axis=0, ddof=1),
+        rtol=1e-3,
+    )
     theirs, ours = arviz_stats.loo(tree), leave_one_out(analysis.fit.posterior, draws)
     assert abs(theirs.elpd - ours.elpd) < 0.1 * ours.se  # 2000 of the draws against all
     assert abs(theirs.p - ours.p_loo) < 0.1 * ours.se
 
 
 def test_joint_runs_stand_side_by_side(campaign: estim.Campaign, xarray: SimpleNamespace) -> None:
-    joint = estim.analyse(campaign, ["heavy-04", "heavy-06"], seed=1, target=Target(max_step=60, n_walker=24), complete="two runs")
+    joint = estim.analyse(
+        campaign,
+        ["heavy-04", "heavy-06"],
+        seed=1,
+        target=Target(max_step=60, n_walker=24),
+        complete="two runs",
+    )
     tree = estim.to_datatree(joint)
     assert tree.attrs["status"] == "not-converged"
     assert "sampling stopped" in tree.attrs["reasons"]
-    assert set(tree["log_likelihood"].data_vars) == set(tree["observed_data"].data_vars) == {"heavy-04", "heavy-06"}
+    assert (
+        set(tree["log_likelihood"].data_vars)
+        == set(tree["observed_data"].data_vars)
+        == {"heavy-04", "heavy-06"}
+    )
     with xarray.open_datatree(io.BytesIO(estim.to_netcdf(joint)), engine="h5netcdf") as back:
         assert tree.equals(back.load())
 
@@ -195,7 +243,9 @@ def test_frame_holds_the_draws_and_corner_draws_it(analysis: Analysis) -> None:
     plt.close(figure)
 
 
-def test_summary_frame_is_the_result_and_has_no_number_that_the_status_forbids(campaign: estim.Campaign, analysis: Analysis) -> None:
+def test_summary_frame_is_the_result_and_has_no_number_that_the_status_forbids(
+    campaign: estim.Campaign, analysis: Analysis
+) -> None:
     pytest.importorskip("pandas", reason="needs pandas")
     result = estim.result_of(campaign, analysis)
     frame = estim.summary_frame(result)
@@ -227,11 +277,15 @@ def test_missing_package_is_one_line_with_the_command_to_get_it(
 
 
 def run_fit(campaign: Path, out: Path, *more: str) -> Result:
-    return runner().invoke(cli, ["fit", str(campaign), *more, "--max-steps", "60", "--out", str(out)])
+    return runner().invoke(
+        cli, ["fit", str(campaign), *more, "--max-steps", "60", "--out", str(out)]
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, xarray: SimpleNamespace) -> None:
+def test_fit_writes_the_draws_beside_the_report(
+    tmp_path: Path, replica: Path, xarray: SimpleNamespace
+) -> None:
     done = run_fit(replica / "campaign.toml", tmp_path, "--run", "heavy-04")
     assert (done.exit_code, done.stderr) == (3, "")
     assert "draws.nc" not in done.stdout
@@ -242,13 +296,20 @@ def test_fit_writes_the_draws_beside_the_report(tmp_path: Path, replica: Path, x
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: False)
-    line = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
+    line = Formula(
+        "a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x
+    ).write(tmp_path)
     done = run_fit(line, tmp_path / "out")
     assert (done.exit_code, done.stderr) == (3, "")
     unwritten = "draws.nc (the draws, for ArviZ and xarray) was not written"
-    assert done.stdout.splitlines()[-1] == f"{unwritten}: pip install arviz-base h5netcdf xarray-einstats"
+    assert (
+        done.stdout.splitlines()[-1]
+        == f"{unwritten}: pip install arviz-base h5netcdf xarray-einstats"
+    )
     assert (tmp_path / "out" / "report.md").exists()
     assert not list(tmp_path.rglob("draws.nc"))
 
@@ -256,7 +317,9 @@ def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(tmp_path:
 # --- notebooks
 
 
-def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign, analysis: Analysis) -> None:
+def test_notebook_shows_the_values_that_the_report_has(
+    campaign: estim.Campaign, analysis: Analysis
+) -> None:
     from estim.checks import value_cell
 
     result = estim.result_of(campaign, analysis)
@@ -273,7 +336,9 @@ def test_notebook_shows_the_values_that_the_report_has(campaign: estim.Campaign,
 
 
 @pytest.mark.parametrize("status", [status for status in Status if not status.ok])
-def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(campaign: estim.Campaign, analysis: Analysis, status: str) -> None:
+def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(
+    campaign: estim.Campaign, analysis: Analysis, status: str
+) -> None:
     bad = rejected(analysis, status)
     for shown in (bad._repr_markdown_(), estim.result_of(campaign, bad)._repr_markdown_()):
         assert f"**{status}**" in shown
@@ -284,7 +349,9 @@ def test_notebook_shows_reasons_and_no_number_where_the_status_is_not_ok(campaig
         assert re.search(r"\d\.\d", analysis._repr_markdown_().replace("1403.7220", ""))
 
 
-def test_notebook_shows_campaigns_and_own_curves(campaign: estim.Campaign, own_curve: Analysis) -> None:
+def test_notebook_shows_campaigns_and_own_curves(
+    campaign: estim.Campaign, own_curve: Analysis
+) -> None:
     shown = campaign._repr_markdown_()
     assert "SYNTHETIC" in shown
     assert all(f"| {name} |" in shown for name in campaign.run_names)
@@ -294,7 +361,9 @@ def test_notebook_shows_campaigns_and_own_curves(campaign: estim.Campaign, own_c
 
 def test_notebook_shows_lines(campaign: estim.Campaign) -> None:
     x = np.arange(5.0)
-    exact = estim.fit_line(x, 1.0 + 2.0 * x + np.array([0.1, -0.1, 0.0, -0.1, 0.1]), u_x=0.1, u_y=0.1)
+    exact = estim.fit_line(
+        x, 1.0 + 2.0 * x + np.array([0.1, -0.1, 0.0, -0.1, 0.1]), u_x=0.1, u_y=0.1
+    )
     shown = exact._repr_markdown_()
     error = exact.standard_errors["propagated"]
     assert f"{exact.slope:.2f} ± {error.u_slope:.2f}" in shown
@@ -306,7 +375,9 @@ def test_notebook_shows_lines(campaign: estim.Campaign) -> None:
     series = estim.read_theta_min(campaign.source)
     analysis = estim.analyse_line(series, gamma_masses=None, seed=1, target=Target(ess=500))
     assert "θ_min line" in analysis._repr_markdown_()
-    assert (analysis.status == "ok") == ("| gamma |" in analysis._repr_markdown_().replace("γ", "gamma"))
+    assert (analysis.status == "ok") == (
+        "| gamma |" in analysis._repr_markdown_().replace("γ", "gamma")
+    )
 
 
 def test_markdown_survives_a_bar_in_a_name() -> None:
@@ -319,7 +390,10 @@ def test_markdown_survives_a_bar_in_a_name() -> None:
 
 
 def test_the_code_of_the_page_runs(
-    project: Path, xarray: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    project: Path,
+    xarray: SimpleNamespace,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     import arviz_stats
     import matplotlib.pyplot as plt
@@ -334,23 +408,35 @@ def test_the_code_of_the_page_runs(
     exec(compile(example, "interop.md", "exec"), names)
     plt.close("all")
     assert capsys.readouterr().out.startswith("SYNTHETIC ok\n")
-    back = eval(re.search(r"`tree(\[\"posterior\"\]\.dataset\.set_index.*?)`", page)[0].strip("`"), names)
+    back = eval(
+        re.search(r"`tree(\[\"posterior\"\]\.dataset\.set_index.*?)`", page)[0].strip("`"), names
+    )
     analysis = names["analysis"]
     radius = analysis.chain.draws[..., analysis.fit.names.index("radius")]
-    np.testing.assert_array_equal(back["radius"].transpose("chain", "step", "walker").values, radius)
+    np.testing.assert_array_equal(
+        back["radius"].transpose("chain", "step", "walker").values, radius
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_names_of_coordinates_and_marks_that_do_not_print(tmp_path: Path) -> None:
-    """A parameter called chain, a run called draw, a title with a null character: HDF5 and xarray take none of them as they are."""
+    """A parameter called chain, a run called draw, a title with a null character: HDF5 and xarray
+    take none of them as they are.
+    """
     pytest.importorskip("h5netcdf")
     xarray = pytest.importorskip("xarray")
-    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{0.1 * n:.1f},{1 + 0.2 * n + 0.01 * (-1) ** n:.3f}\n" for n in range(12)))
+    (tmp_path / "r.csv").write_text(
+        "x,y\n"
+        + "".join(f"{0.1 * n:.1f},{1 + 0.2 * n + 0.01 * (-1) ** n:.3f}\n" for n in range(12))
+    )
     (tmp_path / "c.toml").write_text(
-        'title = "a\\u0000b"\nkind = "measured"\n[curve]\nexpression = "chain + print*x"\nx = "x"\ny = "y"\nu_y = 0.01\n[curve.parameters]\n'
+        'title = "a\\u0000b"\nkind = "measured"\n[curve]\nexpression = "chain + '
+        'print*x"\nx = "x"\ny = "y"\nu_y = 0.01\n[curve.parameters]\n'
         'chain = {start = 1.0}\nprint = {start = 1.0}\n[[runs]]\nname = "draw"\nfile = "r.csv"\n'
     )
-    done = CliRunner().invoke(cli, ["fit", str(tmp_path / "c.toml"), "--out", str(tmp_path / "out"), "--max-steps", "60"])
+    done = CliRunner().invoke(
+        cli, ["fit", str(tmp_path / "c.toml"), "--out", str(tmp_path / "out"), "--max-steps", "60"]
+    )
     assert done.exit_code == 3, done.output
     with xarray.open_datatree(tmp_path / "out" / "draws.nc") as tree:
         assert set(tree["posterior"].data_vars) == {"parameter chain", "print"}

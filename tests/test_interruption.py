@@ -1,4 +1,6 @@
-"""`estim fit` interrupted: exit code 130, one line, what is kept, who may go on with it, and the same bytes in the end."""
+"""`estim fit` interrupted: exit code 130, one line, what is kept, who may go on with it, and the
+same bytes in the end.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ from functools import partial
 import estim.sampling
 from estim.cli.commands import main
 from estim.sampling.ensembles import EnsembleRun
-estim.sampling.Target = partial(estim.sampling.Target, ess=1e12)  # that no chain reaches; its 20 000 steps take a quarter of an hour
+# that no chain reaches; its 20 000 steps take a quarter of an hour
+estim.sampling.Target = partial(estim.sampling.Target, ess=1e12)
 advance = EnsembleRun.advance
 EnsembleRun.advance = lambda walk, n_step: (print("sampling", flush=True), advance(walk, n_step))
 main()
@@ -34,7 +37,9 @@ RunFit = Callable[..., tuple[int, str, str]]
 @pytest.fixture
 def words(tmp_path: Path) -> tuple[str, ...]:
     """`fit` of two runs of a straight line, into `out`."""
-    path = Formula("a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x).write(tmp_path)
+    path = Formula(
+        "a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x
+    ).write(tmp_path)
     path.write_text(path.read_text() + '[[runs]]\nname = "s"\nfile = "r.csv"\n')
     return "fit", str(path), "--out", str(tmp_path / "out")
 
@@ -43,7 +48,13 @@ def words(tmp_path: Path) -> tuple[str, ...]:
 def endless(words: tuple[str, ...]) -> Iterator[subprocess.Popen[str]]:
     """A process that samples a run for ever."""
     command = [sys.executable, "-c", ENDLESS, *words, "--run", "r"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path(__file__).parents[1])
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[1],
+    )
     assert process.stdout is not None
     try:
         assert process.stdout.readline() == "sampling\n"
@@ -54,11 +65,17 @@ def endless(words: tuple[str, ...]) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.fixture
-def fit(words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> RunFit:
+def fit(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> RunFit:
     """The command in this process: exit code, what it says and what it complains of."""
 
-    def run(*options: str, stopped_at: int = 0, number: int = signal.SIGTERM) -> tuple[int, str, str]:
-        """stopped_at : the analysis, counted from 1, at whose draws the process is asked to stop by the signal `number`."""
+    def run(
+        *options: str, stopped_at: int = 0, number: int = signal.SIGTERM
+    ) -> tuple[int, str, str]:
+        """stopped_at : the analysis, counted from 1, at whose draws the process is asked to stop by
+        the signal `number`.
+        """
         drawn, asked = pipeline.certified_chain, []
 
         def certified_chain(*arguments: object, **choices: object) -> object:
@@ -78,13 +95,25 @@ def fit(words: tuple[str, ...], capsys: pytest.CaptureFixture[str], monkeypatch:
 
 
 def written(folder: Path) -> dict[str, bytes]:
-    """All files but draws.nc, into which older h5netcdf writes the time of day, and its digest in origin.json."""
-    files = {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.suffix != ".nc"}
-    return {name: re.sub(rb'"draws.nc": "[0-9a-f]{64}"', b"", content) for name, content in files.items()}
+    """All files but draws.nc, into which older h5netcdf writes the time of day, and its digest in
+    origin.json.
+    """
+    files = {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file() and path.suffix != ".nc"
+    }
+    return {
+        name: re.sub(rb'"draws.nc": "[0-9a-f]{64}"', b"", content)
+        for name, content in files.items()
+    }
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM])  # which ends a process at once where nobody handles it, and that no shell ignores
-def test_signal_in_the_middle_of_a_chain_ends_with_130_and_one_line(endless: subprocess.Popen[str], tmp_path: Path, number: int) -> None:
+# which ends a process at once where nobody handles it, and that no shell ignores
+@pytest.mark.parametrize("number", [signal.SIGTERM])
+def test_signal_in_the_middle_of_a_chain_ends_with_130_and_one_line(
+    endless: subprocess.Popen[str], tmp_path: Path, number: int
+) -> None:
     endless.send_signal(number)
     _, err = endless.communicate(timeout=PATIENCE)
     assert (endless.returncode, err) == (130, "interrupted\n")
@@ -101,17 +130,26 @@ def test_every_signal_to_stop_ends_with_130(fit: RunFit, tmp_path: Path, number:
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_several_runs_go_on_with_the_one_that_was_interrupted(fit: RunFit, tmp_path: Path) -> None:
-    """The first of two is done when the signal comes; the end is that of a command that nobody interrupted, in every byte."""
+    """The first of two is done when the signal comes; the end is that of a command that nobody
+    interrupted, in every byte.
+    """
     place = tmp_path / "out" / ".checkpoint"
     assert fit()[0] == 0
     reference = written(tmp_path / "out")
     assert {"report.md", "r/result.json", "s/result.json"} <= reference.keys()
     shutil.rmtree(tmp_path / "out")
     code, out, err = fit(stopped_at=2)
-    assert (code, out.splitlines()[:2], err) == (130, ["columns: x = x, y = y", "r: ok"], "interrupted: continue with --resume\n")
+    assert (code, out.splitlines()[:2], err) == (
+        130,
+        ["columns: x = x, y = y", "r: ok"],
+        "interrupted: continue with --resume\n",
+    )
     assert len(list(place.iterdir())) == 1
     code, _, err = fit("--resume", stopped_at=2)  # it draws once, and is not stopped
-    assert (code, err) == (0, f"{place}: finished pieces: 1; those made from the same inputs are used\n")
+    assert (code, err) == (
+        0,
+        f"{place}: finished pieces: 1; those made from the same inputs are used\n",
+    )
     assert written(tmp_path / "out") == reference
 
 
@@ -121,16 +159,23 @@ def test_what_was_made_with_another_seed_is_not_used(fit: RunFit, tmp_path: Path
     assert fit(stopped_at=2)[0] == 130
     assert fit("--resume", "--seed", "2", stopped_at=1)[0] == 130  # asked for draws at once
     code, _, err = fit(stopped_at=1)
-    said = f"{place}: what an unfinished command left is discarded (--resume would continue it)\ninterrupted\n"
+    said = (
+        f"{place}: what an unfinished command left is discarded (--resume would continue "
+        "it)\ninterrupted\n"
+    )
     assert (code, err) == (130, said)
     code, _, err = fit("--resume", stopped_at=1)
     assert (code, err) == (130, f"{place}: nothing to resume, all is computed anew\ninterrupted\n")
 
 
-def test_folder_that_cannot_be_written_is_known_before_sampling(fit: RunFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_folder_that_cannot_be_written_is_known_before_sampling(
+    fit: RunFit, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / ".checkpoint").write_text("in the way")
-    monkeypatch.setattr("estim.sampling.certified.sample_posterior", lambda *_, **__: pytest.fail("it was sampled"))
+    monkeypatch.setattr(
+        "estim.sampling.certified.sample_posterior", lambda *_, **__: pytest.fail("it was sampled")
+    )
     code, _, err = fit("--run", "r")
     assert code == 2
     assert err.startswith(f"error: {tmp_path / 'out' / '.checkpoint'}")
@@ -139,7 +184,9 @@ def test_folder_that_cannot_be_written_is_known_before_sampling(fit: RunFit, tmp
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
-def test_second_fit_into_the_same_folder_is_refused_while_the_first_lives(endless: subprocess.Popen[str], fit: RunFit, tmp_path: Path) -> None:
+def test_second_fit_into_the_same_folder_is_refused_while_the_first_lives(
+    endless: subprocess.Popen[str], fit: RunFit, tmp_path: Path
+) -> None:
     folder = tmp_path / "out" / ".checkpoint"
     for more in ((), ("--resume",)):
         words = "is in use by another process: wait for its end, or choose another place"

@@ -40,7 +40,9 @@ def square_or_die(folder: Path, once: bool, n: int) -> int:
 
 def test_what_a_killed_worker_left_is_done_again(tmp_path: Path) -> None:
     seen: list[int] = []
-    assert run_parallel(partial(square_or_die, tmp_path, True), range(12), jobs=2, progress=seen.append) == [n * n for n in range(12)]
+    assert run_parallel(
+        partial(square_or_die, tmp_path, True), range(12), jobs=2, progress=seen.append
+    ) == [n * n for n in range(12)]
     assert seen == list(range(1, 13))
     done = [int(n) for n in (tmp_path / "done").read_text().split()]
     assert 2 <= done.count(3) <= 3
@@ -86,10 +88,12 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path, project: Path)
     (tmp_path / "holding.py").write_text(HOLDING)
     os.mkfifo(tmp_path / "held")
     parent = subprocess.Popen(
-        [sys.executable, str(tmp_path / "holding.py"), str(tmp_path / "held")], env={**os.environ, "PYTHONPATH": str(project)},
+        [sys.executable, str(tmp_path / "holding.py"), str(tmp_path / "held")],
+        env={**os.environ, "PYTHONPATH": str(project)},
         stderr=subprocess.DEVNULL,
     )
-    reader, workers = os.open(tmp_path / "held", os.O_RDONLY | os.O_NONBLOCK), []  # a parent that never writes must not be waited for
+    # a parent that never writes must not be waited for
+    reader, workers = os.open(tmp_path / "held", os.O_RDONLY | os.O_NONBLOCK), []
     try:
         workers = [int(pid) for pid in lines_until(reader, 2)]
         assert len(workers) == 2
@@ -108,7 +112,9 @@ def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path, project: Path)
 def test_the_work_is_taken_up_again_by_half_as_many(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[int], int]] = []
 
-    def by_workers(task: object, numbers: list[int], jobs: int, wait_on_error: bool) -> Iterator[tuple[int, int]]:
+    def by_workers(
+        task: object, numbers: list[int], jobs: int, wait_on_error: bool
+    ) -> Iterator[tuple[int, int]]:
         asked.append((numbers, jobs))
         yield numbers[0], -numbers[0]
         raise BrokenProcessPool
@@ -133,7 +139,9 @@ def test_an_impatient_caller_that_is_interrupted_waits_for_no_call(tmp_path: Pat
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        run_parallel(partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, wait_on_error=False)
+        run_parallel(
+            partial(finish_late, tmp_path), range(3), jobs=2, tell=interrupted, wait_on_error=False
+        )
     assert not (tmp_path / "finished").exists()
 
 
@@ -145,14 +153,19 @@ class Held:
 
 
 def test_results_may_hold_read_only_mappings() -> None:
-    assert [dict(held.values) for held in run_parallel(Held, range(2), jobs=2)] == [{0: 0.0}, {1: np.float64(1.0) / 3.0}]
+    assert [dict(held.values) for held in run_parallel(Held, range(2), jobs=2)] == [
+        {0: 0.0},
+        {1: np.float64(1.0) / 3.0},
+    ]
 
 
 def inherited(name: str) -> tuple[str | None, set[int]]:
     return os.environ.get(name), signal.pthread_sigmask(signal.SIG_BLOCK, ())
 
 
-def test_workers_compute_with_one_thread_and_leave_signals_to_the_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workers_compute_with_one_thread_and_leave_signals_to_the_parent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     ((threads, held),) = run_parallel(inherited, ["OMP_NUM_THREADS"], jobs=2)
     assert threads == "1"
@@ -177,7 +190,14 @@ def test_workers_import_nothing_from_the_working_folder(tmp_path: Path, project:
         (data / f"{name}.py").write_text("open('imported', 'a').write(__name__)\n")
     (tmp_path / "spreading.py").write_text(SPREADING)
     command = [sys.executable, str(tmp_path / "spreading.py")]
-    ran = subprocess.run(command, env={**os.environ, "PYTHONPATH": str(project)}, cwd=data, capture_output=True, text=True, check=False)
+    ran = subprocess.run(
+        command,
+        env={**os.environ, "PYTHONPATH": str(project)},
+        cwd=data,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert (ran.stdout, ran.stderr) == (f"{[factorial(n) for n in range(4)]}\n", "")
     assert not (data / "imported").exists()
 

@@ -1,4 +1,6 @@
-"""Runs that share an unmodelled force: one likelihood of all their points, who shares it, whether the runs agree, and coverage."""
+"""Runs that share an unmodelled force: one likelihood of all their points, who shares it, whether
+the runs agree, and coverage.
+"""
 
 from __future__ import annotations
 
@@ -38,19 +40,38 @@ X = np.linspace(0.0, 1.0, 6)
 SD = 0.1
 
 
-def tied(rng: np.random.Generator, *, sizes: tuple[float, ...] = (0.3,), apart: float = 0.0) -> tuple[Problem, list[np.ndarray]]:
-    """Three runs of a line, the first and the last with a common deviation of unknown size; also the covariances of these two together."""
+def tied(
+    rng: np.random.Generator, *, sizes: tuple[float, ...] = (0.3,), apart: float = 0.0
+) -> tuple[Problem, list[np.ndarray]]:
+    """Three runs of a line, the first and the last with a common deviation of unknown size; also
+    the covariances of these two together.
+    """
     common = 0.3 * np.sin(5.0 * X)
-    ys = [1.0 * X + (0.5 + i) + (common if i != 1 else 0.0) + (apart * X if i == 2 else 0.0) + SD * rng.standard_normal(X.size) for i in range(3)]
+    ys = [
+        1.0 * X
+        + (0.5 + i)
+        + (common if i != 1 else 0.0)
+        + (apart * X if i == 2 else 0.0)
+        + SD * rng.standard_normal(X.size)
+        for i in range(3)
+    ]
     prior = Normal(0.0, 30.0)
     problem = problem_of(LINE, {"slope": prior, "bend": prior}, {"offset": prior}, X, ys, SD)
     factor = np.vstack([np.cos(np.outer(X, [1.0, 3.0, 5.0]))] * 2)
-    grid = replace(prior_grid(0.3, scales=(1.0,), n_amplitude=max(2, len(sizes))), amplitudes=np.array(sizes), log_amplitudes=np.zeros(len(sizes)))
+    grid = replace(
+        prior_grid(0.3, scales=(1.0,), n_amplitude=max(2, len(sizes))),
+        amplitudes=np.array(sizes),
+        log_amplitudes=np.zeros(len(sizes)),
+    )
     deviation = diagonalise(np.full(2 * X.size, SD**2), (Shape("force", 1.0, factor, 0.0),), grid)
-    linear = linearise(deviation, np.zeros(2 * X.size), np.ones((2 * X.size, 1)), precision=np.zeros((1, 1)))
+    linear = linearise(
+        deviation, np.zeros(2 * X.size), np.ones((2 * X.size, 1)), precision=np.zeros((1, 1))
+    )
     parts = [SD**2 * np.eye(2 * X.size) + size**2 * factor @ factor.T for size in sizes]
     likely = root_of(parts[-1])
-    shared = Together(("r0", "r2"), keep_probable(linear, lost=0.0), likely, Residuals(np.zeros(2 * X.size)))
+    shared = Together(
+        ("r0", "r2"), keep_probable(linear, lost=0.0), likely, Residuals(np.zeros(2 * X.size))
+    )
     return Problem(problem.parameters, problem.runs, (shared,)), parts
 
 
@@ -59,26 +80,38 @@ def line(values: np.ndarray, i: int) -> np.ndarray:
     return slope * X + bend * X**2 + values[2 + i]
 
 
-def test_the_posterior_of_tied_runs_is_that_of_their_stacked_points(rng: np.random.Generator) -> None:
+def test_the_posterior_of_tied_runs_is_that_of_their_stacked_points(
+    rng: np.random.Generator,
+) -> None:
     """Against SciPy's densities; run 1 stands between the two that are tied."""
     problem, parts = tied(rng, sizes=(0.1, 0.5))
     values = np.array([1.1, -0.2, 0.4, 1.6, 2.3])
     posterior = problem.linearised(values)
-    assert [tuple(run.name for run in group.runs) for group in problem.groups] == [("r0", "r2"), ("r1",)]
+    assert [tuple(run.name for run in group.runs) for group in problem.groups] == [
+        ("r0", "r2"),
+        ("r1",),
+    ]
     y = [run.y for run in problem.runs]
     off = np.concatenate([y[0] - line(values, 0), y[2] - line(values, 2)])
-    expected = np.logaddexp.reduce([stats.multivariate_normal(np.zeros(12), part).logpdf(off) for part in parts])
+    expected = np.logaddexp.reduce(
+        [stats.multivariate_normal(np.zeros(12), part).logpdf(off) for part in parts]
+    )
     expected += np.sum(stats.norm(0.0, SD).logpdf(y[1] - line(values, 1)))
     found = posterior.log_likelihood(np.vstack([values, values + 0.1]))
     # the components' prior probabilities differ by a factor that draws share
     again = np.concatenate([y[0] - line(values + 0.1, 0), y[2] - line(values + 0.1, 2)])
-    moved_by = np.logaddexp.reduce([stats.multivariate_normal(np.zeros(12), part).logpdf(again) for part in parts])
+    moved_by = np.logaddexp.reduce(
+        [stats.multivariate_normal(np.zeros(12), part).logpdf(again) for part in parts]
+    )
     moved_by += np.sum(stats.norm(0.0, SD).logpdf(y[1] - line(values + 0.1, 1)))
     assert found[1] - found[0] == pytest.approx(moved_by - expected, rel=1e-9)
-    apart = [stats.multivariate_normal(np.zeros(6), part[:6, :6]).logpdf(off[:6]) for part in parts]  # as if the runs were independent
+    # as if the runs were independent
+    apart = [stats.multivariate_normal(np.zeros(6), part[:6, :6]).logpdf(off[:6]) for part in parts]
     assert abs(np.logaddexp.reduce(apart) * 2 - expected) > 1.0
     jacobian = posterior.jacobian(values)
-    assert jacobian == pytest.approx(approx_fprime(values, posterior.residuals, 1e-6), abs=1e-3 * np.abs(jacobian).max())
+    assert jacobian == pytest.approx(
+        approx_fprime(values, posterior.residuals, 1e-6), abs=1e-3 * np.abs(jacobian).max()
+    )
     assert [rows.shape for rows in posterior.pointwise(values[None])] == [(1, 6)] * 3
     assert posterior.standardised(values)[1] == pytest.approx((y[1] - line(values, 1)) / SD)
     with pytest.raises(InputError, match="cannot be separated"):
@@ -87,7 +120,9 @@ def test_the_posterior_of_tied_runs_is_that_of_their_stacked_points(rng: np.rand
 
 
 def test_tied_runs_are_compared_with_what_ties_them(rng: np.random.Generator) -> None:
-    """chi^2 of the joint minimum less that with a line for each run, by generalised least squares; independent errors give another number."""
+    """chi^2 of the joint minimum less that with a line for each run, by generalised least squares;
+    independent errors give another number.
+    """
     problem, (covariance,) = tied(rng, apart=0.6)
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     found = check_consistency(fit)
@@ -103,7 +138,8 @@ def test_tied_runs_are_compared_with_what_ties_them(rng: np.random.Generator) ->
     shape, offsets = np.column_stack([X, X**2]), block_diag(*[np.ones((6, 1))] * 3)
     together = np.hstack([np.vstack([shape] * 3), offsets])
     separate = np.hstack([block_diag(shape, shape, shape), offsets])
-    stated, loose = np.full(5, 30.0), np.r_[np.full(6, 1e4), np.full(3, 30.0)]  # apart, the priors of what is shared are one more source
+    # apart, the priors of what is shared are one more source
+    stated, loose = np.full(5, 30.0), np.r_[np.full(6, 1e4), np.full(3, 30.0)]
 
     def distance(cov: np.ndarray) -> float:
         return least(together, stated, cov) - least(separate, loose, cov)
@@ -113,7 +149,12 @@ def test_tied_runs_are_compared_with_what_ties_them(rng: np.random.Generator) ->
 
 
 def campaign(folder: Path, **edits: str):
-    text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/').replace("[shared]\n", "[shared]\nunmodelled_force = 0.02\n")
+    text = (
+        (WHEEL / "campaign.toml")
+        .read_text()
+        .replace('file = "', f'file = "{WHEEL}/')
+        .replace("[shared]\n", "[shared]\nunmodelled_force = 0.02\n")
+    )
     for old, new in edits.values():
         assert old in text
         text = text.replace(old, new)
@@ -123,15 +164,23 @@ def campaign(folder: Path, **edits: str):
 
 @pytest.fixture(scope="module")
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
-    held = campaign(tmp_path_factory.mktemp("joint"), tilt=('phi_deg = "-5.5(1)"', "phi_deg = -5.5"), kappa=('kappa = "0.746(7)"', "kappa = 0.746"))
-    return held.fit(held.problem([f"class-unbalanced_{i}" for i in (1, 2, 3)]), rng=np.random.default_rng(1))
+    held = campaign(
+        tmp_path_factory.mktemp("joint"),
+        tilt=('phi_deg = "-5.5(1)"', "phi_deg = -5.5"),
+        kappa=('kappa = "0.746(7)"', "kappa = 0.746"),
+    )
+    return held.fit(
+        held.problem([f"class-unbalanced_{i}" for i in (1, 2, 3)]), rng=np.random.default_rng(1)
+    )
 
 
 def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> None:
     problem, named = joint.problem, joint.problem.named(joint.values)
     run = problem.runs[0]
     t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
-    course = Trajectory(run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t)))
+    course = Trajectory(
+        run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t))
+    )
 
     formed, _ = formed_about(course, run.noise.base, run.points, named, scale=0.02)
     along = course.along(run.points, named, run.noise.base, about=formed.speed)
@@ -142,38 +191,65 @@ def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> 
 def test_repeated_runs_share_a_force_agree_and_leave_white_residuals(joint: Fit) -> None:
     assert joint.success
     (force,) = joint.forces
-    assert (force.run, len(force.runs), [own.run for own in force.own]) == ("body unbalanced", 3, list(force.runs))
+    assert (force.run, len(force.runs), [own.run for own in force.own]) == (
+        "body unbalanced",
+        3,
+        list(force.runs),
+    )
     assert force.force.probability > 0.999
-    assert all(np.sqrt(np.mean(own.mean**2)) < 0.5 * force.force.typical for own in force.own)  # most of it repeats
+    # most of it repeats
+    assert all(np.sqrt(np.mean(own.mean**2)) < 0.5 * force.force.typical for own in force.own)
     assert not any(good.failed for good in check_goodness(joint, rng=np.random.default_rng(1)))
     assert check_consistency(joint).agree
     run = joint.problem.runs[0]
-    moment = run.derived(run.bind(joint.problem.named(joint.values)))["resisting_moment"].values[0, 0]
+    moment = run.derived(run.bind(joint.problem.named(joint.values)))["resisting_moment"].values[
+        0, 0
+    ]
     i = joint.names.index("rolling_resistance")
     sd = moment * np.sqrt(joint.cov[i, i]) / joint.values[i]
     assert moment == pytest.approx(1.044, abs=0.091)  # of a prototype that shares no code with this
     assert 0.02 < sd < 0.12
     white = joint.problem.for_search()
     assert white.shared == ()
-    assert any(good.failed for good in check_goodness(fit_least_squares(white, rng=np.random.default_rng(1), start=joint.values, n_start=1),
-                                                      rng=np.random.default_rng(1)))
+    assert any(
+        good.failed
+        for good in check_goodness(
+            fit_least_squares(white, rng=np.random.default_rng(1), start=joint.values, n_start=1),
+            rng=np.random.default_rng(1),
+        )
+    )
 
 
 def rolled(folder: Path, resistances: list[float], *, tilt: str) -> Campaign:
-    """Runs of one wheel by an ODE solver: a force that all share and one of each, both of mean 0 over the track; angles by the encoder."""
-    rng, step, turns = np.random.default_rng(3), 2.0 * np.pi / 500.0, 2.0 * np.pi * np.arange(1, 6) / 15.0
+    """Runs of one wheel by an ODE solver: a force that all share and one of each, both of mean 0
+    over the track; angles by the encoder.
+    """
+    rng, step, turns = (
+        np.random.default_rng(3),
+        2.0 * np.pi / 500.0,
+        2.0 * np.pi * np.arange(1, 6) / 15.0,
+    )
     shared, runs = 0.006 * rng.standard_normal(5), []
     for i, c_rr in enumerate(resistances):
         waves = shared + 0.005 * rng.standard_normal(5)
         t = np.arange(0.0, 6.0, 0.1) + rng.uniform(0.0, 0.1)
         theta = Wheel(c_rr=c_rr).motion(t, lambda u, waves=waves: float(waves @ np.cos(turns * u)))
-        rows = "".join(f"{a:.4f},{step * np.floor(b / step + 0.5):.6f}\n" for a, b in zip(t, theta, strict=True) if b < 15.0)
+        rows = "".join(
+            f"{a:.4f},{step * np.floor(b / step + 0.5):.6f}\n"
+            for a, b in zip(t, theta, strict=True)
+            if b < 15.0
+        )
         (folder / f"r{i}.csv").write_text("t_s,theta_rad\n" + rows)
-        runs.append(f'[[runs]]\nname = "r{i}"\nbody = "b"\nfile = "r{i}.csv"\ntheta0_deg = "5.5(20)"\n')
+        runs.append(
+            f'[[runs]]\nname = "r{i}"\nbody = "b"\nfile = "r{i}.csv"\ntheta0_deg = "5.5(20)"\n'
+        )
     (folder / "c.toml").write_text(
-        f'title = "T"\nkind = "synthetic"\n[shared]\ng = 9.81\nradius_m = 0.235\nphi_deg = "{tilt}"\n'
-        'rolling_resistance = {prior = "half-normal", scale = 0.05}\nwindow = {theta_min_rad = 0.5}\n'
-        f'[shared.noise]\nencoder_step_rad = {step!r}\nderivative = "five-point"\n[bodies.b]\ngamma = 0.12\nkappa = {0.58 / 0.88!r}\n' + "".join(runs)
+        'title = "T"\nkind = "synthetic"\n[shared]\ng = 9.81\nradius_m = 0.235\nphi_deg = '
+        f'"{tilt}"\n'
+        'rolling_resistance = {prior = "half-normal", scale = 0.05}\nwindow = '
+        "{theta_min_rad = 0.5}\n"
+        f"[shared.noise]\nencoder_step_rad = {step!r}\nderivative = "
+        f'"five-point"\n[bodies.b]\ngamma = 0.12\nkappa = {0.58 / 0.88!r}\n' + "".join(runs)
     )
     return load_campaign(folder / "c.toml")
 
@@ -183,8 +259,12 @@ def _resistance(fit: Fit) -> tuple[float, float]:
     return float(fit.values[i]), float(np.sqrt(fit.cov[i, i]))
 
 
-def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_of_its_own(tmp_path: Path) -> None:
-    """As a reader of single reports finds it: each run's own value and standard deviation, what all share held, about their weighted mean."""
+def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_of_its_own(
+    tmp_path: Path,
+) -> None:
+    """As a reader of single reports finds it: each run's own value and standard deviation, what all
+    share held, about their weighted mean.
+    """
     resistances = [0.030, 0.030, 0.030, 0.030, 0.020]
     held = rolled(tmp_path, resistances, tilt="-5.5")
     fits = [held.fit(held.problem([name]), rng=np.random.default_rng(1)) for name in held.run_names]
@@ -196,15 +276,26 @@ def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_
         every = rolled(tmp_path, resistances, tilt=tilt)
         fit = every.fit(every.problem(every.run_names), rng=np.random.default_rng(1))
         found = check_consistency(fit)
-        assert found.dof == 4  # a tilt that was stated, of which runs say next to nothing, adds none
+        # a tilt that was stated, of which runs say next to nothing, adds none
+        assert found.dof == 4
         assert found.chi2 == pytest.approx(distance, rel=0.2)
         assert found.suspects == ("r4",)
-        assert check_consistency(every.fit(every.problem(every.run_names[:4]), rng=np.random.default_rng(1))).agree
+        assert check_consistency(
+            every.fit(every.problem(every.run_names[:4]), rng=np.random.default_rng(1))
+        ).agree
     # the line that is offered heals it
-    (offered,) = re.findall(r"let c_rr vary from run to run: (between_runs = {rolling_resistance = [0-9.]+}), under \[shared\]", found.verdict)
-    (tmp_path / "c.toml").write_text((tmp_path / "c.toml").read_text().replace("[shared]\n", f"[shared]\n{offered}\n"))
+    (offered,) = re.findall(
+        r"let c_rr vary from run to run: (between_runs = {rolling_resistance = [0-9.]+}), "
+        r"under \[shared\]",
+        found.verdict,
+    )
+    (tmp_path / "c.toml").write_text(
+        (tmp_path / "c.toml").read_text().replace("[shared]\n", f"[shared]\n{offered}\n")
+    )
     varying = load_campaign(tmp_path / "c.toml")
-    assert check_consistency(varying.fit(varying.problem(varying.run_names), rng=np.random.default_rng(1))).agree
+    assert check_consistency(
+        varying.fit(varying.problem(varying.run_names), rng=np.random.default_rng(1))
+    ).agree
 
 
 def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
@@ -212,19 +303,32 @@ def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
     problem = every.problem(every.run_names)
     levels = {run.name: every.study.levels(run.name) for run in problem.runs}
     shared = sharing_runs(problem.runs, levels, "unmodelled_force")
-    assert {label: len(runs) for label, runs in shared.items()} == {"body balanced": 4, "body unbalanced": 3}
+    assert {label: len(runs) for label, runs in shared.items()} == {
+        "body balanced": 4,
+        "body unbalanced": 3,
+    }
     file = f'file = "{WHEEL}/class-balanced_2.csv"'
     own = campaign(tmp_path, own=(file, f"{file}\nunmodelled_force = 0.01"))
     problem = own.problem(own.run_names)
     levels = {run.name: own.study.levels(run.name) for run in problem.runs}
     shared = sharing_runs(problem.runs, levels, "unmodelled_force")
-    assert {label: len(runs) for label, runs in shared.items()} == {"body balanced": 3, "class-balanced_2": 1, "body unbalanced": 3}
+    assert {label: len(runs) for label, runs in shared.items()} == {
+        "body balanced": 3,
+        "class-balanced_2": 1,
+        "body unbalanced": 3,
+    }
 
 
-def test_so_many_points_that_it_takes_too_long_are_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_so_many_points_that_it_takes_too_long_are_refused_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("estim.campaign.forced.MOST_POINTS", 100)
     every = campaign(tmp_path)
-    with pytest.raises(InputError, match=r"c\.toml:9: 'unmodelled_force' does not go with runs that share it and have 146 points, more than 100"):
+    with pytest.raises(
+        InputError,
+        match=r"c\.toml:9: 'unmodelled_force' does not go with runs that share it and have 146 "
+        r"points, more than 100",
+    ):
         every.problem(every.run_names)
     assert every.problem(["class-balanced_1"]).runs[0].force == 0.02
 
@@ -232,12 +336,21 @@ def test_so_many_points_that_it_takes_too_long_are_refused_in_one_line(tmp_path:
 def profile(rng: np.random.Generator, size: float) -> np.ndarray:
     """A smooth force along the fine track and its work from the release."""
     smooth = np.exp(-0.5 * np.square((FINE[:, None] - FINE) / 3.0))[:, ::7]
-    force = size * smooth @ rng.standard_normal(smooth.shape[1]) / np.sqrt(np.sum(np.square(smooth), axis=1))
+    force = (
+        size
+        * smooth
+        @ rng.standard_normal(smooth.shape[1])
+        / np.sqrt(np.sum(np.square(smooth), axis=1))
+    )
     return np.r_[0.0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(FINE))] + FIRST * force[0]
 
 
-def one_set(rng: np.random.Generator, size: float, own_size: float, own: tuple[float, ...], n_run: int = 4) -> float:
-    """Four runs with a common profile and one of each: where the posterior of the average resistance has the true one."""
+def one_set(
+    rng: np.random.Generator, size: float, own_size: float, own: tuple[float, ...], n_run: int = 4
+) -> float:
+    """Four runs with a common profile and one of each: where the posterior of the average
+    resistance has the true one.
+    """
     wheel = Wheel(theta0=np.radians(5.5))
     common = profile(rng, size)
     fits, runs = [], []
@@ -251,18 +364,33 @@ def one_set(rng: np.random.Generator, size: float, own_size: float, own: tuple[f
     along = track(max(float(y[-1]) for y in runs))
     truth = wheel.c_rr - np.interp(along.end, FINE, common) / along.end / np.cos(PHI)
     c_rr = fits[0].wheel.c_rr
-    residuals = np.concatenate([fit.residuals + fit.jacobian[:, 0] * (fit.wheel.c_rr - c_rr) for fit in fits])
-    jacobian = np.hstack([np.concatenate([fit.jacobian[:, 0] for fit in fits])[:, None], block_diag(*(fit.jacobian[:, 1:] for fit in fits))])
+    residuals = np.concatenate(
+        [fit.residuals + fit.jacobian[:, 0] * (fit.wheel.c_rr - c_rr) for fit in fits]
+    )
+    jacobian = np.hstack(
+        [
+            np.concatenate([fit.jacobian[:, 0] for fit in fits])[:, None],
+            block_diag(*(fit.jacobian[:, 1:] for fit in fits)),
+        ]
+    )
     precision = block_diag(fits[0].precision[:1, :1], *(fit.precision[1:, 1:] for fit in fits))
     pull = np.r_[wheel.c_rr - c_rr, np.concatenate([fit.pull[1:] for fit in fits])]
     grid = prior_grid(FORCE_SCALE, scales=(0.8, 1.0, 1.25), n_amplitude=10)
     shapes = shared_force_shapes(along, tuple(moved(along, fit) for fit in fits), own=own)
-    found = linearise(diagonalise(np.full(residuals.size, SIGMA**2), shapes, grid), residuals, jacobian, precision=precision, pull=pull)
+    found = linearise(
+        diagonalise(np.full(residuals.size, SIGMA**2), shapes, grid),
+        residuals,
+        jacobian,
+        precision=precision,
+        pull=pull,
+    )
     return found.probability_below(np.eye(precision.shape[0])[0], truth - c_rr)
 
 
 @pytest.mark.statistics
-def test_the_average_resistance_of_repeated_runs_is_covered_and_a_shared_force_alone_is_too_narrow(rng: np.random.Generator) -> None:
+def test_the_average_resistance_of_repeated_runs_is_covered_and_a_shared_force_alone_is_too_narrow(
+    rng: np.random.Generator,
+) -> None:
     n_set = 30
     below = np.array([one_set(rng, 0.0028, 0.0028, (0.0, 0.1, 0.3, 1.0)) for _ in range(n_set)])
     alone = np.array([one_set(rng, 0.0028, 0.0028, (0.0,)) for _ in range(n_set)])

@@ -1,4 +1,6 @@
-"""Bad frames: the scan against evidence by dense matrices, found and named where there are some, and nobody accused where there are none."""
+"""Bad frames: the scan against evidence by dense matrices, found and named where there are some,
+and nobody accused where there are none.
+"""
 
 from __future__ import annotations
 
@@ -36,9 +38,18 @@ def scanned(y: np.ndarray, known: Frames | None = None) -> BadFrames:
     """Of a parabola whose errors are white, with or without a smooth deviation."""
     smooth = np.exp(-0.5 * np.square((T[:, None] - T) / 0.5))
     shape = Shape("deviation", 0.5, np.linalg.cholesky(smooth + 1e-9 * np.eye(N)), 0.0)
-    deviation = diagonalise(np.full(y.size, SD**2), (shape,), prior_grid(1.0, scales=(1.0, 2.0), n_amplitude=3))
+    deviation = diagonalise(
+        np.full(y.size, SD**2), (shape,), prior_grid(1.0, scales=(1.0, 2.0), n_amplitude=3)
+    )
     precision = np.diag([1e-6, 1e-6, 1e-6])
-    return find_bad_frames(deviation, frames() if known is None else known, y, CURVE[: y.size], precision=precision, pull=np.zeros(3))
+    return find_bad_frames(
+        deviation,
+        frames() if known is None else known,
+        y,
+        CURVE[: y.size],
+        precision=precision,
+        pull=np.zeros(3),
+    )
 
 
 def errors(seed: int) -> np.ndarray:
@@ -50,13 +61,19 @@ def evidence(y: np.ndarray, column: np.ndarray | None) -> float:
     smooth = np.exp(-0.5 * np.square((T[:, None] - T) / 0.5)) + 1e-9 * np.eye(N)
     grid = prior_grid(1.0, scales=(1.0, 2.0), n_amplitude=3)
     total = []
-    for size, log_size in [(0.0, -np.inf)] if column is None else [(s * SD, -np.log(3.0)) for s in (10.0, 100.0, 1000.0)]:
+    for size, log_size in (
+        [(0.0, -np.inf)]
+        if column is None
+        else [(s * SD, -np.log(3.0)) for s in (10.0, 100.0, 1000.0)]
+    ):
         jump = np.zeros((N, N)) if column is None else size**2 * np.outer(column, column)
         for a, log_a in zip(grid.amplitudes, grid.log_amplitudes, strict=True):
             for s, log_s in zip(grid.scales, grid.log_scales, strict=True):
                 cov = (s * SD) ** 2 * np.eye(N) + a**2 * smooth + 1e6 * CURVE @ CURVE.T + jump
                 log = log_a + log_s + (0.0 if column is None else log_size)
-                total.append(log + stats.multivariate_normal(np.zeros(N), cov, allow_singular=True).logpdf(y))
+                total.append(
+                    log + stats.multivariate_normal(np.zeros(N), cov, allow_singular=True).logpdf(y)
+                )
     return float(np.logaddexp.reduce(total))
 
 
@@ -64,10 +81,17 @@ def test_the_odds_of_a_step_are_the_ratio_of_two_evidences() -> None:
     y = errors(3) + np.where(np.arange(N) >= 11, 8.0 * SD, 0.0)
     (jump,) = scanned(y).jumps
     patterns = N + 2 * (N - 3)
-    odds = sum(
-        np.exp(evidence(y, column) - evidence(y, None))
-        for column in [*np.eye(N), *(np.where(np.arange(N) >= k, 1.0, 0.0) for k in range(2, N - 1))]
-    ) * PRIOR / patterns
+    odds = (
+        sum(
+            np.exp(evidence(y, column) - evidence(y, None))
+            for column in [
+                *np.eye(N),
+                *(np.where(np.arange(N) >= k, 1.0, 0.0) for k in range(2, N - 1)),
+            ]
+        )
+        * PRIOR
+        / patterns
+    )
     # beside these the clocks, which explain next to nothing of it
     assert jump.probability == pytest.approx(odds / (1.0 + odds), abs=0.02)
 
@@ -89,7 +113,9 @@ def test_a_step_a_frame_and_a_clock_are_named_with_their_sizes() -> None:
 
 def test_several_are_found_and_more_than_a_few_are_a_crowd() -> None:
     index = np.arange(N)
-    two = scanned(errors(5) + np.where(index >= 8, 15.0 * SD, 0.0) - np.where(index == 17, 20.0 * SD, 0.0))
+    two = scanned(
+        errors(5) + np.where(index >= 8, 15.0 * SD, 0.0) - np.where(index == 17, 20.0 * SD, 0.0)
+    )
     assert [(jump.kind, jump.row) for jump in two.jumps] == [("step", 8), ("frame", 17)]
     assert not two.crowd
     many = errors(6)
@@ -109,10 +135,17 @@ def test_clean_readings_are_hardly_ever_accused() -> None:
     assert accused < 15  # 5 %
     # and those with a step of six standard deviations nearly always
     index = np.arange(N)
-    assert sum(bool(scanned(errors(i) + np.where(index >= 12, 6.0 * SD, 0.0)).jumps) for i in range(50)) > 40
+    assert (
+        sum(
+            bool(scanned(errors(i) + np.where(index >= 12, 6.0 * SD, 0.0)).jumps) for i in range(50)
+        )
+        > 40
+    )
 
 
-def with_step(folder: Path, size: float, row: int, *, run: str = "", noise: str = DIFFERENTIATED) -> Campaign:
+def with_step(
+    folder: Path, size: float, row: int, *, run: str = "", noise: str = DIFFERENTIATED
+) -> Campaign:
     """The recording of `test_unmodelled_force` with all positions from `row` on shifted."""
     body(folder, shared=KEY, run=run, noise=noise)
     lines = (folder / "r.csv").read_text().splitlines()
@@ -150,7 +183,11 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
     assert "1 excluded by leave_out_s" in [tell(why) for why in run.excluded]
     assert run.t is not None
     assert np.abs(run.t - time).min() > 0.03
-    for written, rule in (("[0.65, 77.0]", "the nearest is"), ("[0.66]", "on line 21"), ('["a"]', "must be a number")):
+    for written, rule in (
+        ("[0.65, 77.0]", "the nearest is"),
+        ("[0.66]", "on line 21"),
+        ('["a"]', "must be a number"),
+    ):
         text = (tmp_path / "c.toml").read_text().replace(f"[{time:.6f}]", written)
         (tmp_path / "d.toml").write_text(text)
         with pytest.raises(InputError, match=rf"d\.toml:\d+: '.*' .*{rule}"):
@@ -158,18 +195,33 @@ def test_rows_that_are_left_out_as_stated_are_gone_and_counted(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("counts", [5, -5])
-def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(tmp_path: Path, counts: int) -> None:
+def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
+    tmp_path: Path, counts: int
+) -> None:
     step, row, fits = 2.0 * np.pi / 500.0, 22, []
-    text = "\n".join(line for line in (WHEEL / "campaign.toml").read_text().splitlines() if not line.startswith("scatter"))
-    (tmp_path / "wheel.toml").write_text(text.replace('file = "', f'file = "{WHEEL}/').replace(f"{WHEEL}/class-balanced_2", "spoiled"))
+    text = "\n".join(
+        line
+        for line in (WHEEL / "campaign.toml").read_text().splitlines()
+        if not line.startswith("scatter")
+    )
+    (tmp_path / "wheel.toml").write_text(
+        text.replace('file = "', f'file = "{WHEEL}/').replace(
+            f"{WHEEL}/class-balanced_2", "spoiled"
+        )
+    )
     lines = (WHEEL / "class-balanced_2.csv").read_text().splitlines()
     head = next(i for i, line in enumerate(lines) if line.startswith("t_s"))
     for lost in (0, counts):
         rows = [line.split(",") for line in lines[head + 1 :]]
-        spoiled = [f"{t},{float(theta) + (lost * step if i >= row else 0.0):.6f}" for i, (t, theta, *_) in enumerate(rows)]
+        spoiled = [
+            f"{t},{float(theta) + (lost * step if i >= row else 0.0):.6f}"
+            for i, (t, theta, *_) in enumerate(rows)
+        ]
         (tmp_path / "spoiled.csv").write_text("\n".join([*lines[: head + 1], *spoiled]))
         campaign = load_campaign(tmp_path / "wheel.toml")
-        fits.append(campaign.fit(campaign.problem(["class-balanced_2"]), rng=np.random.default_rng(1)))
+        fits.append(
+            campaign.fit(campaign.problem(["class-balanced_2"]), rng=np.random.default_rng(1))
+        )
     clean, found = fits
     assert clean.forces[0].bad.jumps == ()
     (jump,) = found.forces[0].bad.jumps

@@ -1,4 +1,6 @@
-"""What a user's own curve lacks: the keys `deviation` and `correlated`, in a campaign and in Python."""
+"""What a user's own curve lacks: the keys `deviation` and `correlated`, in a campaign and in
+Python.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def asked(folder: Path, keys: str, text: str = LINE) -> Path:
-    (folder / "campaign.toml").write_text(text.replace("[curve.parameters]", f"{keys}\n[curve.parameters]"))
+    (folder / "campaign.toml").write_text(
+        text.replace("[curve.parameters]", f"{keys}\n[curve.parameters]")
+    )
     if (folder / "rows.csv").exists():  # columns that are not used begin with _
         head = ",".join(name if f'"{name}"' in keys else f"_{name}" for name in ("same", "clock"))
         (folder / "run.csv").write_text(f"t_s,s_m,{head}\n{(folder / 'rows.csv').read_text()}\n")
@@ -95,7 +99,10 @@ def test_correlated_errors_follow_the_rows_or_a_column(folder, rng):
     np.testing.assert_array_equal(by_rows.lacks.along, np.arange(40.0))
     assert by_rows.correlated is not None
     assert by_clock.correlated is not None
-    np.testing.assert_allclose(by_clock.correlated.length, np.array(by_rows.correlated.length) * 4.0 / 39.0, rtol=1e-6)  # same steps, other unit
+    # same steps, other unit
+    np.testing.assert_allclose(
+        by_clock.correlated.length, np.array(by_rows.correlated.length) * 4.0 / 39.0, rtol=1e-6
+    )
     np.testing.assert_allclose(by_clock.cov, by_rows.cov, rtol=1e-6)
 
 
@@ -107,7 +114,9 @@ def test_what_is_not_asked_for_costs_nothing(folder, rng, keys):
 
 
 def test_a_run_has_the_last_word(folder):
-    text = LINE.replace('name = "second"\n', 'name = "second"\ndeviation = 0.0\ncorrelated = true\nevery = 2\n')
+    text = LINE.replace(
+        'name = "second"\n', 'name = "second"\ndeviation = 0.0\ncorrelated = true\nevery = 2\n'
+    )
     campaign = load_campaign(asked(folder, "deviation = 0.05", text))
     first, second = (campaign.problem([name]).runs[0] for name in campaign.run_names)
     assert first.lacks.deviation == 0.05
@@ -117,15 +126,18 @@ def test_a_run_has_the_last_word(folder):
     assert (first.n_obs, second.n_obs) == (40, 20)
 
 
-@pytest.mark.parametrize(("keys", "said"), [
-    ("deviation = -0.1", "must be > 0"),
-    ("deviation = nan", "must be > 0"),
-    ('correlated = "same"', "all the same"),
-    ('correlated = "none"', "none"),
-    ("deviation = 0.1\nu_x = 0.01", "u_x"),
-    ('deviation = 0.1\nrobust = "student-t"', "robust"),
-    ("every = 0", "at least 1"),
-])
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("deviation = -0.1", "must be > 0"),
+        ("deviation = nan", "must be > 0"),
+        ('correlated = "same"', "all the same"),
+        ('correlated = "none"', "none"),
+        ("deviation = 0.1\nu_x = 0.01", "u_x"),
+        ('deviation = 0.1\nrobust = "student-t"', "robust"),
+        ("every = 0", "at least 1"),
+    ],
+)
 def test_what_does_not_go_together_is_refused_at_its_line(folder, keys, said):
     with pytest.raises(InputError, match=said) as caught:
         load_campaign(asked(folder, keys))
@@ -134,11 +146,23 @@ def test_what_does_not_go_together_is_refused_at_its_line(folder, keys, said):
 
 def test_neither_an_uncertain_error_nor_a_joint_fit_nor_a_calibration_goes_with_a_deviation(folder):
     with pytest.raises(InputError, match="leave 'u_y' out"):
-        load_campaign(asked(folder, "deviation = 0.1", LINE.replace("u_y = 0.01", 'u_y = "0.010(1)"')))
+        load_campaign(
+            asked(folder, "deviation = 0.1", LINE.replace("u_y = 0.01", 'u_y = "0.010(1)"'))
+        )
     campaign = load_campaign(asked(folder, "deviation = 0.1"))
     with pytest.raises(InputError, match="fit the runs one by one"):
         campaign.problem(["first", "second"])
-    done = CliRunner().invoke(cli, ["calibrate", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")])
+    done = CliRunner().invoke(
+        cli,
+        [
+            "calibrate",
+            str(folder / "campaign.toml"),
+            "--run",
+            "first",
+            "--out",
+            str(folder / "out"),
+        ],
+    )
     assert isinstance(done.exception, InputError)
     assert "takes the curve as complete" in str(done.exception)
     load_campaign(asked(folder, "correlated = true")).problem(["first", "second"])
@@ -149,7 +173,9 @@ def test_too_many_points_are_told_what_to_do(tmp_path):
     (tmp_path / "run.csv").write_text(f"t_s,s_m\n{rows}\n")
     with pytest.raises(InputError, match="every = 3"):
         load_campaign(asked(tmp_path, "deviation = 0.1"))
-    assert load_campaign(asked(tmp_path, "deviation = 0.1\nevery = 3")).problem(["first"]).n_obs == 700
+    assert (
+        load_campaign(asked(tmp_path, "deviation = 0.1\nevery = 3")).problem(["first"]).n_obs == 700
+    )
 
 
 def test_correlated_errors_of_a_joint_fit_widen_each_run(folder, rng):
@@ -160,7 +186,8 @@ def test_correlated_errors_of_a_joint_fit_widen_each_run(folder, rng):
     assert np.all(np.diag(fit.cov) < np.diag(single.cov))
 
 
-# --- in Python -----------------------------------------------------------------------------------------------------------------------------
+# --- in Python
+# --------------------------------------------------------------------------------------------------
 
 
 START = {"a": 0.0, "b": 1.0}
@@ -170,7 +197,8 @@ def test_a_stated_deviation_leads_from_a_poor_fit_to_a_number():
     poor = fit_curve("a + b*x", X, data(), start=START, u_y=0.01)
     assert poor.status == "poor-fit"
     (words,) = poor.advice
-    assert words.index("another curve") < words.index("deviation")  # whose size is not to be read off the residuals
+    # whose size is not to be read off the residuals
+    assert words.index("another curve") < words.index("deviation")
     assert words in str(poor)
     fit = fit_curve("a + b*x", X, data(), start=START, u_y=0.01, deviation=0.05)
     assert fit.status == "ok"
@@ -189,7 +217,14 @@ def test_an_outlier_is_no_smooth_deviation():
 
 def test_units_do_not_matter():
     one = fit_curve("a + b*x", X, data(), start=START, deviation=0.05, correlated=True)
-    other = fit_curve("a + b*x", 1000.0 * X, 100.0 * data(), start={"a": 0.0, "b": 0.1}, deviation=5.0, correlated=1000.0 * X)
+    other = fit_curve(
+        "a + b*x",
+        1000.0 * X,
+        100.0 * data(),
+        start={"a": 0.0, "b": 0.1},
+        deviation=5.0,
+        correlated=1000.0 * X,
+    )
     assert other.values["b"] == pytest.approx(0.1 * one.values["b"], rel=1e-6)
     assert other.sds["b"] == pytest.approx(0.1 * one.sds["b"], rel=1e-6)
     assert other.sigma == pytest.approx(100.0 * one.sigma, rel=1e-6)
@@ -203,26 +238,41 @@ def test_where_nothing_is_missing_the_size_of_the_errors_is_that_of_the_residual
     assert "P(amplitude > 0)" in fit.notes[-1]
 
 
-@pytest.mark.parametrize(("choices", "said"), [
-    ({"deviation": -1.0}, "deviation"), ({"deviation": "much"}, "deviation"), ({"correlated": [1.0, 2.0]}, "40 times"),
-    ({"correlated": np.zeros(40)}, "all the same"), ({"correlated": "t"}, "must be True"), ({"deviation": 1.0, "u_x": 0.1}, "u_x"),
-])
+@pytest.mark.parametrize(
+    ("choices", "said"),
+    [
+        ({"deviation": -1.0}, "deviation"),
+        ({"deviation": "much"}, "deviation"),
+        ({"correlated": [1.0, 2.0]}, "40 times"),
+        ({"correlated": np.zeros(40)}, "all the same"),
+        ({"correlated": "t"}, "must be True"),
+        ({"deviation": 1.0, "u_x": 0.1}, "u_x"),
+    ],
+)
 def test_a_wrong_argument_is_named(choices, said):
     with pytest.raises(InputError, match=said):
         fit_curve("a + b*x", X, data(), start=START, u_y=0.01, **choices)
 
 
-# --- the mathematics -----------------------------------------------------------------------------------------------------------------------
+# --- the mathematics
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_constant_of_the_curve_takes_the_mean_of_a_deviation():
-    """With a constant among the parameters the others are the same whether the mean of the deviation is taken out or not."""
+    """With a constant among the parameters the others are the same whether the mean of the
+    deviation is taken out or not.
+    """
     jacobian = np.vander(X, 3)
     errors = WAVE - jacobian @ np.linalg.lstsq(jacobian, WAVE, rcond=None)[0]
     plain = tuple(shape.times(0.1) for shape in deviation_shapes(X))
     without = tuple(replace(shape, factor=root(without_mean(shape.covariance))) for shape in plain)
     found = [
-        linearise(diagonalise(np.full(40, 1e-4), shapes, relative_grid(stated=True)), errors, jacobian, precision=np.zeros((3, 3)))
+        linearise(
+            diagonalise(np.full(40, 1e-4), shapes, relative_grid(stated=True)),
+            errors,
+            jacobian,
+            precision=np.zeros((3, 3)),
+        )
         for shapes in (plain, without)
     ]
     np.testing.assert_allclose(found[0].covariance[:2, :2], found[1].covariance[:2, :2], rtol=1e-6)
@@ -231,15 +281,26 @@ def test_a_constant_of_the_curve_takes_the_mean_of_a_deviation():
 
 
 def test_what_shows_is_that_of_dense_matrices(folder):
-    """One component alone: regression on a normal process by dense inverses, the parameters integrated out under flat priors."""
+    """One component alone: regression on a normal process by dense inverses, the parameters
+    integrated out under flat priors.
+    """
     run = load_campaign(asked(folder, "deviation = 0.05")).problem(["first"]).runs[0]
     run = replace(run, lacks=Discrepancy(0.05, None, "", True))
     (shape,) = [shape for shape in deviation_shapes(X) if 0.2 < shape.length < 0.25]
     grid = relative_grid(stated=True)
-    single = replace(grid, amplitudes=np.array([0.8]), log_amplitudes=np.zeros(1), scales=np.ones(1), log_scales=np.zeros(1))
+    single = replace(
+        grid,
+        amplitudes=np.array([0.8]),
+        log_amplitudes=np.zeros(1),
+        scales=np.ones(1),
+        log_scales=np.zeros(1),
+    )
     design, residuals = np.column_stack([np.ones(40), X]), run.y - 0.5 - 1.5 * X
     linear = linearise(
-        diagonalise(np.full(40, 1e-4), (replace(shape.times(0.05), log_prior=0.0),), single), residuals, design, precision=np.zeros((2, 2))
+        diagonalise(np.full(40, 1e-4), (replace(shape.times(0.05), log_prior=0.0),), single),
+        residuals,
+        design,
+        precision=np.zeros((2, 2)),
     )
     seen = see_deviation(linear, run, {"deviation": 0.05})
     scaled = np.sqrt(3.0) * np.abs(X[:, None] - X) / shape.length
@@ -249,7 +310,9 @@ def test_what_shows_is_that_of_dense_matrices(folder):
     rest = np.eye(40) - design @ np.linalg.inv(design.T @ design) @ design.T
     cov = rest @ (kernel - kernel @ inverse @ kernel) @ rest.T
     np.testing.assert_allclose(seen.mean, rest @ kernel @ inverse @ residuals, atol=1e-6)
-    np.testing.assert_allclose(seen.quantiles[3] - seen.quantiles[2], 0.99446 * np.sqrt(np.diag(cov)), rtol=1e-3)
+    np.testing.assert_allclose(
+        seen.quantiles[3] - seen.quantiles[2], 0.99446 * np.sqrt(np.diag(cov)), rtol=1e-3
+    )
 
 
 def test_an_unstated_size_is_found_whatever_it_is(rng):
@@ -271,20 +334,31 @@ def test_the_fit_is_the_mode_of_what_is_sampled(folder, rng):
     problem = campaign.problem(["first"])
     fit = fit_discrepancy(fit_optimum(problem, rng=rng), rng=rng)
     near = fit.values + 1e-3 * np.sqrt(np.diag(fit.cov)) * rng.standard_normal((50, 2))
-    assert np.all(fit.posterior.log_density(near) <= fit.posterior.log_density(fit.values[None])[0] + 1e-9)
+    assert np.all(
+        fit.posterior.log_density(near) <= fit.posterior.log_density(fit.values[None])[0] + 1e-9
+    )
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize(("kind", "choices", "stated"), [("red", {"correlated": True}, False), ("smooth", {"deviation": 4.0}, True)])
+@pytest.mark.parametrize(
+    ("kind", "choices", "stated"),
+    [("red", {"correlated": True}, False), ("smooth", {"deviation": 4.0}, True)],
+)
 def test_intervals_hold_what_they_say(kind, choices, stated):
-    """A line, 40 points: AR(1) errors of .9, or a deviation of two standard deviations; without the keys, far too few."""
+    """A line, 40 points: AR(1) errors of .9, or a deviation of two standard deviations; without the
+    keys, far too few.
+    """
     rng, n_run = np.random.default_rng(17), 60
     apart = np.sqrt(3.0) * np.abs(X[:, None] - X) / 0.4
     smooth = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(40))
     red = np.linalg.cholesky(0.9 ** np.abs(np.subtract.outer(np.arange(40.0), np.arange(40.0))))
     held = {(name, level): 0 for name in ("with", "without") for level in (0.68, 0.95)}
     for _ in range(n_run):
-        errors = red @ rng.standard_normal(40) if kind == "red" else 2.0 * smooth @ rng.standard_normal(40) + rng.standard_normal(40)
+        errors = (
+            red @ rng.standard_normal(40)
+            if kind == "red"
+            else 2.0 * smooth @ rng.standard_normal(40) + rng.standard_normal(40)
+        )
         y = 3.0 * X + errors
         size = {"u_y": 1.0} if stated else {}
         for name, keys in (("with", choices), ("without", {})):
@@ -296,17 +370,23 @@ def test_intervals_hold_what_they_say(kind, choices, stated):
     assert held["without", 0.68] / n_run < 0.5
 
 
-# --- a deviation that nobody asked for -------------------------------------------------------------------------------------------------------
+# --- a deviation that nobody asked for
+# --------------------------------------------------------------------------------------------------
 
 
 def by_brute_force(x: np.ndarray, y: np.ndarray, u: float) -> float:
-    """P(a > 0 | data) of a line with flat priors, by dense matrices: each covariance is made, and its evidence is a determinant and a quadratic form.
+    """P(a > 0 | data) of a line with flat priors, by dense matrices: each covariance is made, and
+    its evidence is a determinant and a quadratic form.
 
-    a half-normal with the scale of one error, the length log-normal about a sixth of the range (factor e^0.7, between 1/30 and 0.6 of it), the size
-    of the noise as the module has it; by sums over grids that are finer than its own.
+    a half-normal with the scale of one error, the length log-normal about a sixth of the range
+    (factor e^0.7, between 1/30 and 0.6 of it), the size of the noise as the module has it; by sums
+    over grids that are finer than its own.
     """
     grid = relative_grid(stated=True)
-    design, apart = np.column_stack([np.ones_like(x), x]), np.sqrt(3.0) * np.abs(np.subtract.outer(x, x))
+    design, apart = (
+        np.column_stack([np.ones_like(x), x]),
+        np.sqrt(3.0) * np.abs(np.subtract.outer(x, x)),
+    )
     lengths = np.ptp(x) * np.geomspace(1.0 / 30.0, 0.6, 25)
     of_length = np.exp(-0.5 * (np.log(6.0 * lengths / np.ptp(x)) / 0.7) ** 2)
     sizes = np.linspace(0.02, 3.5, 60)
@@ -316,7 +396,16 @@ def by_brute_force(x: np.ndarray, y: np.ndarray, u: float) -> float:
         inverse = np.linalg.inv(covariance)
         information = design.T @ inverse @ design
         left = y - design @ np.linalg.solve(information, design.T @ inverse @ y)
-        return float(np.exp(-0.5 * (left @ inverse @ left + np.linalg.slogdet(covariance)[1] + np.linalg.slogdet(information)[1])))
+        return float(
+            np.exp(
+                -0.5
+                * (
+                    left @ inverse @ left
+                    + np.linalg.slogdet(covariance)[1]
+                    + np.linalg.slogdet(information)[1]
+                )
+            )
+        )
 
     none = here = 0.0
     for scale, log_scale in zip(grid.scales, grid.log_scales, strict=True):
@@ -332,9 +421,15 @@ def by_brute_force(x: np.ndarray, y: np.ndarray, u: float) -> float:
 
 
 @pytest.mark.parametrize(("size", "seed"), [(0.0, 1), (1.3, 2)])
-def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(size: float, seed: int) -> None:
+def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(
+    size: float, seed: int
+) -> None:
     x = np.linspace(0.0, 1.0, 24)
-    y = 1.0 + 2.0 * x + 0.1 * (np.random.default_rng(seed).standard_normal(24) + size * np.sin(14.0 * x))
+    y = (
+        1.0
+        + 2.0 * x
+        + 0.1 * (np.random.default_rng(seed).standard_normal(24) + size * np.sin(14.0 * x))
+    )
     fit = fit_curve("a + b*x", x, y, u_y=0.1)
     assert fit.status == "ok"
     (said,) = [note for note in fit.notes if "assumed to be complete" in note]
@@ -345,7 +440,9 @@ def test_how_probable_an_unasked_deviation_is_comes_out_by_brute_force(size: flo
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_what_a_curve_taken_as_complete_may_lack_stands_first(tmp_path: Path) -> None:
-    """In print(fit), once in the terminal, and on the first screen of the report; not with few points or where a deviation was asked for."""
+    """In print(fit), once in the terminal, and on the first screen of the report; not with few
+    points or where a deviation was asked for.
+    """
     x = np.linspace(0.0, 1.0, 30)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(3).standard_normal(30)
     words = "the intervals do not allow for a smooth deviation"
@@ -354,7 +451,21 @@ def test_what_a_curve_taken_as_complete_may_lack_stands_first(tmp_path: Path) ->
     assert words not in str(fit_curve("a + b*x", x, y, u_y=0.1, deviation=0.1))
     table = tmp_path / "points.csv"
     table.write_text("x,y\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(x, y, strict=True)))
-    done = CliRunner().invoke(cli, ["fit", str(table), "--formula", "a + b*x", "--u-y", "0.1", "--kind", "synthetic", "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(
+        cli,
+        [
+            "fit",
+            str(table),
+            "--formula",
+            "a + b*x",
+            "--u-y",
+            "0.1",
+            "--kind",
+            "synthetic",
+            "--out",
+            str(tmp_path / "out"),
+        ],
+    )
     assert done.exit_code == 0, done.output
     assert done.output.count(words) == 1
     screen = (tmp_path / "out" / "report.md").read_text().split("<details>")[0]

@@ -1,4 +1,6 @@
-"""Reports in another language: nothing that a reader sees stays English, and English stays what it was."""
+"""Reports in another language: nothing that a reader sees stays English, and English stays what it
+was.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +54,15 @@ def said_in_code() -> dict[str, str]:
     found: dict[str, str] = {}
     for path in sorted(ESTIM.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("phrase", "later") and node.args:
-                found |= dict.fromkeys(literals(node.args[0]), f"{path.relative_to(ROOT)}:{node.lineno}")
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id in ("phrase", "later")
+                and node.args
+            ):
+                found |= dict.fromkeys(
+                    literals(node.args[0]), f"{path.relative_to(ROOT)}:{node.lineno}"
+                )
     return found
 
 
@@ -82,10 +91,16 @@ def said() -> dict[str, str]:
 
 
 def blanks(text: str) -> list[str]:
-    """The places where values go: of a template its tags without blanks, else names with what they are formatted by."""
+    """The places where values go: of a template its tags without blanks, else names with what they
+    are formatted by.
+    """
     if TAG.search(text):
         return sorted(SPACES.sub("", tag) for tag in TAG.findall(text))
-    return sorted(f"{name}!{conversion}:{form}" for _, name, form, conversion in string.Formatter().parse(text) if name is not None)
+    return sorted(
+        f"{name}!{conversion}:{form}"
+        for _, name, form, conversion in string.Formatter().parse(text)
+        if name is not None
+    )
 
 
 def fits_format(text: str) -> bool:
@@ -106,12 +121,21 @@ def test_every_sentence_of_a_catalogue_is_said_somewhere(language: str) -> None:
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_sentence_is_in_the_catalogue(language: str) -> None:
     known = {english for _, english, _ in pairs(language)}
-    missing = [f"{where}: {english}" for english, where in said().items() if english not in known and has_words(english)]
+    missing = [
+        f"{where}: {english}"
+        for english, where in said().items()
+        if english not in known and has_words(english)
+    ]
     assert not missing, f"{len(missing)} are missing:\n" + "\n".join(missing)
 
 
 def has_words(english: str) -> bool:
-    return bool(re.search(r"[^\W\d_]{2}", TAG.sub("", english) if TAG.search(english) else re.sub(r"\{[^{}]*\}", "", english)))
+    return bool(
+        re.search(
+            r"[^\W\d_]{2}",
+            TAG.sub("", english) if TAG.search(english) else re.sub(r"\{[^{}]*\}", "", english),
+        )
+    )
 
 
 @pytest.mark.parametrize("language", OTHERS)
@@ -143,15 +167,19 @@ def test_every_template_can_be_compiled_in_the_language(language: str) -> None:
 # ---- what is said without `phrase` ----
 
 NEIGHBOURS = re.compile(r"[A-Za-z]{2,},? [A-Za-z]{2,}")
-NOT_FOR_READERS = re.compile(r"^(phrase|later|InputError|NumericalError|EstimError|error|warn|compile|getLogger)$")
+NOT_FOR_READERS = re.compile(
+    r"^(phrase|later|InputError|NumericalError|EstimError|error|warn|compile|getLogger)$"
+)
 ALLOWED = {  # why a reader never sees a text, or sees it as it is -> such texts
-    "a place in a figure": r"(outside )?(lower|upper) (left|right|center)|offset points|axes fraction",
+    "a place in a figure": r"(outside )?(lower|upper) (left|right|center)|offset points|axes "
+    r"fraction",
     "HTML, whose words are put in": r"<[^W].*",
     "a page's own rule of safety": r"default-src .*",
     "to be typed": r"pip install .*",
     "a name, the same in Spanish": r"Monte Carlo",
     "a key of result.json or of the statuses": r"posterior sd|joint fit of \{\}",
-    "a key of a table in the program": r"(climbs|turns) (on|past|beyond)|recorded way|importance sampling",
+    "a key of a table in the program": r"(climbs|turns) (on|past|beyond)|recorded way|importance "
+    r"sampling",
     "a cell of a table for programs": r"no result",
     "an attribute of draws.nc, for programs": r"not stated",
 }
@@ -163,7 +191,9 @@ def unsaid(path: Path) -> Iterator[tuple[int, str]]:
     described = {
         id(node.body[0].value)
         for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and node.body and isinstance(node.body[0], ast.Expr)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef)
+        and node.body
+        and isinstance(node.body[0], ast.Expr)
     } | {
         id(second.value)  # a text under a name at the top describes it
         for first, second in itertools.pairwise(tree.body)
@@ -175,7 +205,9 @@ def unsaid(path: Path) -> Iterator[tuple[int, str]]:
 def _unsaid(node: ast.AST, described: set[int]) -> Iterator[tuple[int, str]]:
     if id(node) in described or isinstance(node, ast.Raise | ast.Assert):
         return
-    if isinstance(node, ast.Call) and NOT_FOR_READERS.match(ast.unparse(node.func).rpartition(".")[2]):
+    if isinstance(node, ast.Call) and NOT_FOR_READERS.match(
+        ast.unparse(node.func).rpartition(".")[2]
+    ):
         if ast.unparse(node.func) in ("phrase", "later"):
             for child in (*node.args[1:], *node.keywords):
                 yield from _unsaid(child, described)
@@ -184,7 +216,9 @@ def _unsaid(node: ast.AST, described: set[int]) -> Iterator[tuple[int, str]]:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         text = node.value
     elif isinstance(node, ast.JoinedStr):
-        text = "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)
+        text = "".join(
+            part.value if isinstance(part, ast.Constant) else "{}" for part in node.values
+        )
         for part in node.values:
             if isinstance(part, ast.FormattedValue):
                 yield from _unsaid(part.value, described)
@@ -199,13 +233,20 @@ def _unsaid(node: ast.AST, described: set[int]) -> Iterator[tuple[int, str]]:
 @pytest.mark.parametrize("folder", ["words", "reports"])
 def test_whatever_a_reader_sees_is_said_by_phrase(folder: str) -> None:
     allowed = re.compile("|".join(f"(?:{form})" for form in ALLOWED.values()), re.DOTALL)
-    found = [(path, line, text) for path in sorted((ESTIM / folder).rglob("*.py")) for line, text in unsaid(path) if not allowed.fullmatch(text)]
+    found = [
+        (path, line, text)
+        for path in sorted((ESTIM / folder).rglob("*.py"))
+        for line, text in unsaid(path)
+        if not allowed.fullmatch(text)
+    ]
     assert not [f"{path.relative_to(ROOT)}:{line}: {text}" for path, line, text in found]
 
 
 def test_a_sentence_that_is_not_said_by_phrase_is_found(tmp_path: Path) -> None:
     source = """return f"the {x} is not {'good for' if x else 1} here" """
-    (tmp_path / "a.py").write_text(f'"A page of words."\ndef f(x):\n    "A verb of words."\n    {source}\n')
+    (tmp_path / "a.py").write_text(
+        f'"A page of words."\ndef f(x):\n    "A verb of words."\n    {source}\n'
+    )
     assert [text for _, text in unsaid(tmp_path / "a.py")] == ["good for", "the {} is not {} here"]
 
 
@@ -213,14 +254,19 @@ def test_a_sentence_that_is_not_said_by_phrase_is_found(tmp_path: Path) -> None:
 
 WIDE = {ord(letter): ord(letter) - 0x21 + 0xFF01 for letter in string.ascii_letters}
 KEPT = re.compile(r"\{[^{}]*\}|`[^`]*`|</?\w[^>]*>|https?:\S+|\[[^\]]*\]\(|\$[^$]*\$|!\[")
-QUOTED = re.compile(r"""(?<=["'])[^"'{}]*[A-Za-z]{2}[^"'{}]*(?=["']\s+if\b)|(?<=else ["'])[^"'{}]*[A-Za-z]{2}[^"'{}]*(?=["'])""")
+QUOTED = re.compile(
+    r"""(?<=["'])[^"'{}]*[A-Za-z]{2}[^"'{}]*(?=["']\s+if\b)"""
+    r"""|(?<=else ["'])[^"'{}]*[A-Za-z]{2}[^"'{}]*(?=["'])"""
+)
 
 
 class Wide(Mapping[str, str]):
     """A catalogue that has every sentence."""
 
     def __getitem__(self, english: str) -> str:
-        tagged = re.compile(rf"{TAG.pattern}|{KEPT.pattern}", re.DOTALL) if TAG.search(english) else KEPT
+        tagged = (
+            re.compile(rf"{TAG.pattern}|{KEPT.pattern}", re.DOTALL) if TAG.search(english) else KEPT
+        )
         out, end = [], 0
         for found in tagged.finditer(english):
             out += [english[end : found.start()].translate(WIDE), self._tag(found[0])]
@@ -228,7 +274,11 @@ class Wide(Mapping[str, str]):
         return "".join([*out, english[end:].translate(WIDE)])
 
     def _tag(self, tag: str) -> str:
-        return QUOTED.sub(lambda found: found[0].translate(WIDE), tag) if tag.startswith(("{{", "{%")) else tag
+        return (
+            QUOTED.sub(lambda found: found[0].translate(WIDE), tag)
+            if tag.startswith(("{{", "{%"))
+            else tag
+        )
 
     def __iter__(self) -> Iterator[str]:
         return iter(())
@@ -249,18 +299,37 @@ def test_a_language_that_is_not_there_is_refused_in_one_line() -> None:
 
 
 def left_in_english(text: str) -> list[str]:
-    """Words of three letters or more that are not in wide letters; code, names of files and addresses are left out."""
-    text = re.sub(r"```.*?```|`[^`]*`|</?\w[^>]*>|\]\([^)]*\)|\$[^$]*\$", " ", text, flags=re.DOTALL)
+    """Words of three letters or more that are not in wide letters; code, names of files and
+    addresses are left out.
+    """
+    text = re.sub(
+        r"```.*?```|`[^`]*`|</?\w[^>]*>|\]\([^)]*\)|\$[^$]*\$", " ", text, flags=re.DOTALL
+    )
     return sorted(set(re.findall(r"[A-Za-z]{3,}", text)) - NAMES)
 
 
 NAMES = frozenset(  # shown as they are in every language
     {
-        "Thing", "data",  # the title and the run, which the user names
-        "chi", "runs", "autocorrelation", "trend", "largest",  # tests
-        "poor", "fit",  # a status
+        "Thing",
+        "data",  # the title and the run, which the user names
+        "chi",
+        "runs",
+        "autocorrelation",
+        "trend",
+        "largest",  # tests
+        "poor",
+        "fit",  # a status
         "deviation",  # an argument
-        "estim", "python", "numpy", "scipy", "lmfit", "emcee", "numba", "arviz", "stats", "uncertainties",
+        "estim",
+        "python",
+        "numpy",
+        "scipy",
+        "lmfit",
+        "emcee",
+        "numba",
+        "arviz",
+        "stats",
+        "uncertainties",
     }
 )
 
@@ -302,7 +371,9 @@ def test_english_is_the_same_whatever_was_spoken_before() -> None:
         with spoken(language):
             other = report_of(fit)
         assert other["report.md"] != before["report.md"]
-        assert shape_of(json.loads(other["result.json"])) == shape_of(json.loads(before["result.json"]))
+        assert shape_of(json.loads(other["result.json"])) == shape_of(
+            json.loads(before["result.json"])
+        )
     assert report_of(fit) == before
 
 
@@ -318,12 +389,21 @@ def shape_of(record: object) -> object:
 # ---- commands ----
 
 
-def test_a_report_is_verified_in_its_own_language(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_is_verified_in_its_own_language(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "model.toml").write_text(MODEL)
     for language in ("en", "es"):
-        assert run("propagate", "model.toml", "--out", language, "--lang", language, "--no-figures").exit_code == 0
-    english, spanish = ((tmp_path / language / "report.md").read_text() for language in ("en", "es"))
+        assert (
+            run(
+                "propagate", "model.toml", "--out", language, "--lang", language, "--no-figures"
+            ).exit_code
+            == 0
+        )
+    english, spanish = (
+        (tmp_path / language / "report.md").read_text() for language in ("en", "es")
+    )
     assert english != spanish
     verified = run("verify", "es")
     assert (verified.exit_code, verified.stdout.splitlines()[-1][:9]) == (0, "verified:")

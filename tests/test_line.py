@@ -1,8 +1,9 @@
 """The straight line by least squares: published values, limits, brute force, coverage.
 
-Reference values: York et al. 2004, Am. J. Phys. 72, 367 and Pearson's data with York's weights (three conventions of standard
-errors); ISO/TS 28037:2010 clause 6 examples; Hogg, Bovy and Lang 2010, arXiv 1008.4686, exercises 1 and 2; Bevington and
-Robinson table 6.1; GUM H.3 (JCGM 100:2008); NIST StRD Norris.  The data files lie in tests/reference.
+Reference values: York et al. 2004, Am. J. Phys. 72, 367 and Pearson's data with York's weights
+(three conventions of standard errors); ISO/TS 28037:2010 clause 6 examples; Hogg, Bovy and Lang
+2010, arXiv 1008.4686, exercises 1 and 2; Bevington and Robinson table 6.1; GUM H.3 (JCGM 100:2008);
+NIST StRD Norris.  The data files lie in tests/reference.
 """
 
 from __future__ import annotations
@@ -18,7 +19,14 @@ from scipy import optimize, stats
 from estim.common.errors import InputError
 from estim.line.conventions import CONVENTIONS
 from estim.line.interval import slope_interval
-from estim.line.regression import confidence_band, coverage_factor, fit_line, inverse_prediction, line_values, prediction_band
+from estim.line.regression import (
+    confidence_band,
+    coverage_factor,
+    fit_line,
+    inverse_prediction,
+    line_values,
+    prediction_band,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "reference"
@@ -30,7 +38,9 @@ def rng():
 
 
 def columns(name, *, delimiter=",", skip=2, rows=None):
-    """Columns of a reference file, below its header (a line of its source, and one of names) where it has one."""
+    """Columns of a reference file, below its header (a line of its source, and one of names) where
+    it has one.
+    """
     path = DATA / name
     return np.loadtxt(path, delimiter=delimiter, skiprows=skip, max_rows=rows).T
 
@@ -43,14 +53,20 @@ def pearson_york():
 def correlated_points(rng, n_obs=12):
     """Points with uneven, correlated errors."""
     truth = np.sort(rng.uniform(0.0, 5.0, n_obs))
-    u_x, u_y, r = rng.uniform(0.05, 0.4, n_obs), rng.uniform(0.05, 0.6, n_obs), rng.uniform(-0.8, 0.8, n_obs)
+    u_x, u_y, r = (
+        rng.uniform(0.05, 0.4, n_obs),
+        rng.uniform(0.05, 0.6, n_obs),
+        rng.uniform(-0.8, 0.8, n_obs),
+    )
     e_x = rng.standard_normal(n_obs)
     e_y = r * e_x + np.sqrt(1.0 - r**2) * rng.standard_normal(n_obs)
     return truth + u_x * e_x, 1.0 - 1.7 * truth + u_y * e_y, u_x, u_y, r
 
 
 def load_benchmark() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("line_coverage", ROOT / "benchmarks" / "line_coverage.py")
+    spec = importlib.util.spec_from_file_location(
+        "line_coverage", ROOT / "benchmarks" / "line_coverage.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -77,7 +93,9 @@ def test_pearson_york_line_agrees_to_every_published_digit():
         ("scaled", 0.359246523, 0.070620270, (6e-10, 6e-10)),
     ],
 )
-def test_pearson_york_standard_errors_agree_by_each_convention(convention, u_intercept, u_slope, half_digit):
+def test_pearson_york_standard_errors_agree_by_each_convention(
+    convention, u_intercept, u_slope, half_digit
+):
     x, y, u_x, u_y = pearson_york()
     error = fit_line(x, y, u_x=u_x, u_y=u_y).standard_errors[convention]
     assert error.u_intercept == pytest.approx(u_intercept, abs=half_digit[0])
@@ -96,8 +114,22 @@ def test_pearson_data_without_uncertainties_give_the_published_ordinary_line():
 @pytest.mark.parametrize(
     ("name", "line", "errors", "chi2", "y0", "x0"),
     [
-        ("equal", (1.866667, 1.757143, 6e-7), (0.4654747, 0.1195229, -0.050), 1.665, (10.5, 0.5), (4.913, 0.322)),
-        ("unequal", (0.8852, 2.0570, 6e-5), (0.5297081, 0.1778920, -0.08227848), 4.131, (10.5, 1.0), (4.674, 0.533)),
+        (
+            "equal",
+            (1.866667, 1.757143, 6e-7),
+            (0.4654747, 0.1195229, -0.050),
+            1.665,
+            (10.5, 0.5),
+            (4.913, 0.322),
+        ),
+        (
+            "unequal",
+            (0.8852, 2.0570, 6e-5),
+            (0.5297081, 0.1778920, -0.08227848),
+            4.131,
+            (10.5, 1.0),
+            (4.674, 0.533),
+        ),
     ],
 )
 def test_iso_28037_examples_agree_with_inverse_prediction(name, line, errors, chi2, y0, x0):
@@ -115,7 +147,10 @@ def test_iso_28037_examples_agree_with_inverse_prediction(name, line, errors, ch
 
 @pytest.mark.parametrize(
     ("first", "intercept", "slope", "chi2"),
-    [(4, (34.04773, 18.24617), (2.23992, 0.10778), 18.681), (0, (213.27349, 14.39403), (1.07675, 0.07741), None)],
+    [
+        (4, (34.04773, 18.24617), (2.23992, 0.10778), 18.681),
+        (0, (213.27349, 14.39403), (1.07675, 0.07741), None),
+    ],
 )
 def test_hogg_bovy_lang_exercises_agree(first, intercept, slope, chi2):
     _, x, y, u_y, _, _ = columns("lines/hogg_bovy_lang_2010_table1.csv")[:, first:]
@@ -169,12 +204,17 @@ def test_nist_norris_certified_values_agree():
 
 def test_exchanging_x_and_y_gives_the_reciprocal_slope(rng):
     for x, y, u_x, u_y, r in [(*pearson_york(), 0.0), correlated_points(rng)]:
-        fit, exchanged = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r), fit_line(y, x, u_x=u_y, u_y=u_x, r_xy=r)
+        fit, exchanged = (
+            fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r),
+            fit_line(y, x, u_x=u_y, u_y=u_x, r_xy=r),
+        )
         assert exchanged.slope * fit.slope == pytest.approx(1.0, abs=1e-10)
         assert exchanged.intercept == pytest.approx(-fit.intercept / fit.slope, rel=1e-10)
         assert exchanged.chi2 == pytest.approx(fit.chi2, rel=1e-12)
         for name, error in fit.standard_errors.items():
-            assert exchanged.standard_errors[name].u_slope == pytest.approx(error.u_slope / fit.slope**2, rel=1e-9)
+            assert exchanged.standard_errors[name].u_slope == pytest.approx(
+                error.u_slope / fit.slope**2, rel=1e-9
+            )
         there, back = slope_interval(fit), slope_interval(exchanged)
         assert (1.0 / back.high, 1.0 / back.low) == pytest.approx((there.low, there.high), rel=1e-9)
 
@@ -184,7 +224,13 @@ def test_units_shifts_and_order_of_points_do_not_matter(rng):
     fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r)
     order = rng.permutation(len(x))
     k_x, k_y, c_x, c_y = 1e-6, 250.0, 3.0, -70.0
-    moved = fit_line((k_x * x + c_x)[order], (k_y * y + c_y)[order], u_x=k_x * u_x[order], u_y=k_y * u_y[order], r_xy=r[order])
+    moved = fit_line(
+        (k_x * x + c_x)[order],
+        (k_y * y + c_y)[order],
+        u_x=k_x * u_x[order],
+        u_y=k_y * u_y[order],
+        r_xy=r[order],
+    )
     slope = fit.slope * k_y / k_x
     assert moved.slope == pytest.approx(slope, rel=1e-7)  # k_x x + 3 keeps 1e-16 * 3/1e-6 of x
     assert moved.intercept == pytest.approx(k_y * fit.intercept + c_y - slope * c_x, rel=1e-7)
@@ -192,7 +238,10 @@ def test_units_shifts_and_order_of_points_do_not_matter(rng):
     for name, error in fit.standard_errors.items():
         u_slope = moved.standard_errors[name].u_slope
         assert u_slope == pytest.approx(error.u_slope * k_y / k_x, rel=1e-7)
-        at = line_values(fit, x, convention=name), line_values(moved, k_x * x + c_x, convention=name)
+        at = (
+            line_values(fit, x, convention=name),
+            line_values(moved, k_x * x + c_x, convention=name),
+        )
         assert at[1].u == pytest.approx(k_y * at[0].u, rel=1e-6)
 
 
@@ -200,19 +249,29 @@ def test_york_becomes_weighted_least_squares_as_x_becomes_exact(rng):
     x, y, _, u_y, _ = correlated_points(rng)
     weighted, york = fit_line(x, y, u_y=u_y), fit_line(x, y, u_x=0.0, u_y=u_y)
     solution, *_ = np.linalg.lstsq(np.column_stack([np.ones_like(x), x]) / u_y[:, None], y / u_y)
-    cov = np.linalg.inv((np.column_stack([np.ones_like(x), x]) / u_y[:, None] ** 2).T @ np.column_stack([np.ones_like(x), x]))
+    cov = np.linalg.inv(
+        (np.column_stack([np.ones_like(x), x]) / u_y[:, None] ** 2).T
+        @ np.column_stack([np.ones_like(x), x])
+    )
     for fit in (weighted, york):
         assert (fit.intercept, fit.slope) == pytest.approx(solution, rel=1e-11)
         error = fit.standard_errors["propagated"]
-        assert error[:3] == pytest.approx((cov[0, 0] ** 0.5, cov[1, 1] ** 0.5, cov[0, 1]), rel=1e-10)
-    assert york.standard_errors["york"] == pytest.approx(york.standard_errors["propagated"], rel=1e-9)
+        assert error[:3] == pytest.approx(
+            (cov[0, 0] ** 0.5, cov[1, 1] ** 0.5, cov[0, 1]), rel=1e-10
+        )
+    assert york.standard_errors["york"] == pytest.approx(
+        york.standard_errors["propagated"], rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("slope", [1e-9, -1e-3, 1e5, -1e12])
 def test_steep_and_flat_lines_are_found(rng, slope):
     truth = np.linspace(0.0, 1.0, 15)
     u_x, u_y = 0.01, 0.01 * abs(slope)
-    x, y = truth + u_x * rng.standard_normal(15), 2.0 * slope + slope * truth + u_y * rng.standard_normal(15)
+    x, y = (
+        truth + u_x * rng.standard_normal(15),
+        2.0 * slope + slope * truth + u_y * rng.standard_normal(15),
+    )
     fit = fit_line(x, y, u_x=u_x, u_y=u_y)
     error = fit.standard_errors["propagated"]
     assert abs(fit.slope - slope) < 4.0 * error.u_slope < 0.2 * abs(slope)
@@ -251,7 +310,9 @@ def test_points_exact_in_one_coordinate_are_allowed():
     u_x, u_y = np.array([0.0, 0.1, 0.1, 0.0]), np.array([0.1, 0.0, 0.1, 0.2])
     fit = fit_line(x, y, u_x=u_x, u_y=u_y)
     near = fit_line(x, y, u_x=u_x + 1e-7, u_y=u_y + 1e-7)
-    assert (fit.slope, fit.intercept, fit.chi2) == pytest.approx((near.slope, near.intercept, near.chi2), rel=1e-4)
+    assert (fit.slope, fit.intercept, fit.chi2) == pytest.approx(
+        (near.slope, near.intercept, near.chi2), rel=1e-4
+    )
     only_x = fit_line(x, y, u_x=0.1)
     inverse = fit_line(y, x, u_y=0.1)
     assert only_x.slope == pytest.approx(1.0 / inverse.slope, rel=1e-12)
@@ -268,7 +329,9 @@ def test_joint_fit_of_line_and_latent_abscissas_gives_the_same_minimum(rng):
             e_x, e_y = (x - p[2:]) / u_x, (y - p[0] - p[1] * p[2:]) / u_y
             return np.concatenate([e_x, (e_y - r * e_x) / np.sqrt(1.0 - r**2)])
 
-        brute = optimize.least_squares(residuals, np.concatenate([[1.0, -1.7], x]), xtol=1e-15, ftol=1e-15, gtol=1e-12)
+        brute = optimize.least_squares(
+            residuals, np.concatenate([[1.0, -1.7], x]), xtol=1e-15, ftol=1e-15, gtol=1e-12
+        )
         fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r)
         assert fit.chi2 == pytest.approx(2.0 * brute.cost, rel=1e-10)
         assert (fit.intercept, fit.slope) == pytest.approx(brute.x[:2], rel=1e-6)
@@ -277,7 +340,8 @@ def test_joint_fit_of_line_and_latent_abscissas_gives_the_same_minimum(rng):
 def test_no_direction_has_a_lower_sum_than_the_fit(rng):
     angles = np.linspace(-np.pi / 2, np.pi / 2, 20001)[1:-1]
     slopes = np.tan(angles)[:, None]
-    for _ in range(100):  # points without a line in them, uncertainties over three decades: several minima
+    # points without a line in them, uncertainties over three decades: several minima
+    for _ in range(100):
         n_obs = int(rng.integers(3, 8))
         x, y = rng.standard_normal((2, n_obs))
         u_x, u_y = 10.0 ** rng.uniform(-2.5, 0.5, (2, n_obs))
@@ -298,8 +362,16 @@ def test_propagated_covariance_is_that_of_refits_with_each_datum_moved(rng):
         for k in range(len(x)):
             step = np.zeros(len(x))
             step[k] = 1e-5
-            ends = [fit_line(x + s * of_x * step, y + s * (1 - of_x) * step, u_x=u_x, u_y=u_y, r_xy=r) for s in (1.0, -1.0)]
-            rows.append([(ends[0].intercept - ends[1].intercept) / 2e-5, (ends[0].slope - ends[1].slope) / 2e-5])
+            ends = [
+                fit_line(x + s * of_x * step, y + s * (1 - of_x) * step, u_x=u_x, u_y=u_y, r_xy=r)
+                for s in (1.0, -1.0)
+            ]
+            rows.append(
+                [
+                    (ends[0].intercept - ends[1].intercept) / 2e-5,
+                    (ends[0].slope - ends[1].slope) / 2e-5,
+                ]
+            )
         return np.array(rows)
 
     by_x, by_y = derivative(1), derivative(0)
@@ -315,7 +387,8 @@ def test_ends_of_the_slope_interval_are_rejected_at_exactly_the_stated_probabili
     fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r)
     interval = slope_interval(fit, probability=0.9, convention=convention)
     assert interval.low < fit.slope < interval.high
-    for b in interval[:2]:  # regress the residual on the abscissa that is independent of it: no dependence if b is true
+    # regress the residual on the abscissa that is independent of it: no dependence if b is true
+    for b in interval[:2]:
         v = u_y**2 - 2.0 * b * r * u_x * u_y + b**2 * u_x**2
         d = y - b * x
         d = d - np.average(d, weights=1.0 / v)
@@ -324,7 +397,9 @@ def test_ends_of_the_slope_interval_are_rejected_at_exactly_the_stated_probabili
         solution, rest, *_ = np.linalg.lstsq(design, d / np.sqrt(v))
         t = abs(solution[1]) / np.sqrt(np.linalg.inv(design.T @ design)[1, 1])
         if convention == "scaled":
-            assert t / np.sqrt(rest[0] / fit.dof) == pytest.approx(stats.t.ppf(0.95, fit.dof), rel=1e-8)
+            assert t / np.sqrt(rest[0] / fit.dof) == pytest.approx(
+                stats.t.ppf(0.95, fit.dof), rel=1e-8
+            )
         else:
             assert t == pytest.approx(stats.norm.ppf(0.95), rel=1e-8)
 
@@ -333,7 +408,9 @@ def test_slope_interval_is_the_classical_one_for_exact_x(rng):
     x, y, _, u_y, _ = correlated_points(rng)
     for fit in (fit_line(x, y), fit_line(x, y, u_y=u_y), fit_line(x, y, u_y=0.01 * u_y)):
         half = coverage_factor(fit, probability=0.95) * fit.standard_errors[fit.recommended].u_slope
-        assert slope_interval(fit)[:2] == pytest.approx((fit.slope - half, fit.slope + half), rel=1e-9)
+        assert slope_interval(fit)[:2] == pytest.approx(
+            (fit.slope - half, fit.slope + half), rel=1e-9
+        )
     assert fit.recommended == "scaled"  # the last one, whose uncertainties are far too small
 
 
@@ -345,10 +422,14 @@ def test_bands_are_the_line_with_the_named_uncertainties(rng):
     band = confidence_band(fit, at, probability=0.68, convention="york")
     assert band.high - band.centre == pytest.approx(k * np.sqrt(u2), rel=1e-10)
     wide = prediction_band(fit, at, probability=0.68, u_y=0.3, u_x=0.2, convention="york")
-    assert wide.centre - wide.low == pytest.approx(k * np.sqrt(u2 + 0.3**2 + (0.2 * fit.slope) ** 2), rel=1e-10)
+    assert wide.centre - wide.low == pytest.approx(
+        k * np.sqrt(u2 + 0.3**2 + (0.2 * fit.slope) ** 2), rel=1e-10
+    )
     ols = fit_line(x, y)
     spread = prediction_band(ols, at).high - ols.intercept - ols.slope * at
-    expected = stats.t.ppf(0.975, ols.dof) * np.hypot(line_values(ols, at).u, np.sqrt(ols.chi2 / ols.dof))
+    expected = stats.t.ppf(0.975, ols.dof) * np.hypot(
+        line_values(ols, at).u, np.sqrt(ols.chi2 / ols.dof)
+    )
     assert spread == pytest.approx(expected, rel=1e-10)
     with pytest.raises(ValueError, match="read-only"):
         band.low[0] = 0.0
@@ -366,27 +447,40 @@ def test_intervals_of_york_hold_their_probability_and_the_naive_likelihood_does_
         shares = benchmark.coverage(cell, n_repeat=n_repeat, rng=np.random.default_rng([11, k]))
         for method in ("propagated", "scaled", "Bayesian"):
             for parameter in ("slope", "intercept"):
-                assert np.all(np.abs(shares[method, parameter] - benchmark.PROBABILITIES) < limits), (method, parameter, cell)
+                assert np.all(
+                    np.abs(shares[method, parameter] - benchmark.PROBABILITIES) < limits
+                ), (method, parameter, cell)
         for method in ("slope_interval", "slope_interval, scaled"):
-            assert np.all(np.abs(shares[method, "slope"] - benchmark.PROBABILITIES) < limits), (method, cell)
-    assert np.all(shares["naive", "slope"] < np.array(benchmark.PROBABILITIES) - 3.0 * np.array(limits))  # of the 40 points
+            assert np.all(np.abs(shares[method, "slope"] - benchmark.PROBABILITIES) < limits), (
+                method,
+                cell,
+            )
+    # of the 40 points
+    assert np.all(
+        shares["naive", "slope"] < np.array(benchmark.PROBABILITIES) - 3.0 * np.array(limits)
+    )
 
 
 @pytest.mark.statistics
 def test_york_2004_errors_are_too_small_where_both_uncertainties_are_large(rng):
-    # predicted: var(true x) is 1/12, that of an adjusted abscissa about it u^2/2: too small by 1 + 6 u^2, so 62 % are held
+    # predicted: var(true x) is 1/12, that of an adjusted abscissa about it u^2/2: too small by 1 +
+    # 6 u^2, so 62 % are held
     truth, u = np.linspace(0.0, 1.0, 40), 0.15
     held = {"york": 0, "propagated": 0, "exact": 0}
     n_repeat = 2000
     for _ in range(n_repeat):
-        fit = fit_line(truth + u * rng.standard_normal(40), truth + u * rng.standard_normal(40), u_x=u, u_y=u)
+        fit = fit_line(
+            truth + u * rng.standard_normal(40), truth + u * rng.standard_normal(40), u_x=u, u_y=u
+        )
         for name in ("york", "propagated"):
             held[name] += abs(fit.slope - 1.0) < fit.standard_errors[name].u_slope
         interval = slope_interval(fit, probability=stats.chi2.cdf(1.0, 1), convention="propagated")
         held["exact"] += interval.low < 1.0 < interval.high
     p, sd = stats.chi2.cdf(1.0, 1), (0.6827 * 0.3173 / n_repeat) ** 0.5
     assert held["york"] / n_repeat < p - 3.0 * sd
-    assert abs(held["york"] / n_repeat - stats.chi2.cdf(1.0 / (1.0 + 6.0 * u**2) ** 2, 1)) < 3.0 * sd
+    assert (
+        abs(held["york"] / n_repeat - stats.chi2.cdf(1.0 / (1.0 + 6.0 * u**2) ** 2, 1)) < 3.0 * sd
+    )
     assert abs(held["propagated"] / n_repeat - p) < 3.0 * sd
     assert abs(held["exact"] / n_repeat - p) < 3.0 * sd
 
@@ -416,7 +510,10 @@ def test_sum_follows_chi_squared_when_the_uncertainties_are_right(rng):
         ({"u_y": 0.0}, "must not both be 0"),
         ({"u_x": 0.1, "u_y": 0.1, "r_xy": 1.0}, "'r_xy' must lie between -1 and 1: 1.0"),
         ({"u_y": 0.1, "r_xy": 0.5}, "'r_xy' needs both u_x and u_y"),
-        ({"u_x": [0.0, 0.1, 0.1, 0.1], "u_y": [0.0, 0.1, 0.1, 0.1]}, "must not both be 0 (point 1)"),
+        (
+            {"u_x": [0.0, 0.1, 0.1, 0.1], "u_y": [0.0, 0.1, 0.1, 0.1]},
+            "must not both be 0 (point 1)",
+        ),
         ({"x": [1.0, 1.0, 1.0, 1.0]}, "'x' must not all be equal: 1.0"),
         ({"x": [1.0] * 4, "y": [2.0] * 4, "u_x": 0.1, "u_y": 0.1}, "'x' must not all be equal"),
         ({"y": [1.0] * 4, "u_x": 0.1}, "'y' must not all be equal where y is exact"),
@@ -454,7 +551,7 @@ def test_nobody_can_change_a_fit():
         fit.standard_errors["york"] = None
 
 
-def test_with_few_points_and_no_uncertainties_the_standard_error_is_said_to_hold_less_than_it_seems() -> None:
+def test_with_few_points_and_no_uncertainties_the_standard_error_holds_less_than_it_seems() -> None:
     few = fit_line([0.0, 1.0, 2.0], [0.0, 1.1, 1.9])
     assert "contains the true value in 50 % of such experiments" in few.reason
     assert coverage_factor(few, probability=0.68) == pytest.approx(1.82, abs=0.01)

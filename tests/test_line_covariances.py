@@ -1,4 +1,6 @@
-"""A line through points with any covariance matrix: against least squares over all true abscissas, differences, special cases and Monte Carlo."""
+"""A line through points with any covariance matrix: against least squares over all true abscissas,
+differences, special cases and Monte Carlo.
+"""
 
 from __future__ import annotations
 
@@ -41,12 +43,19 @@ def test_the_line_is_that_of_least_squares_over_all_true_abscissas(seed: int) ->
         off = np.concatenate([x - p[2:], y - p[0] - p[1] * p[2:]])
         return float(off @ weight @ off)
 
-    brute = minimize(squares, np.concatenate([[1.0, 0.7], x]), method="BFGS", options={"gtol": 1e-8, "maxiter": 5000})
+    brute = minimize(
+        squares,
+        np.concatenate([[1.0, 0.7], x]),
+        method="BFGS",
+        options={"gtol": 1e-8, "maxiter": 5000},
+    )
     fit = fit_line(x, y, cov=cov)
     assert fit.method == "correlated"
     assert fit.chi2 == pytest.approx(brute.fun, rel=1e-7)
     assert [fit.intercept, fit.slope] == pytest.approx(brute.x[:2], rel=1e-5)
-    assert fit_line(x, y, u_x=np.sqrt(np.diag(cov)[:N]), u_y=np.sqrt(np.diag(cov)[N:])).chi2 != pytest.approx(brute.fun, rel=0.01)
+    assert fit_line(
+        x, y, u_x=np.sqrt(np.diag(cov)[:N]), u_y=np.sqrt(np.diag(cov)[N:])
+    ).chi2 != pytest.approx(brute.fun, rel=0.01)
 
 
 def test_propagated_uncertainties_are_those_of_differences(rng: np.random.Generator) -> None:
@@ -57,17 +66,24 @@ def test_propagated_uncertainties_are_those_of_differences(rng: np.random.Genera
         fit = fit_line(readings[:N], readings[N:], cov=cov)
         return np.array([fit.intercept, fit.slope])
 
-    slopes = np.array([(line(data + 1e-4 * one) - line(data - 1e-4 * one)) / 2e-4 for one in np.eye(2 * N)]).T
+    slopes = np.array(
+        [(line(data + 1e-4 * one) - line(data - 1e-4 * one)) / 2e-4 for one in np.eye(2 * N)]
+    ).T
     expected = slopes @ cov @ slopes.T
     found = fit_line(data[:N], data[N:], cov=cov).standard_errors["propagated"]
-    assert [found.u_intercept**2, found.u_slope**2, found.cov] == pytest.approx([expected[0, 0], expected[1, 1], expected[0, 1]], rel=1e-5)
+    assert [found.u_intercept**2, found.u_slope**2, found.cov] == pytest.approx(
+        [expected[0, 0], expected[1, 1], expected[0, 1]], rel=1e-5
+    )
 
 
 def test_a_matrix_without_correlations_of_points_is_york() -> None:
     rng = np.random.default_rng(4)
     u_x, u_y, r = np.full(N, 0.1), rng.uniform(0.1, 0.3, N), np.full(N, 0.3)
     x, y = TRUE + 0.1 * rng.standard_normal(N), 1.0 + 0.7 * TRUE + u_y * rng.standard_normal(N)
-    york, joint = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r), fit_line(x, y, cov=joint_covariance(u_x, u_y, r))
+    york, joint = (
+        fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r),
+        fit_line(x, y, cov=joint_covariance(u_x, u_y, r)),
+    )
     assert joint.slope == pytest.approx(york.slope, rel=1e-12)
     for name, errors in york.standard_errors.items():
         assert joint.standard_errors[name] == pytest.approx(errors, rel=1e-9)
@@ -84,13 +100,18 @@ def test_exact_x_gives_generalised_least_squares() -> None:
     fit = fit_line(TRUE, y, cov=joint_covariance(np.zeros(N), np.zeros(N), np.zeros(N), cov_y=cov))
     assert [fit.intercept, fit.slope] == pytest.approx(of_line @ design.T @ weight @ y, rel=1e-9)
     error = fit.standard_errors["propagated"]
-    assert [error.u_intercept, error.u_slope, error.cov] == pytest.approx([*np.sqrt(np.diag(of_line)), of_line[0, 1]], rel=1e-8)
+    assert [error.u_intercept, error.u_slope, error.cov] == pytest.approx(
+        [*np.sqrt(np.diag(of_line)), of_line[0, 1]], rel=1e-8
+    )
 
 
 def test_a_common_zero_moves_the_line_and_leaves_its_slope() -> None:
     own = joint_covariance(np.full(N, 0.05), np.full(N, 0.1), np.zeros(N))
     y = 1.0 + 0.7 * TRUE + 0.1 * np.random.default_rng(6).standard_normal(N)
-    alone, shared = (fit_line(TRUE, y, cov=with_common(own, common, TRUE, y)) for common in ([], [Common("y", 0.4)]))
+    alone, shared = (
+        fit_line(TRUE, y, cov=with_common(own, common, TRUE, y))
+        for common in ([], [Common("y", 0.4)])
+    )
     before, after = (fit.standard_errors["propagated"] for fit in (alone, shared))
     assert shared.slope == pytest.approx(alone.slope, rel=1e-9)
     assert after.u_slope == pytest.approx(before.u_slope, rel=1e-6)
@@ -104,7 +125,10 @@ def test_a_common_zero_moves_the_line_and_leaves_its_slope() -> None:
         (-np.eye(2 * N), "no negative variance"),
         (np.triu(np.ones((2 * N, 2 * N))), "must be symmetric"),
         (np.full((2 * N, 2 * N), np.nan), "must be finite"),
-        (np.eye(2 * N) + 2.0 * np.eye(2 * N, k=1) + 2.0 * np.eye(2 * N, k=-1), "no negative variance"),
+        (
+            np.eye(2 * N) + 2.0 * np.eye(2 * N, k=1) + 2.0 * np.eye(2 * N, k=-1),
+            "no negative variance",
+        ),
     ],
 )
 def test_what_is_no_covariance_matrix_is_refused(cov: np.ndarray, said: str) -> None:
@@ -125,7 +149,9 @@ def table(tmp_path: Path) -> Path:
     rng = np.random.default_rng(5)
     t = np.arange(1.0, 13.0)
     rows = zip(t, 2.15 + 0.505 * t + 0.05 * rng.standard_normal(12), strict=True)
-    (tmp_path / "cal.csv").write_text("T,U,u_U\n" + "".join(f"{a:g},{b:.4f},0.05\n" for a, b in rows))
+    (tmp_path / "cal.csv").write_text(
+        "T,U,u_U\n" + "".join(f"{a:g},{b:.4f},0.05\n" for a, b in rows)
+    )
     none, of_y = np.zeros(12), 0.05**2 * np.eye(12) + 0.1**2
     np.savetxt(tmp_path / "cov.csv", of_y, delimiter=",")
     np.savetxt(tmp_path / "all.csv", joint_covariance(none, none, none, cov_y=of_y), delimiter=",")
@@ -134,62 +160,107 @@ def table(tmp_path: Path) -> Path:
 
 def said_of(table: Path, *options: str, code: int = 0) -> tuple[str, dict]:
     out = table.parent / "out"
-    done = CliRunner().invoke(cli.cli, ["line", str(table), "--x", "T", "--y", "U", "--no-figures", "--out", str(out), *options])
+    done = CliRunner().invoke(
+        cli.cli,
+        ["line", str(table), "--x", "T", "--y", "U", "--no-figures", "--out", str(out), *options],
+    )
     assert done.exit_code == code, done.output
     return done.output, json.loads((out / "result.json").read_text()) if code == 0 else {}
 
 
 def test_files_and_options_say_the_same(table: Path) -> None:
     folder = table.parent
-    ways = [("--common-y", "0.1"), ("--cov-y", str(folder / "cov.csv")), ("--cov", str(folder / "all.csv"))]
+    ways = [
+        ("--common-y", "0.1"),
+        ("--cov-y", str(folder / "cov.csv")),
+        ("--cov", str(folder / "all.csv")),
+    ]
     found = [said_of(table, *way)[1] for way in ways]
     for one in found:
         assert one["method"] == "correlated"
-        assert one["standard_errors"]["propagated"] == pytest.approx(found[0]["standard_errors"]["propagated"], rel=1e-6)
-    assert found[0]["correlated"] == ["standard uncertainty 0.1 of the zero of y, shared by all points"]
-    assert "(covariances of x, then y, from all.csv), 12 points" in (folder / "out" / "report.md").read_text()
+        assert one["standard_errors"]["propagated"] == pytest.approx(
+            found[0]["standard_errors"]["propagated"], rel=1e-6
+        )
+    assert found[0]["correlated"] == [
+        "standard uncertainty 0.1 of the zero of y, shared by all points"
+    ]
+    assert (
+        "(covariances of x, then y, from all.csv), 12 points"
+        in (folder / "out" / "report.md").read_text()
+    )
     plain = said_of(table)[1]
     assert plain["method"] == "weighted"
-    assert found[0]["standard_errors"]["propagated"][0] > 3.0 * plain["standard_errors"]["propagated"][0]
+    assert (
+        found[0]["standard_errors"]["propagated"][0]
+        > 3.0 * plain["standard_errors"]["propagated"][0]
+    )
 
 
 def test_an_error_of_the_scale_does_not_draw_the_line_down(table: Path) -> None:
-    """Taken at the readings it does (Peelle's pertinent puzzle): 50 % between readings that scatter."""
+    """Taken at the readings it does (Peelle's pertinent puzzle): 50 % between readings that
+    scatter.
+    """
     scattered = "T,U,u_U\n" + "".join(f"{t:g},{10.0 + 2.0 * (-1) ** t},2.0\n" for t in range(1, 13))
     table.write_text(scattered)
     plain, scaled = (said_of(table, *way)[1] for way in ((), ("--common-y", "50%")))
-    assert scaled["intercept"] + 6.5 * scaled["slope"] == pytest.approx(plain["intercept"] + 6.5 * plain["slope"], rel=0.02)
+    assert scaled["intercept"] + 6.5 * scaled["slope"] == pytest.approx(
+        plain["intercept"] + 6.5 * plain["slope"], rel=0.02
+    )
     both = table.parent / "both.csv"
-    both.write_text("\n".join(",".join(f"{value:g}" for value in row) for row in np.diag(np.repeat([0.0, 4.0], 12))) + "\n")
+    both.write_text(
+        "\n".join(
+            ",".join(f"{value:g}" for value in row) for row in np.diag(np.repeat([0.0, 4.0], 12))
+        )
+        + "\n"
+    )
     by_file = said_of(table, "--cov", str(both), "--common-y", "50%")[1]
-    assert (by_file["intercept"], by_file["slope"]) == pytest.approx((scaled["intercept"], scaled["slope"]), rel=1e-9)
+    assert (by_file["intercept"], by_file["slope"]) == pytest.approx(
+        (scaled["intercept"], scaled["slope"]), rel=1e-9
+    )
     y = np.array([10.0 + 2.0 * (-1) ** t for t in range(1, 13)])
     own = joint_covariance(np.zeros(12), np.full(12, 2.0), np.zeros(12))
-    drawn_down = fit_line(np.arange(1.0, 13.0), y, cov=with_common(own, [Common("y", 0.5, relative=True)], y, y))
+    drawn_down = fit_line(
+        np.arange(1.0, 13.0), y, cov=with_common(own, [Common("y", 0.5, relative=True)], y, y)
+    )
     assert drawn_down.intercept + 6.5 * drawn_down.slope < 9.5
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("--cov", "cov.csv"), "cov.csv:1: 'matrix' must have 24 rows and 24 columns of covariances: those of all x, then all y"),
-        (("--cov-y", "cov.csv", "--uy", "u_U"), "'--uy' cannot be combined with a covariance matrix, which already contains it"),
+        (
+            ("--cov", "cov.csv"),
+            "cov.csv:1: 'matrix' must have 24 rows and 24 columns of covariances: those of "
+            "all x, then all y",
+        ),
+        (
+            ("--cov-y", "cov.csv", "--uy", "u_U"),
+            "'--uy' cannot be combined with a covariance matrix, which already contains it",
+        ),
         (("--cov", "all.csv", "--cov-y", "cov.csv"), "'--cov-y' cannot be combined with --cov"),
         (("--common-y", "two"), "'--common-y' must be a number, or a share like 2%: two"),
         (("--common-x", "-1"), "'--common-x' must be > 0: -1"),
         (("--cov-y", "none.csv"), "none.csv"),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(table: Path, options: tuple[str, ...], said: str) -> None:
+def test_what_is_wrong_is_said_in_one_line(
+    table: Path, options: tuple[str, ...], said: str
+) -> None:
     at = [str(table.parent / text) if text.endswith(".csv") else text for text in options]
-    done = CliRunner().invoke(cli.cli, ["line", str(table), "--x", "T", "--y", "U", *at], standalone_mode=False)
+    done = CliRunner().invoke(
+        cli.cli, ["line", str(table), "--x", "T", "--y", "U", *at], standalone_mode=False
+    )
     assert isinstance(done.exception, InputError)
     assert said in str(done.exception)
 
 
 def test_a_common_error_needs_errors_of_its_own_beside_it(table: Path) -> None:
     table.write_text(table.read_text().replace("u_U", "w"))
-    done = CliRunner().invoke(cli.cli, ["line", str(table), "--x", "T", "--y", "U", "--common-y", "0.1"], standalone_mode=False)
+    done = CliRunner().invoke(
+        cli.cli,
+        ["line", str(table), "--x", "T", "--y", "U", "--common-y", "0.1"],
+        standalone_mode=False,
+    )
     assert "'--common-y' also needs the uncertainty of each reading" in str(done.exception)
 
 
@@ -197,7 +268,12 @@ def test_a_common_error_needs_errors_of_its_own_beside_it(table: Path) -> None:
 def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not() -> None:
     rng = np.random.default_rng(12)
     shared = [Common("y", 0.3), Common("x", 0.1), Common("y", 0.03, relative=True)]
-    cov = with_common(joint_covariance(np.full(N, 0.15), np.full(N, 0.1), np.full(N, 0.4)), shared, TRUE, 1.0 + 0.7 * TRUE)
+    cov = with_common(
+        joint_covariance(np.full(N, 0.15), np.full(N, 0.1), np.full(N, 0.4)),
+        shared,
+        TRUE,
+        1.0 + 0.7 * TRUE,
+    )
     n, inside, blind, slopes = 1000, 0, 0, 0
     for _ in range(n):
         x, y = drawn(rng, cov)
@@ -206,7 +282,9 @@ def test_intervals_hold_what_they_say_and_those_without_the_correlations_do_not(
         inside += abs(fit.intercept - 1.0) < 1.959964 * error.u_intercept
         slopes += slopes_hold(fit)
         alone = fit_line(x, y, u_x=0.15, u_y=0.1, r_xy=0.4)
-        blind += abs(alone.intercept - 1.0) < 1.959964 * alone.standard_errors["propagated"].u_intercept
+        blind += (
+            abs(alone.intercept - 1.0) < 1.959964 * alone.standard_errors["propagated"].u_intercept
+        )
     spread = 3.0 * np.sqrt(0.95 * 0.05 / n)
     assert abs(inside / n - 0.95) < spread
     assert abs(slopes / n - 0.95) < spread

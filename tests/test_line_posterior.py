@@ -1,4 +1,6 @@
-"""The Bayesian line: brute-force integrals, symmetries, evidence.  Its coverage is tested with the fit's in ``test_line.py``."""
+"""The Bayesian line: brute-force integrals, symmetries, evidence.  Its coverage is tested with the
+fit's in ``test_line.py``.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,11 @@ def rng():
 def measured(rng, *, n_obs=15, intercept=1.0, slope=-1.7, scatter=0.0):
     """Points with uneven, correlated errors and scatter about a line."""
     truth = rng.uniform(0.0, 5.0, n_obs)
-    u_x, u_y, r = rng.uniform(0.05, 0.4, n_obs), rng.uniform(0.05, 0.6, n_obs), rng.uniform(-0.8, 0.8, n_obs)
+    u_x, u_y, r = (
+        rng.uniform(0.05, 0.4, n_obs),
+        rng.uniform(0.05, 0.6, n_obs),
+        rng.uniform(-0.8, 0.8, n_obs),
+    )
     e_x = rng.standard_normal(n_obs)
     e_y = r * e_x + np.sqrt(1.0 - r**2) * rng.standard_normal(n_obs)
     y = intercept + slope * truth + scatter * rng.standard_normal(n_obs)
@@ -32,7 +38,9 @@ def credible_interval(sample, name, *, probability=0.95):
     values = sample.draws[:, sample.names.index(name)]
     order = np.argsort(values)
     below = np.cumsum(sample.weights[order]) - 0.5 * sample.weights[order]
-    return tuple(np.interp([0.5 * (1.0 - probability), 0.5 * (1.0 + probability)], below, values[order]))
+    return tuple(
+        np.interp([0.5 * (1.0 - probability), 0.5 * (1.0 + probability)], below, values[order])
+    )
 
 
 def log_prior(p, x, y, *, scatter=None, zeros=()):
@@ -40,7 +48,12 @@ def log_prior(p, x, y, *, scatter=None, zeros=()):
     ratio = np.std(x) / np.std(y)
     beta = p["slope"] * ratio
     spread = np.exp(p["log_tau"]) / np.std(x) * np.sqrt(1.0 + beta**2)
-    total = stats.cauchy.logpdf(beta) + np.log(ratio) + stats.halfcauchy.logpdf(spread, scale=np.sqrt(2.0)) + np.log(spread)
+    total = (
+        stats.cauchy.logpdf(beta)
+        + np.log(ratio)
+        + stats.halfcauchy.logpdf(spread, scale=np.sqrt(2.0))
+        + np.log(spread)
+    )
     if scatter is not None:
         total += stats.halfnorm.logpdf(np.exp(p["log_scatter"]), scale=scatter) + p["log_scatter"]
     return total + sum(stats.norm.logpdf(p[name], scale=u) for name, u in zeros)
@@ -52,21 +65,39 @@ def log_prior(p, x, y, *, scatter=None, zeros=()):
 def test_density_equals_numerical_integration_over_the_true_abscissas(rng):
     x, y, u = measured(rng, n_obs=4)
     posterior = line_posterior(x, y, **u, scatter=0.5, u_zero_x=0.1, u_zero_y=0.2)
-    assert posterior.names == ("intercept", "slope", "mu_x", "log_tau", "log_scatter", "zero_x", "zero_y")
+    assert posterior.names == (
+        "intercept",
+        "slope",
+        "mu_x",
+        "log_tau",
+        "log_scatter",
+        "zero_x",
+        "zero_y",
+    )
     values = np.array([1.2, -1.5, 2.4, 0.3, -0.8, 0.05, -0.1])
     p = dict(zip(posterior.names, values, strict=True))
     expected = log_prior(p, x, y, scatter=0.5, zeros=(("zero_x", 0.1), ("zero_y", 0.2)))
     sd = np.exp(p["log_scatter"])
     for k in range(4):
         cross = u["r_xy"][k] * u["u_x"][k] * u["u_y"][k]
-        errors = stats.multivariate_normal([0.0, 0.0], [[u["u_x"][k] ** 2, cross], [cross, u["u_y"][k] ** 2 + sd**2]])
+        errors = stats.multivariate_normal(
+            [0.0, 0.0], [[u["u_x"][k] ** 2, cross], [cross, u["u_y"][k] ** 2 + sd**2]]
+        )
 
         def integrand(xi, k=k, errors=errors):
             e = (x[k] - xi - p["zero_x"], y[k] - p["intercept"] - p["slope"] * xi - p["zero_y"])
             return errors.pdf(e) * stats.norm.pdf(xi, p["mu_x"], np.exp(p["log_tau"]))
 
         expected += np.log(
-            integrate.quad(integrand, x[k] - 5.0, x[k] + 5.0, points=[x[k]], epsabs=0.0, epsrel=1e-11, limit=200)[0]
+            integrate.quad(
+                integrand,
+                x[k] - 5.0,
+                x[k] + 5.0,
+                points=[x[k]],
+                epsabs=0.0,
+                epsrel=1e-11,
+                limit=200,
+            )[0]
         )
     assert posterior.log_density(values[None])[0] == pytest.approx(expected, rel=1e-10)
 
@@ -79,14 +110,20 @@ def test_density_is_the_same_with_x_and_y_exchanged(rng):
     a, b, mu, log_tau = draws.T
     exchanged = np.column_stack([-a / b, 1.0 / b, a + b * mu, log_tau + np.log(np.abs(b))])
     jacobian = 2.0 * np.log(np.abs(b))
-    assert there.log_density(draws) == pytest.approx(back.log_density(exchanged) - jacobian, rel=1e-12)
+    assert there.log_density(draws) == pytest.approx(
+        back.log_density(exchanged) - jacobian, rel=1e-12
+    )
 
 
 def test_density_moves_with_units_and_shifts_and_not_with_the_order(rng):
     x, y, u = measured(rng)
     order = rng.permutation(len(x))
     moved = line_posterior(
-        1e-3 * x[order] + 2.0, 50.0 * y[order], u_x=1e-3 * u["u_x"][order], u_y=50.0 * u["u_y"][order], r_xy=u["r_xy"][order]
+        1e-3 * x[order] + 2.0,
+        50.0 * y[order],
+        u_x=1e-3 * u["u_x"][order],
+        u_y=50.0 * u["u_y"][order],
+        r_xy=u["r_xy"][order],
     )
     still = line_posterior(x, y, **u)
     draws = line_mode(still).values + 0.2 * rng.standard_normal((50, 4))
@@ -102,17 +139,28 @@ def test_extreme_parameters_have_no_density_and_no_warning(rng):
     x, y, u = measured(rng)
     posterior = line_posterior(x, y, **u, scatter=1.0)
     draws = np.tile(line_mode(posterior).values, (6, 1))
-    draws[0, 3], draws[1, 3], draws[2, 4], draws[3, 1], draws[4, 4], draws[5, 3] = 1e4, -1e4, 1e4, 1e300, -1e4, np.nan
+    draws[0, 3], draws[1, 3], draws[2, 4], draws[3, 1], draws[4, 4], draws[5, 3] = (
+        1e4,
+        -1e4,
+        1e4,
+        1e300,
+        -1e4,
+        np.nan,
+    )
     log_density = posterior.log_density(draws)
     assert not np.any(np.isnan(log_density))
     assert np.all(log_density[[0, 2, 3, 5]] == -np.inf)
-    assert np.all(log_density[[1, 4]] < posterior.log_density(line_mode(posterior).values[None]) - 1e3)
+    assert np.all(
+        log_density[[1, 4]] < posterior.log_density(line_mode(posterior).values[None]) - 1e3
+    )
 
 
 # the mode
 
 
-@pytest.mark.parametrize("choice", [{}, {"scatter": 1.0}, {"u_zero_x": 0.1, "u_zero_y": 0.3}, {"through_origin": True}])
+@pytest.mark.parametrize(
+    "choice", [{}, {"scatter": 1.0}, {"u_zero_x": 0.1, "u_zero_y": 0.3}, {"through_origin": True}]
+)
 def test_mode_is_the_highest_point_and_cov_its_curvature(rng, choice):
     x, y, u = measured(rng, intercept=0.0, scatter=0.3)
     posterior = line_posterior(x, y, **u, **choice)
@@ -125,19 +173,30 @@ def test_mode_is_the_highest_point_and_cov_its_curvature(rng, choice):
 
     n_par = len(mode.values)
     brute = optimize.minimize(
-        depth, np.full(n_par, 0.3), method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-12, "maxiter": 9999}
+        depth,
+        np.full(n_par, 0.3),
+        method="Nelder-Mead",
+        options={"xatol": 1e-6, "fatol": 1e-12, "maxiter": 9999},
     )
     assert brute.x == pytest.approx(np.zeros(n_par), abs=1e-3)
     for direction in np.eye(n_par):
-        curvature = (depth(0.01 * direction) - 2.0 * depth(np.zeros(n_par)) + depth(-0.01 * direction)) / 1e-4
+        curvature = (
+            depth(0.01 * direction) - 2.0 * depth(np.zeros(n_par)) + depth(-0.01 * direction)
+        ) / 1e-4
         assert curvature == pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("slope", [1e-6, 1e6])
 def test_mode_agrees_with_the_york_line_for_well_known_lines(rng, slope):
     truth = np.linspace(0.0, 1.0, 30)
-    x, y = truth + 0.005 * rng.standard_normal(30), slope * (3.0 + truth + 0.005 * rng.standard_normal(30))
-    fit, posterior = fit_line(x, y, u_x=0.005, u_y=0.005 * slope), line_posterior(x, y, u_x=0.005, u_y=0.005 * slope)
+    x, y = (
+        truth + 0.005 * rng.standard_normal(30),
+        slope * (3.0 + truth + 0.005 * rng.standard_normal(30)),
+    )
+    fit, posterior = (
+        fit_line(x, y, u_x=0.005, u_y=0.005 * slope),
+        line_posterior(x, y, u_x=0.005, u_y=0.005 * slope),
+    )
     mode, error = line_mode(posterior), fit.standard_errors["propagated"]
     assert abs(mode.values[1] - fit.slope) < 0.1 * error.u_slope
     assert np.sqrt(mode.cov[1, 1]) == pytest.approx(error.u_slope, rel=0.02)
@@ -150,22 +209,35 @@ def test_unknown_scatter_alone_gives_the_ordinary_line(rng):
     fit, posterior = fit_line(x, y), line_posterior(x, y, scatter=10.0)
     sample = sample_line(posterior, line_mode(posterior), rng=rng)
     error = fit.standard_errors["scaled"]
-    for name, estimate, u in (("intercept", fit.intercept, error.u_intercept), ("slope", fit.slope, error.u_slope)):
+    for name, estimate, u in (
+        ("intercept", fit.intercept, error.u_intercept),
+        ("slope", fit.slope, error.u_slope),
+    ):
         half = stats.t.ppf(0.975, fit.dof) * u
-        # 4000 effective draws give the quantiles a Monte-Carlo sd of 0.04 sds; the priors of angle and scatter move them by 0.05
-        assert credible_interval(sample, name) == pytest.approx((estimate - half, estimate + half), abs=0.2 * u)
+        # 4000 effective draws give the quantiles a Monte-Carlo sd of 0.04 sds; the priors of angle
+        # and scatter move them by 0.05
+        assert credible_interval(sample, name) == pytest.approx(
+            (estimate - half, estimate + half), abs=0.2 * u
+        )
 
 
 def test_common_zero_offsets_widen_the_intercept_and_nothing_else(rng):
     x, y, u = measured(rng)
-    plain, offset = (line_mode(line_posterior(x, y, **u, **choice)) for choice in ({}, {"u_zero_x": 0.3, "u_zero_y": 0.5}))
+    plain, offset = (
+        line_mode(line_posterior(x, y, **u, **choice))
+        for choice in ({}, {"u_zero_x": 0.3, "u_zero_y": 0.5})
+    )
     slope = plain.values[1]
     assert offset.values[:4] == pytest.approx(plain.values, rel=1e-3)
-    assert offset.cov[0, 0] == pytest.approx(plain.cov[0, 0] + 0.5**2 + (0.3 * slope) ** 2, rel=1e-3)
+    assert offset.cov[0, 0] == pytest.approx(
+        plain.cov[0, 0] + 0.5**2 + (0.3 * slope) ** 2, rel=1e-3
+    )
     assert offset.cov[1, 1] == pytest.approx(plain.cov[1, 1], rel=1e-3)
     # through the origin the points do speak: an apparent intercept of 1 is read as an offset
     origin = line_mode(line_posterior(x, y, **u, u_zero_x=0.0, u_zero_y=5.0, through_origin=True))
-    assert origin.values[3] == pytest.approx(plain.values[0], abs=0.1 * np.sqrt(plain.cov[0, 0]) + 0.05)
+    assert origin.values[3] == pytest.approx(
+        plain.values[0], abs=0.1 * np.sqrt(plain.cov[0, 0]) + 0.05
+    )
 
 
 # sampling and evidence
@@ -180,12 +252,24 @@ def test_quadrature_over_two_parameters_gives_the_sampled_evidence_and_slope(rng
     ratio, n_obs = np.std(x) / np.std(y), len(x)
     residual, tau = y - slope[..., None] * x, np.exp(log_tau)
     spread = tau / np.std(x) * np.sqrt(1.0 + (ratio * slope) ** 2)
-    prior = stats.cauchy.pdf(slope * ratio) * ratio * stats.halfcauchy.pdf(spread, scale=np.sqrt(2.0)) * spread
-    of_x = tau ** (1 - n_obs) * np.exp(-0.5 * n_obs * np.var(x) / tau**2) * (2.0 * np.pi) ** (0.5 - 0.5 * n_obs) * n_obs**-0.5
+    prior = (
+        stats.cauchy.pdf(slope * ratio)
+        * ratio
+        * stats.halfcauchy.pdf(spread, scale=np.sqrt(2.0))
+        * spread
+    )
+    of_x = (
+        tau ** (1 - n_obs)
+        * np.exp(-0.5 * n_obs * np.var(x) / tau**2)
+        * (2.0 * np.pi) ** (0.5 - 0.5 * n_obs)
+        * n_obs**-0.5
+    )
     free = stats.multivariate_normal(np.zeros(n_obs), 0.1**2 * np.eye(n_obs) + 0.5**2).pdf(residual)
     fixed = stats.multivariate_normal(np.zeros(n_obs), 0.1**2 * np.eye(n_obs)).pdf(residual)
     cell = (slope[1, 0] - slope[0, 0]) * (log_tau[0, 1] - log_tau[0, 0])
-    integrals = [float(np.sum(of_y * prior * of_x) * cell) for of_y in (free[:, None], fixed[:, None])]
+    integrals = [
+        float(np.sum(of_y * prior * of_x) * cell) for of_y in (free[:, None], fixed[:, None])
+    ]
 
     sample = sample_line(posterior, line_mode(posterior), rng=rng)
     assert abs(sample.log_evidence - np.log(integrals[0])) < 4.0 * sample.u_log_evidence < 0.1
@@ -195,7 +279,11 @@ def test_quadrature_over_two_parameters_gives_the_sampled_evidence_and_slope(rng
     assert abs(sample.weights @ sample.draws[:, 1] - mean) < 4.0 * sd / np.sqrt(sample.n_effective)
 
     found = intercept_evidence(posterior, rng=rng)
-    assert abs(found.log_bayes_factor - np.log(integrals[0] / integrals[1])) < 4.0 * found.u_log_bayes_factor < 0.1
+    assert (
+        abs(found.log_bayes_factor - np.log(integrals[0] / integrals[1]))
+        < 4.0 * found.u_log_bayes_factor
+        < 0.1
+    )
     assert (found.intercept_sd, found.message) == (0.5, "")
 
 
@@ -224,24 +312,36 @@ def test_scatter_that_is_there_is_found(rng):
     sample = sample_line(posterior, line_mode(posterior), rng=rng)
     low, high = credible_interval(sample, "log_scatter", probability=0.997)
     assert low < np.log(0.8) < high
-    assert fit_line(x, y, **u).p_value < 1e-3  # without it the uncertainties do not explain the points
+    # without it the uncertainties do not explain the points
+    assert fit_line(x, y, **u).p_value < 1e-3
 
 
 def test_same_rng_gives_the_same_draws(rng):
     x, y, u = measured(rng)
     posterior = line_posterior(x, y, **u)
-    first, second = (sample_line(posterior, line_mode(posterior), rng=np.random.default_rng(5)) for _ in range(2))
+    first, second = (
+        sample_line(posterior, line_mode(posterior), rng=np.random.default_rng(5)) for _ in range(2)
+    )
     assert np.array_equal(first.draws, second.draws)
     assert first.log_evidence == second.log_evidence
 
 
 def test_points_through_the_origin_have_no_intercept(rng):
     x, y, u = measured(rng, intercept=0.0)
-    free, fixed = line_posterior(x, y, **u, scatter=0.2), line_posterior(x, y, **u, scatter=0.2, through_origin=True)
-    assert without_intercept(free).names == fixed.names == ("slope", "mu_x", "log_tau", "log_scatter")
+    free, fixed = (
+        line_posterior(x, y, **u, scatter=0.2),
+        line_posterior(x, y, **u, scatter=0.2, through_origin=True),
+    )
+    assert (
+        without_intercept(free).names == fixed.names == ("slope", "mu_x", "log_tau", "log_scatter")
+    )
     at = line_mode(fixed).values
-    assert without_intercept(free).log_density(at[None]) == pytest.approx(fixed.log_density(at[None]))
-    assert free.log_density(np.insert(at, 0, 0.0)[None]) == pytest.approx(fixed.log_density(at[None]))
+    assert without_intercept(free).log_density(at[None]) == pytest.approx(
+        fixed.log_density(at[None])
+    )
+    assert free.log_density(np.insert(at, 0, 0.0)[None]) == pytest.approx(
+        fixed.log_density(at[None])
+    )
 
 
 # mistakes
@@ -255,7 +355,10 @@ def test_points_through_the_origin_have_no_intercept(rng):
         ({"u_y": 0.1, "scatter": np.inf}, "'scatter' must be > 0 and finite"),
         ({"u_y": 0.1, "u_zero_x": -1.0}, "'u_zero_x' must be >= 0"),
         ({"u_y": 0.1, "intercept_sd": -1.0}, "'intercept_sd' must be > 0"),
-        ({"u_y": 0.1, "intercept_sd": 1.0, "through_origin": True}, "'intercept_sd' has no meaning"),
+        (
+            {"u_y": 0.1, "intercept_sd": 1.0, "through_origin": True},
+            "'intercept_sd' has no meaning",
+        ),
         ({"u_y": [0.1, 0.2]}, "'u_y' must be one number or 4 values"),
     ],
 )

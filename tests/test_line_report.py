@@ -1,4 +1,6 @@
-"""What `estim line` says of series with one trouble each, and what it keeps to itself where the status is not ok."""
+"""What `estim line` says of series with one trouble each, and what it keeps to itself where the
+status is not ok.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +20,29 @@ SCATTERED = RISING + np.array([0, 3, -3, 3, -3, 3, -3, 3])
 
 
 def line(
-    folder: Path, phi: np.ndarray, theta: np.ndarray, *, u: tuple[float, float] = (0.4, 1.5), gamma: str = "0.187(10)"
+    folder: Path,
+    phi: np.ndarray,
+    theta: np.ndarray,
+    *,
+    u: tuple[float, float] = (0.4, 1.5),
+    gamma: str = "0.187(10)",
 ) -> tuple[Result, str, dict]:
-    """`estim line` on pairs of angles with uncertainties u: what it printed, its report and its result."""
+    """`estim line` on pairs of angles with uncertainties u: what it printed, its report and its
+    result.
+    """
     (folder / "c.toml").write_text(
-        f'title = "T"\nkind = "synthetic"\n[bodies.heavy]\nradius_m = 0.15\ngamma = "{gamma}"\nkappa = 0.45\n[line]\nfile = "l.csv"\nbody = "heavy"\n'
+        'title = "T"\nkind = "synthetic"\n[bodies.heavy]\nradius_m = 0.15\ngamma = '
+        f'"{gamma}"\nkappa = 0.45\n[line]\nfile = "l.csv"\nbody = "heavy"\n'
     )
     rows = "".join(f"{a:.4f},{b:.4f},{u[0]},{u[1]}\n" for a, b in zip(phi, theta, strict=True))
     (folder / "l.csv").write_text("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n" + rows)
     done = CliRunner().invoke(cli, ["line", str(folder / "c.toml"), "--out", str(folder / "out")])
     assert done.exception is None or isinstance(done.exception, SystemExit), done.exception
-    return done, (folder / "out" / "report.md").read_text().replace("\u00a0", " "), json.loads((folder / "out" / "result.json").read_text())
+    return (
+        done,
+        (folder / "out" / "report.md").read_text().replace("\u00a0", " "),
+        json.loads((folder / "out" / "result.json").read_text()),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +72,9 @@ def test_swapped_columns_are_suspected(tmp_path: Path) -> None:
     assert "are the columns phi_deg and theta_min_deg swapped" in report
 
 
-def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(good: tuple[Result, str, dict], tmp_path: Path) -> None:
+def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(
+    good: tuple[Result, str, dict], tmp_path: Path
+) -> None:
     done, report, result = line(tmp_path, PHI, RISING, u=(0.1, 0.5), gamma="0.400(1)")
     assert (done.exit_code, result["status"]) == (0, "ok")
     assert "disagree: E_n = -" in done.output
@@ -67,7 +83,9 @@ def test_a_stated_gamma_that_the_line_contradicts_is_said_at_once(good: tuple[Re
     assert "disagree" not in agreeing.output + report
 
 
-def test_a_poor_line_gives_limits_and_nothing_else(good: tuple[Result, str, dict], tmp_path: Path) -> None:
+def test_a_poor_line_gives_limits_and_nothing_else(
+    good: tuple[Result, str, dict], tmp_path: Path
+) -> None:
     done, report, result = line(tmp_path, PHI, SCATTERED, u=(0.1, 0.5))
     assert (done.exit_code, result["status"]) == (3, "poor-fit")
     assert "±" not in report.replace("γ of heavy as stated is 0.187 ± 0.010", "")
@@ -76,7 +94,12 @@ def test_a_poor_line_gives_limits_and_nothing_else(good: tuple[Result, str, dict
     assert "What to do:\n\n- check the uncertainties" in report
     assert "95 % of the posterior" in report
     assert result["posterior"]["gamma"]["sd"] is None
-    assert all(row["gamma"] is None and not row["standard_errors"] for row in result["methods"].values())
+    assert all(
+        row["gamma"] is None and not row["standard_errors"] for row in result["methods"].values()
+    )
     done, report, _ = good
     assert done.exit_code == 0
-    assert all(word in report for word in ("E_n", "Bayes factor", "bands of the Bayesian line", "level of Student's t"))
+    assert all(
+        word in report
+        for word in ("E_n", "Bayes factor", "bands of the Bayesian line", "level of Student's t")
+    )

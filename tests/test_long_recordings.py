@@ -1,4 +1,6 @@
-"""Recordings of many frames: what is computed in bands and beside causes is what whole matrices say."""
+"""Recordings of many frames: what is computed in bands and beside causes is what whole matrices
+say.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,18 @@ NOISES = {
 }
 
 
-def recording(folder: Path, noise: str, n: int, *, more: str = "", bad: float = 0.0, seed: int = 5) -> Path:
+def recording(
+    folder: Path, noise: str, n: int, *, more: str = "", bad: float = 0.0, seed: int = 5
+) -> Path:
     rng, t = np.random.default_rng(seed), np.linspace(0.0, 3.0, n)
     body = Body(radius=0.15, gamma=0.094, kappa=0.45)
-    x = positions_at(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))[0] + 2e-4 * rng.standard_normal(n)
+    x = positions_at(t, body, phi=math.radians(-1.0), theta0=math.radians(20.0))[
+        0
+    ] + 2e-4 * rng.standard_normal(n)
     x[n // 2] += bad
-    (folder / "run.csv").write_text("t_s,x_m\n" + "".join(f"{a:.7f},{b:.6f}\n" for a, b in zip(t, x, strict=True)))
+    (folder / "run.csv").write_text(
+        "t_s,x_m\n" + "".join(f"{a:.7f},{b:.6f}\n" for a, b in zip(t, x, strict=True))
+    )
     path = folder / "campaign.toml"
     path.write_text(f"""
 title = "A long roll down"
@@ -57,7 +65,9 @@ theta0_deg = "20.0(1.5)"
 
 
 def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
-    """Free start, force and bad frames about one point, where more than `dense` points go by roots."""
+    """Free start, force and bad frames about one point, where more than `dense` points go by
+    roots.
+    """
     for module in (normal, roots):
         monkeypatch.setattr(module, "DENSE", dense)
     campaign = load_campaign(path)
@@ -74,7 +84,13 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     return problem, named, free, posed, bad
 
 
-TRUTH = {"gamma[light]": 0.094, "kappa[light]": 0.45, "theta0[long]": math.radians(20.0), "phi[long]": math.radians(-1.0), "radius": 0.15}
+TRUTH = {
+    "gamma[light]": 0.094,
+    "kappa[light]": 0.45,
+    "theta0[long]": math.radians(20.0),
+    "phi[long]": math.radians(-1.0),
+    "radius": 0.15,
+}
 
 
 def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
@@ -82,7 +98,9 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     problem = campaign.problem(["long"], usual=True)
     (run,) = problem.runs
     values = np.array([TRUTH.get(name, 0.0) for name in problem.names])
-    found = bad_frames(run, trajectory_of(run, campaign.tables["long"]), problem, values, known=BadFrames())
+    found = bad_frames(
+        run, trajectory_of(run, campaign.tables["long"]), problem, values, known=BadFrames()
+    )
     return [(jump.kind, jump.row) for jump in found.jumps]
 
 
@@ -90,7 +108,9 @@ def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch)
     path = recording(tmp_path, NOISES["speeds"], 1434)
     assert _named_at_the_truth(path) == []
     assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3)) == []
-    assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [("frame", 717)]
+    assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [
+        ("frame", 717)
+    ]
     monkeypatch.setattr(trajectory, "settled", lambda t, x, speed, sd: x)
     named = _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3))
     assert named
@@ -100,7 +120,9 @@ def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch)
 @pytest.mark.statistics
 @pytest.mark.parametrize(("n", "seeds"), [(1434, range(10)), (5000, range(100, 102))])
 def test_of_dense_frames_none_is_named_again_and_again(tmp_path, n, seeds):
-    assert [_named_at_the_truth(recording(tmp_path, NOISES["speeds"], n, seed=seed)) for seed in seeds] == [[] for _ in seeds]
+    assert [
+        _named_at_the_truth(recording(tmp_path, NOISES["speeds"], n, seed=seed)) for seed in seeds
+    ] == [[] for _ in seeds]
 
 
 def test_readings_settle_where_they_are_dense_and_nowhere_else():
@@ -113,7 +135,9 @@ def test_readings_settle_where_they_are_dense_and_nowhere_else():
         if dense:
             half = 2.0 * sd / (a * t) * n / 0.91  # readings to either side
             many = (half > 2.0) & (t > 0.12)
-            assert np.mean(off[many] ** 2 * (2.0 * half[many] + 1.0)) == pytest.approx(sd**2, rel=0.5)
+            assert np.mean(off[many] ** 2 * (2.0 * half[many] + 1.0)) == pytest.approx(
+                sd**2, rel=0.5
+            )
             np.testing.assert_array_equal(off[half < 1.9], (true + errors - true)[half < 1.9])
             assert np.mean(off[t < 0.15]) == pytest.approx(0.0, abs=0.15 * sd)
         else:
@@ -123,7 +147,8 @@ def test_readings_settle_where_they_are_dense_and_nowhere_else():
 def test_beside_a_turning_point_readings_stay_on_their_path():
     sd, a, t = 2e-4, 0.3, np.linspace(-1.0, 1.0, 4001)
     x = -0.5 * a * t**2
-    off = settled(t, x, np.zeros(t.size) + 1.0 * (np.abs(t) > 0.9) * a, sd) - x  # the curve stops too early
+    # the curve stops too early
+    off = settled(t, x, np.zeros(t.size) + 1.0 * (np.abs(t) > 0.9) * a, sd) - x
     assert 0.01 * sd < np.max(np.abs(off)) < sd / 15.0
 
 
@@ -135,34 +160,60 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     (run,) = problem.runs
     assert isinstance(free.form.triangle, LowRankRoot)
     assert not isinstance(whole_free.form.triangle, LowRankRoot)
-    # of positions, which a push moves by 15,000 sds, the eigenvectors of the whole matrix lose eight digits; by extended precision bands do not
+    # of positions, which a push moves by 15,000 sds, the eigenvectors of the whole matrix lose
+    # eight digits; by extended precision bands do not
     close = 2e-7 if noise == "positions" else 1e-8
     draws = {name: np.asarray(value) * np.array([[1.0], [1.001]]) for name, value in named.items()}
-    for one, other in ((free, whole_free), (posed.noise.likelihood(run.points, named), whole_posed.noise.likelihood(run.points, named))):
+    for one, other in (
+        (free, whole_free),
+        (
+            posed.noise.likelihood(run.points, named),
+            whole_posed.noise.likelihood(run.points, named),
+        ),
+    ):
         off = close * run.n_obs**0.5  # of a sum of squares of residuals that are of the order of 1
-        np.testing.assert_allclose(one.log_likelihood(draws), other.log_likelihood(draws), rtol=0.0, atol=off)
-        (j, r), (whole_j, whole_r) = one.scoring(named, problem.names), other.scoring(named, problem.names)
+        np.testing.assert_allclose(
+            one.log_likelihood(draws), other.log_likelihood(draws), rtol=0.0, atol=off
+        )
+        (j, r), (whole_j, whole_r) = (
+            one.scoring(named, problem.names),
+            other.scoring(named, problem.names),
+        )
         size = np.linalg.norm(whole_j, axis=0)
         size[size == 0.0] = 1.0
         np.testing.assert_allclose((j / size).T @ r, (whole_j / size).T @ whole_r, atol=close)
-        np.testing.assert_allclose((j / size).T @ j / size, (whole_j / size).T @ whole_j / size, rtol=0.0, atol=close)
+        np.testing.assert_allclose(
+            (j / size).T @ j / size, (whole_j / size).T @ whole_j / size, rtol=0.0, atol=close
+        )
         white, whole = one.whitened(named, problem.names), other.whitened(named, problem.names)
         np.testing.assert_allclose(white.z, whole.z, rtol=0.0, atol=close)
         np.testing.assert_allclose(white.root / size, whole.root / size, rtol=0.0, atol=close)
         np.testing.assert_allclose(one.sd(named), other.sd(named), rtol=1e-9)
-        np.testing.assert_allclose(one.pointwise(draws), other.pointwise(draws), rtol=0.0, atol=10.0 * close)
-        assert one.squared_size(run.y, named) == pytest.approx(other.squared_size(run.y, named), rel=close)
+        np.testing.assert_allclose(
+            one.pointwise(draws), other.pointwise(draws), rtol=0.0, atol=10.0 * close
+        )
+        assert one.squared_size(run.y, named) == pytest.approx(
+            other.squared_size(run.y, named), rel=close
+        )
     assert bad.same(whole_bad)
     assert [(jump.kind, jump.row) for jump in bad.jumps] == [("frame", 150)]
     np.testing.assert_allclose(bad.jumps[0].size, whole_bad.jumps[0].size, rtol=1e-8)
-    np.testing.assert_allclose(posed.found.force.mean, whole_posed.found.force.mean, atol=1e-8 * np.max(np.abs(whole_posed.found.force.mean)))
+    np.testing.assert_allclose(
+        posed.found.force.mean,
+        whole_posed.found.force.mean,
+        atol=1e-8 * np.max(np.abs(whole_posed.found.force.mean)),
+    )
 
 
 def test_where_the_covariance_does_not_stay_the_same_a_recording_has_at_most_3000_frames(tmp_path):
     path = recording(tmp_path, NOISES["speeds"], 3300)
     assert load_campaign(path).problem(["long"]).n_obs > 3000
-    recording(tmp_path, NOISES["speeds"], 3300, more=", scatter = {prior = \"half-normal\", scale = 0.1}")
-    with pytest.raises(Exception, match="'rows to fit' must be at most 3000: state a window for run 'long': 3"):
+    recording(
+        tmp_path, NOISES["speeds"], 3300, more=', scatter = {prior = "half-normal", scale = 0.1}'
+    )
+    with pytest.raises(
+        Exception, match="'rows to fit' must be at most 3000: state a window for run 'long': 3"
+    ):
         load_campaign(path).problem(["long"])
 
 
@@ -191,18 +242,33 @@ def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
     for n in (200, 900):
         (run,) = load_campaign(recording(tmp_path, NOISES["positions"], n)).problem(["long"]).runs
         z = np.random.default_rng(n).standard_normal(run.n_obs)
-        figure = residual_figure([run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)])
-        drawn.append([(line.get_linestyle(), line.get_markersize()) for line in figure.axes[0].lines if np.size(line.get_xdata()) == run.n_obs])
+        figure = residual_figure(
+            [run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)]
+        )
+        drawn.append(
+            [
+                (line.get_linestyle(), line.get_markersize())
+                for line in figure.axes[0].lines
+                if np.size(line.get_xdata()) == run.n_obs
+            ]
+        )
     assert drawn[0] == [("-", 6.0), ("None", 3.0)]
     assert drawn[1] == [("None", 1.2)]
 
 
-@pytest.mark.parametrize("noise_of", [lambda noise: noise, lambda noise: AutoCorrelated(noise, 0.6)])
+@pytest.mark.parametrize(
+    "noise_of", [lambda noise: noise, lambda noise: AutoCorrelated(noise, 0.6)]
+)
 def test_a_few_points_of_a_long_file_have_matrices_of_their_own_size(tmp_path, noise_of):
     """The matrix of all pairs of 200,000 readings would take 320 GB."""
     problem = load_campaign(recording(tmp_path, NOISES["speeds"], 101)).problem(["long"])
     (run,), named = problem.runs, problem.named(problem.start()[None, :])
     derivative = run.noise.derivative
-    far = replace(run.noise, derivative=replace(derivative, matrix=replace(derivative.matrix, n_row=200_000)))
-    own, of_long = (noise_of(noise).likelihood(run.points, named).log_likelihood(named) for noise in (run.noise, far))
+    far = replace(
+        run.noise, derivative=replace(derivative, matrix=replace(derivative.matrix, n_row=200_000))
+    )
+    own, of_long = (
+        noise_of(noise).likelihood(run.points, named).log_likelihood(named)
+        for noise in (run.noise, far)
+    )
     assert own == of_long

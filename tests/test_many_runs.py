@@ -1,4 +1,6 @@
-"""Least squares run by run against dense ones, closed forms and bounded linear least squares; what reports of many runs leave out."""
+"""Least squares run by run against dense ones, closed forms and bounded linear least squares; what
+reports of many runs leave out.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +33,35 @@ REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
 
 def lines(n: int, rng: np.random.Generator, slope: Normal | Uniform) -> tuple[Problem, np.ndarray]:
     """Lines of one slope and bend with offsets of their own, and their ordinates (n, n_obs)."""
-    ys = np.array([1.3 * X + 0.2 * X**2 + rng.normal(0.0, 0.7) + 0.2 * rng.standard_normal(X.size) for _ in range(n)])
-    return problem_of(LINE, {"slope": slope, "bend": Normal(0.0, 1.0)}, {"offset": Normal(0.0, 0.7)}, X, list(ys), 0.2), ys
+    ys = np.array(
+        [
+            1.3 * X + 0.2 * X**2 + rng.normal(0.0, 0.7) + 0.2 * rng.standard_normal(X.size)
+            for _ in range(n)
+        ]
+    )
+    return problem_of(
+        LINE,
+        {"slope": slope, "bend": Normal(0.0, 1.0)},
+        {"offset": Normal(0.0, 0.7)},
+        X,
+        list(ys),
+        0.2,
+    ), ys
 
 
 def dense(ys: np.ndarray, slope_row: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
-    """Design and target of the same least squares, written out.  slope_row : 1/sd and mean/sd of the prior of the slope, if it pulls."""
+    """Design and target of the same least squares, written out.  slope_row : 1/sd and mean/sd of
+    the prior of the slope, if it pulls.
+    """
     n = len(ys)
     design, target = np.zeros((n * X.size, n + 2)), ys.ravel() / 0.2
     for i in range(n):
         rows = slice(i * X.size, (i + 1) * X.size)
         design[rows, 0], design[rows, 1], design[rows, 2 + i] = X / 0.2, X**2 / 0.2, 1.0 / 0.2
     priors = np.diag([slope_row[0] if slope_row else 0.0, 1.0, *[1.0 / 0.7] * n])
-    return np.vstack([design, priors]), np.concatenate([target, [slope_row[1] if slope_row else 0.0], np.zeros(n + 1)])
+    return np.vstack([design, priors]), np.concatenate(
+        [target, [slope_row[1] if slope_row else 0.0], np.zeros(n + 1)]
+    )
 
 
 def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
@@ -55,12 +73,16 @@ def test_lines_of_many_runs_have_the_mode_and_covariance_of_linear_algebra(rng):
     assert np.allclose(fit.values, expected, rtol=0.0, atol=1e-10)
     assert np.allclose(fit.cov, cov, rtol=1e-9, atol=1e-12)
     # a model whose runs share their offset ends elsewhere
-    assert not np.allclose(np.linalg.lstsq(design[:, :3], target, rcond=None)[0][:2], expected[:2], atol=1e-2)
+    assert not np.allclose(
+        np.linalg.lstsq(design[:, :3], target, rcond=None)[0][:2], expected[:2], atol=1e-2
+    )
 
 
 def test_a_slope_beyond_its_range_ends_at_the_limit_and_the_others_make_the_best_of_it(rng):
     problem, ys = lines(MANY, rng, Uniform(0.0, 0.8))
-    found = arrow.descend_by_runs(problem.linearised(problem.start()), problem.start(), range(problem.n_par))
+    found = arrow.descend_by_runs(
+        problem.linearised(problem.start()), problem.start(), range(problem.n_par)
+    )
     design, target = dense(ys, None)
     low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
     low[0], high[0] = 0.0, 0.8
@@ -80,10 +102,15 @@ def test_of_two_parameters_at_their_limits_one_leaves_again(rng):
     design[MANY * X.size + 1] = 0.0
     low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
     low[:2], high[:2] = (0.0, 0.35), (0.8, 5.0)
-    free, expected = np.linalg.lstsq(design, target, rcond=None)[0], lsq_linear(design, target, bounds=(low, high), method="bvls").x
+    free, expected = (
+        np.linalg.lstsq(design, target, rcond=None)[0],
+        lsq_linear(design, target, bounds=(low, high), method="bvls").x,
+    )
     assert free[0] > 0.8 == pytest.approx(expected[0])
     assert free[1] < 0.35 < expected[1] - 0.1
-    found = arrow.descend_by_runs(problem.linearised(problem.start()), problem.start(), range(problem.n_par))
+    found = arrow.descend_by_runs(
+        problem.linearised(problem.start()), problem.start(), range(problem.n_par)
+    )
     assert np.allclose(found, expected, rtol=0.0, atol=1e-9)
 
 
@@ -94,13 +121,24 @@ def test_the_others_make_the_best_of_a_limit_in_the_same_step(rng):
     design, target = dense(ys, None)
     low, high = np.full(problem.n_par, -np.inf), np.full(problem.n_par, np.inf)
     low[0], high[0] = 0.0, 0.8
-    assert np.allclose(found, lsq_linear(design, target, bounds=(low, high), method="bvls").x, rtol=0.0, atol=1e-9)
+    assert np.allclose(
+        found, lsq_linear(design, target, bounds=(low, high), method="bvls").x, rtol=0.0, atol=1e-9
+    )
 
 
 def test_a_prior_draws_a_parameter_off_the_limit_that_the_points_push_it_to(rng):
-    """A bend of 1 by its prior, limited from below, where the points have none and would rather have less."""
+    """A bend of 1 by its prior, limited from below, where the points have none and would rather
+    have less.
+    """
     ys = np.array([1.3 * X - 0.2 * X**2 + 0.2 * rng.standard_normal(X.size) for _ in range(MANY)])
-    problem = problem_of(LINE, {"slope": Normal(1.0, 0.5), "bend": Normal(1.0, 0.01, low=0.0)}, {"offset": Normal(0.0, 0.7)}, X, list(ys), 0.2)
+    problem = problem_of(
+        LINE,
+        {"slope": Normal(1.0, 0.5), "bend": Normal(1.0, 0.01, low=0.0)},
+        {"offset": Normal(0.0, 0.7)},
+        X,
+        list(ys),
+        0.2,
+    )
     start = problem.start()
     start[:2] = 3.0, 0.0  # above the points
     found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
@@ -112,20 +150,38 @@ def test_a_prior_draws_a_parameter_off_the_limit_that_the_points_push_it_to(rng)
 
 
 def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
-    """Roots of 1 - rate x: whole steps from far off end where there is no root, and at its edge there is no derivative."""
+    """Roots of 1 - rate x: whole steps from far off end where there is no root, and at its edge
+    there is no derivative.
+    """
     sizes = rng.normal(2.0, 0.1, MANY)
     ys = [size * np.sqrt(1.0 - 0.9 * X) + 0.02 * rng.standard_normal(X.size) for size in sizes]
 
     def root(x, a):
         return np.sqrt(1.0 - a["rate"] * x)
 
-    curve = Formula(lambda x, a: a["size"] * root(x, a), {"size": root, "rate": lambda x, a: -0.5 * a["size"] * x / root(x, a)})
-    problem = problem_of(curve, {"rate": Uniform(-20.0, 20.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02)
+    curve = Formula(
+        lambda x, a: a["size"] * root(x, a),
+        {"size": root, "rate": lambda x, a: -0.5 * a["size"] * x / root(x, a)},
+    )
+    problem = problem_of(
+        curve, {"rate": Uniform(-20.0, 20.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02
+    )
 
     def residuals(values):
-        return np.concatenate([(size * np.sqrt(1.0 - values[0] * X) - y) / 0.02 for size, y in zip(values[1:], ys, strict=True)])
+        return np.concatenate(
+            [
+                (size * np.sqrt(1.0 - values[0] * X) - y) / 0.02
+                for size, y in zip(values[1:], ys, strict=True)
+            ]
+        )
 
-    expected = least_squares(residuals, [0.8, *sizes], bounds=([-20.0, *[0.0] * MANY], [0.999, *[10.0] * MANY]), x_scale="jac", xtol=1e-12)
+    expected = least_squares(
+        residuals,
+        [0.8, *sizes],
+        bounds=([-20.0, *[0.0] * MANY], [0.999, *[10.0] * MANY]),
+        x_scale="jac",
+        xtol=1e-12,
+    )
     for rate in (-15.0, 1.0):
         start = np.array([rate, *[5.0] * MANY])
         found = arrow.descend_by_runs(problem.linearised(start), start, range(problem.n_par))
@@ -133,10 +189,18 @@ def test_steps_too_far_are_damped_and_what_is_no_number_is_left(rng):
 
 
 def test_eight_runs_end_where_dense_least_squares_do_to_eight_digits(rng):
-    ys = [rng.normal(2.0, 0.1) * np.exp(-1.5 * X) + 0.02 * rng.standard_normal(X.size) for _ in range(8)]
-    problem = problem_of(DECAY, {"rate": Normal(1.0, 1.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02)
+    ys = [
+        rng.normal(2.0, 0.1) * np.exp(-1.5 * X) + 0.02 * rng.standard_normal(X.size)
+        for _ in range(8)
+    ]
+    problem = problem_of(
+        DECAY, {"rate": Normal(1.0, 1.0)}, {"size": Uniform(0.0, 10.0)}, X, ys, 0.02
+    )
     posterior = problem.linearised(problem.start())
-    one_by_one, together = arrow.descend_by_runs(posterior, problem.start(), range(problem.n_par)), _fit_curve(posterior, problem.start())
+    one_by_one, together = (
+        arrow.descend_by_runs(posterior, problem.start(), range(problem.n_par)),
+        _fit_curve(posterior, problem.start()),
+    )
     assert not arrow.many(problem)
     assert np.allclose(one_by_one, together, rtol=1e-8, atol=0.0)
 
@@ -147,10 +211,15 @@ def test_eight_runs_of_the_replica_end_where_dense_least_squares_do():
     problem = replace(problem, runs=tuple(replace(run, force=0.0) for run in problem.runs))
     posterior = problem.linearised(problem.start())
     free = range(problem.n_par)
-    one_by_one, together = arrow.descend_by_runs(posterior, problem.start(), free), _fit_curve(posterior, problem.start())
+    one_by_one, together = (
+        arrow.descend_by_runs(posterior, problem.start(), free),
+        _fit_curve(posterior, problem.start()),
+    )
     matrix = information(posterior, together)
     assert np.max(np.abs(one_by_one - together) * np.sqrt(np.diag(matrix))) < 1e-5
-    assert arrow._height(posterior, one_by_one) <= arrow._height(posterior, together) * (1.0 + 1e-13)
+    assert arrow._height(posterior, one_by_one) <= arrow._height(posterior, together) * (
+        1.0 + 1e-13
+    )
     inverse = arrow.inverse_by_runs(matrix, problem)
     assert inverse is not None
     assert np.allclose(inverse @ matrix, np.eye(problem.n_par), atol=1e-7)
@@ -166,7 +235,10 @@ def test_what_is_not_positive_has_no_inverse_by_runs(rng):
 def test_derivatives_of_each_run_in_its_own_parameters_are_those_of_differences(rng):
     problem, _ = lines(5, rng, Normal(1.0, 0.5))
     posterior, at, step = problem.linearised(problem.start()), problem.start() + 0.1, 1e-5
-    columns = [(posterior.residuals(at + step * e) - posterior.residuals(at - step * e)) / (2.0 * step) for e in np.eye(problem.n_par)]
+    columns = [
+        (posterior.residuals(at + step * e) - posterior.residuals(at - step * e)) / (2.0 * step)
+        for e in np.eye(problem.n_par)
+    ]
     assert np.allclose(posterior.jacobian(at), np.column_stack(columns), atol=1e-6)
     assert [used.tolist() for used in problem.columns] == [[0, 1, 2 + i] for i in range(5)]
 
@@ -174,42 +246,73 @@ def test_derivatives_of_each_run_in_its_own_parameters_are_those_of_differences(
 def test_response_to_errors_is_the_same_run_by_run_and_dense(rng, monkeypatch):
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     posterior = problem.linearised(problem.start())
-    roots, slopes = posterior.narrow_jacobians(problem.start()), posterior.prior_slopes(problem.start())
-    errors, of_priors = [rng.standard_normal((X.size, 3)) for _ in roots], rng.standard_normal((problem.n_par, 3))
+    roots, slopes = (
+        posterior.narrow_jacobians(problem.start()),
+        posterior.prior_slopes(problem.start()),
+    )
+    errors, of_priors = (
+        [rng.standard_normal((X.size, 3)) for _ in roots],
+        rng.standard_normal((problem.n_par, 3)),
+    )
     by_runs = arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors)
     monkeypatch.setattr(arrow, "MANY", 1000)
-    assert np.allclose(by_runs, arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors), atol=1e-11)
+    assert np.allclose(
+        by_runs,
+        arrow.linear_response(roots, problem.columns, slopes)(errors, of_priors),
+        atol=1e-11,
+    )
 
 
 def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
     problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
-    roots, slopes = problem.linearised(problem.start()).narrow_jacobians(problem.start()), 1.0 / np.array([0.5, 1.0, *[0.7] * MANY])
+    roots, slopes = (
+        problem.linearised(problem.start()).narrow_jacobians(problem.start()),
+        1.0 / np.array([0.5, 1.0, *[0.7] * MANY]),
+    )
     design, _ = dense(ys, (2.0, 2.0))
     whole = np.linalg.inv(design.T @ design)
-    for found, used in zip(arrow.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True):
+    for found, used in zip(
+        arrow.spreads_by_runs(roots, problem.columns, slopes), problem.columns, strict=True
+    ):
         assert np.allclose(found, whole[np.ix_(used, used)], rtol=1e-9)
-    nothing = arrow.spreads_by_runs([np.array([[1.0, 0.0], [2.0, 0.0]])] * 2, [np.array([0, i]) for i in (1, 2)], np.zeros(3))
+    nothing = arrow.spreads_by_runs(
+        [np.array([[1.0, 0.0], [2.0, 0.0]])] * 2, [np.array([0, i]) for i in (1, 2)], np.zeros(3)
+    )
     assert np.allclose(nothing, [[0.1, 0.0], [0.0, 0.0]])
 
 
 def test_units_of_a_runs_own_parameters_change_nothing(rng):
-    """Columns of which one is 1e21 times as long as the other: an amplitude in pC and a rate in 1/s written in SI units."""
+    """Columns of which one is 1e21 times as long as the other: an amplitude in pC and a rate in 1/s
+    written in SI units.
+    """
     units = np.array([1.0, 1e-12, 1e9])
     roots, slopes = [rng.standard_normal((9, 3)) for _ in range(3)], np.array([0.5, *[0.0] * 6])
     columns = [np.array([0, 1 + 2 * i, 2 + 2 * i]) for i in range(3)]
     whole, aim = np.array([1.0, *[1e-12, 1e9] * 3]), rng.standard_normal((9, 1))
     plain, scaled = (
-        arrow.solve_by_runs([arrow.Rows(used, root / unit, aim) for used, root in zip(columns, roots, strict=True)], slopes, np.zeros((7, 1)))
+        arrow.solve_by_runs(
+            [arrow.Rows(used, root / unit, aim) for used, root in zip(columns, roots, strict=True)],
+            slopes,
+            np.zeros((7, 1)),
+        )
         for unit in (1.0, units)
     )
     assert np.allclose(scaled[:, 0] / whole, plain[:, 0], rtol=1e-9)
-    found, other = (arrow.spreads_by_runs([root / unit for root in roots], columns, slopes) for unit in (1.0, units))
+    found, other = (
+        arrow.spreads_by_runs([root / unit for root in roots], columns, slopes)
+        for unit in (1.0, units)
+    )
     assert np.allclose([one / np.outer(units, units) for one in other], found, rtol=1e-9)
 
 
 def test_parameters_of_which_nothing_is_said_stay_where_they_are():
-    rows = [arrow.Rows(np.array([0, i]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.0], [2.0]])) for i in (1, 2)]
-    assert np.allclose(arrow.solve_by_runs(rows, np.zeros(3), np.zeros((3, 1)))[:, 0], [1.0, 0.0, 0.0])
+    rows = [
+        arrow.Rows(np.array([0, i]), np.array([[1.0, 0.0], [2.0, 0.0]]), np.array([[1.0], [2.0]]))
+        for i in (1, 2)
+    ]
+    assert np.allclose(
+        arrow.solve_by_runs(rows, np.zeros(3), np.zeros((3, 1)))[:, 0], [1.0, 0.0, 0.0]
+    )
 
 
 def test_many_runs_share_the_foremost_parameters(rng):
@@ -229,7 +332,16 @@ def test_of_many_runs_priors_are_asked_for_where_a_run_needs_both(rng):
 def test_of_many_runs_those_are_drawn_that_the_curve_explains_worst():
     def judged(i: int) -> Goodness:
         p_value = 0.001 if i >= 30 else 0.5
-        return Goodness(f"r{i}", np.zeros(2), np.zeros(2), np.ones(2), {"chi2": Check(0.0, p_value, "")}, np.nan, 0.0, np.nan)
+        return Goodness(
+            f"r{i}",
+            np.zeros(2),
+            np.zeros(2),
+            np.ones(2),
+            {"chi2": Check(0.0, p_value, "")},
+            np.nan,
+            0.0,
+            np.nan,
+        )
 
     drawn = drawn_runs([judged(i) for i in range(40)])
     assert len(drawn) == MOST_DRAWN
@@ -248,9 +360,14 @@ def test_a_campaign_file_that_changes_is_read_anew(tmp_path):
 
 
 def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
-    """Two runs of twenty say most of what all share, so that errors of the other one move the residuals of the first."""
+    """Two runs of twenty say most of what all share, so that errors of the other one move the
+    residuals of the first.
+    """
     problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
-    precise = tuple(replace(run, noise=Independent(Scale(0.02), Scale(0.0), np.ones(X.size))) for run in problem.runs[:2])
+    precise = tuple(
+        replace(run, noise=Independent(Scale(0.02), Scale(0.0), np.ones(X.size)))
+        for run in problem.runs[:2]
+    )
     problem = Problem(problem.parameters, (*precise, *problem.runs[2:]))
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     root = fit.posterior.narrow_jacobians(fit.values)[0]
@@ -258,7 +375,11 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     design[: 2 * X.size] *= 10.0
     rows, spread_of_all = design[: X.size], np.linalg.inv(design.T @ design)
     taken = rows @ spread_of_all @ rows.T
-    spread = arrow.spreads_by_runs(fit.posterior.narrow_jacobians(fit.values), problem.columns, fit.posterior.prior_slopes(fit.values))[0]
+    spread = arrow.spreads_by_runs(
+        fit.posterior.narrow_jacobians(fit.values),
+        problem.columns,
+        fit.posterior.prior_slopes(fit.values),
+    )[0]
     draws, n = goodness._simulated(Linear(np.zeros(X.size), root), spread, rng)(40_000), 40_000
     within = 5.0 * np.sqrt(2.0 / n)
     assert np.all(np.abs(np.cov(draws.T) - (np.eye(X.size) - taken)) < within)
@@ -279,6 +400,11 @@ def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng,
     monkeypatch.setattr(goodness, "_PIECE", 5e4)
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     bent = replace(problem.runs[0], y=problem.runs[0].y + 6.0 * (X - 0.5) ** 2)
-    goodness.check_goodness(fit_least_squares(Problem(problem.parameters, (bent, *problem.runs[1:])), rng=rng, n_start=1), rng=rng)
+    goodness.check_goodness(
+        fit_least_squares(
+            Problem(problem.parameters, (bent, *problem.runs[1:])), rng=rng, n_start=1
+        ),
+        rng=rng,
+    )
     assert sum(sizes) == 20 * 20_000 + MANY * 2600
     assert max(sizes) * X.size <= 1e5

@@ -1,4 +1,6 @@
-"""The marginal over runs against closed forms, grids and the full chain; and its own checks against a marginal made wrong on purpose."""
+"""The marginal over runs against closed forms, grids and the full chain; and its own checks against
+a marginal made wrong on purpose.
+"""
 
 from __future__ import annotations
 
@@ -37,16 +39,23 @@ def fitted(problem: Problem) -> Fit:
 
 
 def error_of_mean(found: MarginalPosterior, columns: list[int]) -> np.ndarray:
-    return np.sqrt(np.exp(2.0 * found.log_weights) @ (found.draws[:, columns] - found.mean[columns]) ** 2)
+    return np.sqrt(
+        np.exp(2.0 * found.log_weights) @ (found.draws[:, columns] - found.mean[columns]) ** 2
+    )
 
 
 # --- closed form: everything linear and normal
 
 
 def linear_problem(rng: np.random.Generator) -> tuple[Problem, np.ndarray, np.ndarray, float]:
-    """Five lines of one slope and bend with offsets of their own; posterior mean and covariance and log evidence by linear algebra."""
+    """Five lines of one slope and bend with offsets of their own; posterior mean and covariance and
+    log evidence by linear algebra.
+    """
     prior = {"slope": Normal(1.0, 0.5), "bend": Normal(0.0, 1.0)}
-    ys = [1.3 * X + 0.2 * X**2 + rng.normal(0.0, 0.7) + 0.2 * rng.standard_normal(X.size) for _ in range(5)]
+    ys = [
+        1.3 * X + 0.2 * X**2 + rng.normal(0.0, 0.7) + 0.2 * rng.standard_normal(X.size)
+        for _ in range(5)
+    ]
     problem = problem_of(LINE, prior, {"offset": Normal(0.0, 0.7)}, X, ys, 0.2)
     design = np.zeros((5 * X.size, 7))
     for i in range(5):
@@ -55,7 +64,9 @@ def linear_problem(rng: np.random.Generator) -> tuple[Problem, np.ndarray, np.nd
     mean0, cov0 = np.array([1.0, 0.0] + 5 * [0.0]), np.diag([0.25, 1.0] + 5 * [0.49])
     cov = np.linalg.inv(design.T @ design / 0.04 + np.linalg.inv(cov0))
     mean = cov @ (design.T @ np.concatenate(ys) / 0.04 + np.linalg.solve(cov0, mean0))
-    evidence = stats.multivariate_normal(design @ mean0, design @ cov0 @ design.T + 0.04 * np.eye(design.shape[0])).logpdf(np.concatenate(ys))
+    evidence = stats.multivariate_normal(
+        design @ mean0, design @ cov0 @ design.T + 0.04 * np.eye(design.shape[0])
+    ).logpdf(np.concatenate(ys))
     return problem, mean, cov, float(evidence)
 
 
@@ -66,7 +77,9 @@ def test_linear_problem_is_answered_exactly(rng: np.random.Generator) -> None:
     assert found.trusted
     assert found.k_hat < 0.5
     assert found.log_evidence == pytest.approx(evidence, abs=4.0 * found.u_log_evidence)
-    assert found.log_evidence_all == pytest.approx(evidence, abs=4.0 * np.sqrt(2.0) * found.u_log_evidence)
+    assert found.log_evidence_all == pytest.approx(
+        evidence, abs=4.0 * np.sqrt(2.0) * found.u_log_evidence
+    )
     sd = np.sqrt(np.diag(cov))
     assert np.all(np.abs(found.mean - mean) < 4.0 * sd / np.sqrt(found.ess))
     draws = found.resampled(4000, rng=rng)
@@ -76,25 +89,35 @@ def test_linear_problem_is_answered_exactly(rng: np.random.Generator) -> None:
     assert np.max(np.abs(draws.std(axis=0) / sd - 1.0)) < 4.0 / np.sqrt(2.0 * 4000)
 
 
-def test_without_the_laplace_factor_the_evidence_is_wrong(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_laplace_factor_the_evidence_is_wrong(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     problem, _, _, evidence = linear_problem(rng)
     monkeypatch.setattr(conditional, "log_volume", lambda root: np.zeros(root.shape[0]))
     found = sample_marginal(fitted(problem), rng=rng)
     assert abs(found.log_evidence - evidence) > 50.0 * found.u_log_evidence
 
 
-# --- a grid in one shared parameter: amplitudes enter linearly, so given the rate each run is normal
+# --- a grid in one shared parameter: amplitudes enter linearly, so given the rate each run is
+# normal
 
 
-def decay_problem(rng: np.random.Generator, rate_prior: Uniform | HalfNormal, *, rate: float, n_run: int) -> tuple[Problem, np.ndarray, np.ndarray]:
+def decay_problem(
+    rng: np.random.Generator, rate_prior: Uniform | HalfNormal, *, rate: float, n_run: int
+) -> tuple[Problem, np.ndarray, np.ndarray]:
     """Runs size * exp(-rate x); the grid of rates and the log of the marginal on it."""
-    ys = [rng.normal(1.0, 0.3) * np.exp(-rate * X) + 0.3 * rng.standard_normal(X.size) for _ in range(n_run)]
+    ys = [
+        rng.normal(1.0, 0.3) * np.exp(-rate * X) + 0.3 * rng.standard_normal(X.size)
+        for _ in range(n_run)
+    ]
     problem = problem_of(DECAY, {"rate": rate_prior}, {"size": Normal(1.0, 0.3)}, X, ys, 0.3)
     grid = np.linspace(max(rate_prior.low, 0.0), min(rate_prior.high, 6.0), 1500)
     log_p = rate_prior.log_density(grid)
     for k, value in enumerate(grid):
         shape = np.exp(-value * X)
-        normal = stats.multivariate_normal(shape, 0.09 * np.outer(shape, shape) + 0.09 * np.eye(X.size))
+        normal = stats.multivariate_normal(
+            shape, 0.09 * np.outer(shape, shape) + 0.09 * np.eye(X.size)
+        )
         log_p[k] += np.sum(normal.logpdf(np.array(ys)))
     return problem, grid, log_p
 
@@ -107,7 +130,9 @@ def grid_moments(grid: np.ndarray, log_p: np.ndarray) -> tuple[float, float, flo
     return mean, sd, float(np.log(np.sum(weight) * (grid[1] - grid[0])) + np.max(log_p))
 
 
-def test_volume_of_each_run_moves_the_shared_parameter_as_a_grid_says(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_volume_of_each_run_moves_the_shared_parameter_as_a_grid_says(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     problem, grid, log_p = decay_problem(rng, Uniform(0.0, 6.0), rate=1.5, n_run=25)
     mean, sd, evidence = grid_moments(grid, log_p)
     fit = fitted(problem)
@@ -122,17 +147,25 @@ def test_volume_of_each_run_moves_the_shared_parameter_as_a_grid_says(rng: np.ra
     assert abs(wrong.mean[0] - mean) > 0.2 * sd
 
 
-def test_exact_weights_notice_a_wrong_marginal(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exact_weights_notice_a_wrong_marginal(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     fit = fitted(decay_problem(rng, Uniform(0.0, 6.0), rate=1.5, n_run=25)[0])
     right = RunTerm.log_marginal
-    monkeypatch.setattr(RunTerm, "log_marginal", lambda self, s, e, *, n_node: right(self, s, e, n_node=n_node) - log_volume(e.at(s)[1]))
+    monkeypatch.setattr(
+        RunTerm,
+        "log_marginal",
+        lambda self, s, e, *, n_node: right(self, s, e, n_node=n_node) - log_volume(e.at(s)[1]),
+    )
     found = sample_marginal(fit, rng=rng)
     assert not found.trusted
     assert "exact weights shift a shared parameter" in found.reasons[0]
 
 
 @pytest.mark.parametrize("prior", [HalfNormal(0.3), Uniform(0.0, 0.4)])
-def test_shared_parameter_at_a_hard_edge_is_that_of_a_grid(prior: HalfNormal | Uniform, rng: np.random.Generator) -> None:
+def test_shared_parameter_at_a_hard_edge_is_that_of_a_grid(
+    prior: HalfNormal | Uniform, rng: np.random.Generator
+) -> None:
     problem, grid, log_p = decay_problem(rng, prior, rate=0.03, n_run=3)
     mean, sd, evidence = grid_moments(grid, log_p)
     found = sample_marginal(fitted(problem), rng=rng)
@@ -146,10 +179,14 @@ def test_shared_parameter_at_a_hard_edge_is_that_of_a_grid(prior: HalfNormal | U
 # --- brute force in three dimensions: own parameters that are not normal
 
 
-def test_evidence_is_that_of_brute_force_and_nodes_remove_the_error_of_laplace(rng: np.random.Generator) -> None:
+def test_evidence_is_that_of_brute_force_and_nodes_remove_the_error_of_laplace(
+    rng: np.random.Generator,
+) -> None:
     x = X[:4]
     ys = [0.5 * x + np.exp(size) + 0.8 * rng.standard_normal(x.size) for size in (-0.8, 0.2, -0.3)]
-    fit = fitted(problem_of(GROWTH, {"rate": Normal(0.0, 1.0)}, {"log_size": Normal(0.0, 1.0)}, x, ys, 0.8))
+    fit = fitted(
+        problem_of(GROWTH, {"rate": Normal(0.0, 1.0)}, {"log_size": Normal(0.0, 1.0)}, x, ys, 0.8)
+    )
     rates, sizes = np.linspace(-6.0, 6.0, 401), np.linspace(-8.0, 4.0, 1201)
     log_p = stats.norm(0.0, 1.0).logpdf(rates)
     for y in ys:
@@ -180,16 +217,29 @@ def test_hermite_nodes_integrate_a_normal_density_exactly(n_node: int, n_dim: in
 
 
 @pytest.mark.slow
-def test_inferred_noise_of_each_run_is_integrated_out(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_inferred_noise_of_each_run_is_integrated_out(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Own standard deviations, far from 0: marginal against a long chain in all dimensions."""
     x = np.linspace(0.0, 1.0, 40)
     ys = [0.7 * x - 0.1 + s * rng.standard_normal(x.size) for s in (0.1, 0.3)]
-    fit = fitted(problem_of(LINE, {"slope": Normal(0.0, 1.0), "bend": Normal(0.0, 0.1)}, {"offset": Normal(0.0, 1.0)}, x, ys, Uniform(0.0, 2.0)))
+    fit = fitted(
+        problem_of(
+            LINE,
+            {"slope": Normal(0.0, 1.0), "bend": Normal(0.0, 0.1)},
+            {"offset": Normal(0.0, 1.0)},
+            x,
+            ys,
+            Uniform(0.0, 2.0),
+        )
+    )
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_node=3))
     assert found.sampled == ("slope", "bend")
     chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=1500), rng=rng)
     size = effective_size(chain.draws, "bulk")
-    error = np.hypot(chain.flat.std(axis=0) / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par))))
+    error = np.hypot(
+        chain.flat.std(axis=0) / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par)))
+    )
     difference = np.abs(found.mean - chain.flat.mean(axis=0))
     assert found.refined == ("r0", "r1")
     assert np.all(difference < 4.0 * error)
@@ -202,14 +252,24 @@ def test_inferred_noise_of_each_run_is_integrated_out(rng: np.random.Generator, 
 def test_own_parameters_close_to_an_edge_are_sampled_or_refused(rng: np.random.Generator) -> None:
     prior, own = {"slope": Normal(1.0, 1.0), "bend": Normal(0.0, 1.0)}, {"offset": HalfNormal(0.2)}
     ys = [X + 0.2 * rng.standard_normal(X.size) for _ in range(12)]
-    assert sample_marginal(fitted(problem_of(LINE, prior, own, X, ys[:2], 0.2)), rng=rng).sampled == ("slope", "bend", "offset[0]", "offset[1]")
-    with pytest.raises(InputError, match=r"too many to sample at once \(14, at most 12\), 12 of them close to the edge"):
+    assert sample_marginal(
+        fitted(problem_of(LINE, prior, own, X, ys[:2], 0.2)), rng=rng
+    ).sampled == ("slope", "bend", "offset[0]", "offset[1]")
+    with pytest.raises(
+        InputError,
+        match=r"too many to sample at once \(14, at most 12\), 12 of them close to the edge",
+    ):
         sample_marginal(fitted(problem_of(LINE, prior, own, X, ys, 0.2)), rng=rng)
 
 
-def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_noise_that_is_not_normal_is_refused(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     fit = fitted(linear_problem(rng)[0])
-    heavy = tuple(RobustErrors(one.points, one.size, one.form.spectrum, StudentT()) for one in fit.posterior.likelihoods)
+    heavy = tuple(
+        RobustErrors(one.points, one.size, one.form.spectrum, StudentT())
+        for one in fit.posterior.likelihoods
+    )
     with pytest.raises(InputError, match="plain normal noise"):
         sample_marginal(replace(fit, posterior=replace(fit.posterior, likelihoods=heavy)), rng=rng)
     right = Posterior.log_likelihood
@@ -220,7 +280,16 @@ def test_noise_that_is_not_normal_is_refused(rng: np.random.Generator, monkeypat
 
 def test_single_run_is_sampled_in_all_dimensions(rng: np.random.Generator) -> None:
     ys = [X + 0.2 * rng.standard_normal(X.size)]
-    fit = fitted(problem_of(LINE, {"slope": Normal(1.0, 1.0), "bend": Normal(0.0, 1.0)}, {"offset": Normal(0.0, 1.0)}, X, ys, 0.2))
+    fit = fitted(
+        problem_of(
+            LINE,
+            {"slope": Normal(1.0, 1.0), "bend": Normal(0.0, 1.0)},
+            {"offset": Normal(0.0, 1.0)},
+            X,
+            ys,
+            0.2,
+        )
+    )
     found = sample_marginal(fit, rng=rng)
     assert found.sampled == fit.names
     assert np.all(np.abs(found.mean - fit.values) < 4.0 * error_of_mean(found, [0, 1, 2]))
@@ -228,7 +297,9 @@ def test_single_run_is_sampled_in_all_dimensions(rng: np.random.Generator) -> No
 
 
 def test_too_few_draws_are_not_trusted_and_options_are_checked(rng: np.random.Generator) -> None:
-    found = sample_marginal(fitted(linear_problem(rng)[0]), rng=rng, options=MarginalOptions(n_draw=200))
+    found = sample_marginal(
+        fitted(linear_problem(rng)[0]), rng=rng, options=MarginalOptions(n_draw=200)
+    )
     assert not found.trusted
     assert "effective draws" in found.reasons[0]
     for wrong in ({"n_draw": 10}, {"n_node": 0}):
@@ -238,16 +309,23 @@ def test_too_few_draws_are_not_trusted_and_options_are_checked(rng: np.random.Ge
 
 def test_same_seed_gives_the_same_draws(rng: np.random.Generator) -> None:
     fit = fitted(linear_problem(rng)[0])
-    one, two = (sample_marginal(fit, rng=np.random.default_rng(4), options=MarginalOptions(n_draw=500)) for _ in range(2))
+    one, two = (
+        sample_marginal(fit, rng=np.random.default_rng(4), options=MarginalOptions(n_draw=500))
+        for _ in range(2)
+    )
     assert np.array_equal(one.draws, two.draws)
     assert np.array_equal(one.log_weights, two.log_weights)
 
 
 def test_k_hat_tells_a_proposal_that_is_too_narrow(rng: np.random.Generator) -> None:
-    """N(0, s^2) proposed for N(0, 1): the weights have finite moments below 1/(1 - s^2), so k = 1 - s^2."""
+    """N(0, s^2) proposed for N(0, 1): the weights have finite moments below 1/(1 - s^2), so k = 1 -
+    s^2.
+    """
     z = rng.standard_normal(20_000)
     for s, low, high in ((0.4, 0.7, 1.0), (0.8, 0.2, 0.55), (1.5, -np.inf, 0.3)):
-        weights, k_hat, _ = pareto_smoothed(stats.norm.logpdf(s * z) - stats.norm(0.0, s).logpdf(s * z))
+        weights, k_hat, _ = pareto_smoothed(
+            stats.norm.logpdf(s * z) - stats.norm(0.0, s).logpdf(s * z)
+        )
         assert low < k_hat < high
         assert np.sum(np.exp(weights)) == pytest.approx(1.0)
 
@@ -256,21 +334,33 @@ def test_k_hat_tells_a_proposal_that_is_too_narrow(rng: np.random.Generator) -> 
 
 
 @pytest.mark.slow
-def test_two_runs_agree_with_the_chain_in_all_dimensions(replica: Path, rng: np.random.Generator) -> None:
-    fit = fit_least_squares(load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), rng=rng, n_start=1)
+def test_two_runs_agree_with_the_chain_in_all_dimensions(
+    replica: Path, rng: np.random.Generator
+) -> None:
+    fit = fit_least_squares(
+        load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]),
+        rng=rng,
+        n_start=1,
+    )
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
-    chain = sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng)
+    chain = sample_posterior(
+        fit.posterior, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng
+    )
     size = effective_size(chain.draws, "bulk")
     sd = chain.flat.std(axis=0)
     error = np.hypot(sd / np.sqrt(size), error_of_mean(found, list(range(fit.problem.n_par))))
     assert found.trusted
     assert np.all(np.abs(found.mean - chain.flat.mean(axis=0)) < 4.0 * error)
     # neither density is normal: a standard deviation is uncertain by at most 1/sqrt(n) here
-    assert np.all(np.abs(found.sd / sd - 1.0) < 4.0 * np.hypot(1.0 / np.sqrt(size), 1.0 / np.sqrt(found.ess)))
+    assert np.all(
+        np.abs(found.sd / sd - 1.0) < 4.0 * np.hypot(1.0 / np.sqrt(size), 1.0 / np.sqrt(found.ess))
+    )
 
 
 @pytest.mark.slow
-def test_eight_runs_take_a_moment_and_the_exact_weights_agree(replica: Path, rng: np.random.Generator) -> None:
+def test_eight_runs_take_a_moment_and_the_exact_weights_agree(
+    replica: Path, rng: np.random.Generator
+) -> None:
     campaign = load_campaign(replica / "campaign.toml")
     fit = fit_least_squares(campaign.problem(campaign.run_names), rng=rng, n_start=1)
     found = sample_marginal(fit, rng=rng)
@@ -288,14 +378,31 @@ def test_eight_runs_take_a_moment_and_the_exact_weights_agree(replica: Path, rng
 @pytest.mark.slow
 def test_joint_fits_of_positions_go_through_the_marginal(project: Path) -> None:
     """Whose exact weights in all dimensions are its second opinion."""
-    whole, noise = load_campaign(project / "data" / "replica" / "campaign.toml"), NoiseTable(model="positions", sigma_x_m=0.001)
-    two, three = (whole.problem(runs, noise=noise) for runs in (["heavy-04", "heavy-08"], ["heavy-02", "heavy-04", "heavy-08"]))
+    whole, noise = (
+        load_campaign(project / "data" / "replica" / "campaign.toml"),
+        NoiseTable(model="positions", sigma_x_m=0.001),
+    )
+    two, three = (
+        whole.problem(runs, noise=noise)
+        for runs in (["heavy-04", "heavy-08"], ["heavy-02", "heavy-04", "heavy-08"])
+    )
     assert (two.n_par, three.n_par) == (12, 16)
-    fits = [cast(Fit, SimpleNamespace(problem=posed, posterior=posed.linearised(posed.start()))) for posed in (two, three)]
+    fits = [
+        cast(Fit, SimpleNamespace(problem=posed, posterior=posed.linearised(posed.start())))
+        for posed in (two, three)
+    ]
     assert [_through_marginal(fit) for fit in fits] == [False, True]
-    few = {n: replace(t, columns={c: v[::6] for c, v in t.columns.items()}, lines=t.lines[::6]) for n, t in whole.tables.items()}
+    few = {
+        n: replace(t, columns={c: v[::6] for c, v in t.columns.items()}, lines=t.lines[::6])
+        for n, t in whole.tables.items()
+    }
     campaign = replace(whole, tables=few)
     problem = campaign.problem(["heavy-04", "heavy-08"], noise=noise, usual=True)
-    chosen = analyse_fit(fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1), seed=1, target=Target(ess=1000.0), marginal=True)
+    chosen = analyse_fit(
+        fit_least_squares(problem, rng=np.random.default_rng(1), n_start=1),
+        seed=1,
+        target=Target(ess=1000.0),
+        marginal=True,
+    )
     assert "exact weights in all dimensions confirm the result" in chosen.comparison.reason
     assert chosen.diagnosis.ok, chosen.diagnosis.reasons

@@ -1,4 +1,6 @@
-"""Several solutions: aliases, many dips of a frequency, exchanged components; against brute force that shares no code."""
+"""Several solutions: aliases, many dips of a frequency, exchanged components; against brute force
+that shares no code.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,12 @@ T = np.linspace(0.0, 10.0, 41)
 
 
 def swing(**choices: object) -> CurveFit:
-    y = 2.0 * np.sin(2.0 * np.pi * 0.13 * WHOLE + 0.4) + 0.05 * np.random.default_rng(1).standard_normal(WHOLE.size)
-    return fit_curve(SINE, WHOLE, y, **({"start": {"A": 1.0, "f": 0.9, "p": 0.0}, "u_y": 0.05} | choices))
+    y = 2.0 * np.sin(2.0 * np.pi * 0.13 * WHOLE + 0.4) + 0.05 * np.random.default_rng(
+        1
+    ).standard_normal(WHOLE.size)
+    return fit_curve(
+        SINE, WHOLE, y, **({"start": {"A": 1.0, "f": 0.9, "p": 0.0}, "u_y": 0.05} | choices)
+    )
 
 
 # aliases: the same at every measured point, another curve between them
@@ -61,8 +67,12 @@ def test_without_bounds_the_smoothest_alias_is_meant_unless_the_start_says_anoth
 
 def test_uneven_points_have_no_aliases() -> None:
     x = WHOLE + np.random.default_rng(5).uniform(-0.3, 0.3, WHOLE.size)
-    y = 2.0 * np.sin(2.0 * np.pi * 0.13 * x + 0.4) + 0.05 * np.random.default_rng(1).standard_normal(x.size)
-    fit = fit_curve(SINE, x, y, start={"A": 1.0, "f": 0.9, "p": 0.0}, u_y=0.05, bounds={"f": (0.0, 2.0)})
+    y = 2.0 * np.sin(2.0 * np.pi * 0.13 * x + 0.4) + 0.05 * np.random.default_rng(
+        1
+    ).standard_normal(x.size)
+    fit = fit_curve(
+        SINE, x, y, start={"A": 1.0, "f": 0.9, "p": 0.0}, u_y=0.05, bounds={"f": (0.0, 2.0)}
+    )
     assert fit.status == "ok"
     assert fit.values["f"] == pytest.approx(0.13, abs=1e-3)
 
@@ -73,11 +83,28 @@ def test_aliases_of_a_campaign_have_their_shares_and_their_evidence(tmp_path: Pa
     limits = {4: "2.0", 1: "0.5"}
     found = {}
     for n, high in limits.items():
-        text = Formula("A*sin(20*pi*f*x + p)", "", lambda x: 2.0 * np.sin(2.6 * np.pi * x + 0.4), error=0.1, u_y="0.1").write(tmp_path).read_text()
+        text = (
+            Formula(
+                "A*sin(20*pi*f*x + p)",
+                "",
+                lambda x: 2.0 * np.sin(2.6 * np.pi * x + 0.4),
+                error=0.1,
+                u_y="0.1",
+            )
+            .write(tmp_path)
+            .read_text()
+        )
         rows = (("A", 1.0, 0.0, 10.0), ("f", 0.3, 0.0, high), ("p", 0.0, -3.2, 3.2))
-        table = "".join(f"{name} = {{start = {start}, low = {low}, high = {top}}}\n" for name, start, low, top in rows)
-        (tmp_path / "campaign.toml").write_text(text.replace("[curve.parameters]\n", f"[curve.parameters]\n{table}"))
-        found[n] = analyse(load_campaign(tmp_path / "campaign.toml"), ["r"], seed=1, target=Target(ess=1000.0))
+        table = "".join(
+            f"{name} = {{start = {start}, low = {low}, high = {top}}}\n"
+            for name, start, low, top in rows
+        )
+        (tmp_path / "campaign.toml").write_text(
+            text.replace("[curve.parameters]\n", f"[curve.parameters]\n{table}")
+        )
+        found[n] = analyse(
+            load_campaign(tmp_path / "campaign.toml"), ["r"], seed=1, target=Target(ess=1000.0)
+        )
     assert found[1].diagnosis.status == "ok"
     assert found[4].diagnosis.status == "multimodal"
     assert found[4].modes.shares == pytest.approx(np.full(4, 0.25), abs=0.06)
@@ -97,19 +124,45 @@ def seven(seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 def fit_seven(seed: int, n_start: int = 8) -> CurveFit:
     x, y = seven(seed)
-    start, bounds = {"A": 1.0, "B": 1.0, "f": 1.0}, {"A": (-10.0, 10.0), "B": (-10.0, 10.0), "f": (0.0, 10.0)}
+    start, bounds = (
+        {"A": 1.0, "B": 1.0, "f": 1.0},
+        {"A": (-10.0, 10.0), "B": (-10.0, 10.0), "f": (0.0, 10.0)},
+    )
     return fit_curve(WAVE, x, y, start=start, bounds=bounds, u_y=0.5, n_start=n_start)
 
 
-def grid_evidence(x: np.ndarray, y: np.ndarray, *, high: float = 10.0, reach: float = 10.0, u: float = 0.5) -> float:
-    """log of the mean likelihood over A, B in [-reach, reach] and f in [0, high], by the midpoint rule on a grid."""
-    f, a = (np.arange(2000) + 0.5) * high / 2000, -reach + (np.arange(100) + 0.5) * 2.0 * reach / 100
+def grid_evidence(
+    x: np.ndarray, y: np.ndarray, *, high: float = 10.0, reach: float = 10.0, u: float = 0.5
+) -> float:
+    """log of the mean likelihood over A, B in [-reach, reach] and f in [0, high], by the midpoint
+    rule on a grid.
+    """
+    f, a = (
+        (np.arange(2000) + 0.5) * high / 2000,
+        -reach + (np.arange(100) + 0.5) * 2.0 * reach / 100,
+    )
     s, c = np.sin(2.0 * np.pi * np.outer(f, x)), np.cos(2.0 * np.pi * np.outer(f, x))
     total, top = 0.0, 0.0
     for k in range(0, f.size, 200):
         i = slice(k, k + 200)
-        ys, yc, ss, cc, sc = (v[:, None, None] for v in (s[i] @ y, c[i] @ y, (s[i] ** 2).sum(1), (c[i] ** 2).sum(1), (s[i] * c[i]).sum(1)))
-        square = y @ y - 2 * a[:, None] * ys - 2 * a * yc + a[:, None] ** 2 * ss + a**2 * cc + 2 * a[:, None] * a * sc
+        ys, yc, ss, cc, sc = (
+            v[:, None, None]
+            for v in (
+                s[i] @ y,
+                c[i] @ y,
+                (s[i] ** 2).sum(1),
+                (c[i] ** 2).sum(1),
+                (s[i] * c[i]).sum(1),
+            )
+        )
+        square = (
+            y @ y
+            - 2 * a[:, None] * ys
+            - 2 * a * yc
+            + a[:, None] ** 2 * ss
+            + a**2 * cc
+            + 2 * a[:, None] * a * sc
+        )
         total += float(np.sum(np.exp(top - 0.5 * square / u**2)))
     return float(np.log(total / (f.size * a.size**2)) - x.size * np.log(u * np.sqrt(2.0 * np.pi)))
 
@@ -135,13 +188,20 @@ def test_evidence_of_many_solutions_is_that_of_a_grid(seed: int) -> None:
     assert found.diagnosis.status == "multimodal"
     assert found.certificate.log_evidence == pytest.approx(expected, abs=0.05)
     if seed == 1:  # in the second data set one solution holds 98 %
-        best_alone = sample_curve(fit_seven(seed, n_start=1), seed=1, target=Target(max_step=60)).certificate.log_evidence  # it needs no chain
+        # it needs no chain
+        best_alone = sample_curve(
+            fit_seven(seed, n_start=1), seed=1, target=Target(max_step=60)
+        ).certificate.log_evidence
         assert abs(best_alone - expected) > 0.15
 
 
 # the same curve under another label
 
-DECAYS = 2.0 * np.exp(-0.2 * T) + 3.0 * np.exp(-1.5 * T) + 0.02 * np.random.default_rng(1).standard_normal(T.size)
+DECAYS = (
+    2.0 * np.exp(-0.2 * T)
+    + 3.0 * np.exp(-1.5 * T)
+    + 0.02 * np.random.default_rng(1).standard_normal(T.size)
+)
 TWO = "a*exp(-k*x) + b*exp(-q*x)"
 
 
@@ -149,23 +209,43 @@ def test_exchange_of_two_exponentials_is_named_and_no_second_solution() -> None:
     fit = fit_curve(TWO, T, DECAYS, start={"a": 1.0, "b": 1.0, "k": 0.1, "q": 3.0}, u_y=0.02)
     assert fit.status == "ok"
     assert fit.values["k"] == pytest.approx(0.2, abs=4 * fit.sds["k"])
-    assert "components are exchanged (a with b and k with q): set bounds that order them" in fit.message
+    assert (
+        "components are exchanged (a with b and k with q): set bounds that order them"
+        in fit.message
+    )
     assert "8 of 8 starting points" in fit.message
-    ordered = fit_curve(TWO, T, DECAYS, start={"a": 1.0, "b": 1.0, "k": 0.1, "q": 3.0}, u_y=0.02, bounds={"k": (0.0, 0.8), "q": (0.8, 9.0)})
+    ordered = fit_curve(
+        TWO,
+        T,
+        DECAYS,
+        start={"a": 1.0, "b": 1.0, "k": 0.1, "q": 3.0},
+        u_y=0.02,
+        bounds={"k": (0.0, 0.8), "q": (0.8, 9.0)},
+    )
     assert "exchanged" not in ordered.message
     assert ordered.values == pytest.approx(fit.values)
 
 
 @pytest.mark.slow
 def test_draws_of_two_exponentials_describe_one_label() -> None:
-    """Badly separated rates: without folding the draws wander from one label to the other and their means mean nothing."""
-    y = 2.0 * np.exp(-0.5 * T) + 3.0 * np.exp(-1.0 * T) + 0.06 * np.random.default_rng(4).standard_normal(T.size)
+    """Badly separated rates: without folding the draws wander from one label to the other and their
+    means mean nothing.
+    """
+    y = (
+        2.0 * np.exp(-0.5 * T)
+        + 3.0 * np.exp(-1.0 * T)
+        + 0.06 * np.random.default_rng(4).standard_normal(T.size)
+    )
     bounds = {"a": (0.0, 8.0), "b": (0.0, 8.0), "k": (0.05, 4.0), "q": (0.05, 4.0)}
-    fit = fit_curve(TWO, T, y, start={"a": 1.0, "b": 1.0, "k": 0.3, "q": 2.0}, u_y=0.06, bounds=bounds)
+    fit = fit_curve(
+        TWO, T, y, start={"a": 1.0, "b": 1.0, "k": 0.3, "q": 2.0}, u_y=0.06, bounds=bounds
+    )
     found = sample_curve(fit, seed=1, target=Target(max_step=200))
     draws, at, weight = found.chain.flat, found.fit.values, fit.fit.symmetry.weight
     away = np.sum(weight * (draws - at) ** 2, axis=1)
-    assert np.all(away <= np.sum(weight * (draws[:, [1, 0, 3, 2]] - at) ** 2, axis=1) * (1.0 + 1e-9))
+    assert np.all(
+        away <= np.sum(weight * (draws[:, [1, 0, 3, 2]] - at) ** 2, axis=1) * (1.0 + 1e-9)
+    )
     assert np.mean(draws[:, 2] < draws[:, 3]) > 0.99  # the amplitudes count a little
     assert fit.names == ("a", "b", "k", "q")
     assert any("exchanged" in note for note in found.diagnosis.notes)
@@ -173,9 +253,17 @@ def test_draws_of_two_exponentials_describe_one_label() -> None:
 
 
 def test_folded_posterior_keeps_the_whole_integral() -> None:
-    """Importance sampling of the posterior itself over the box, and of the folded one: the same evidence, one label."""
-    twins = fit_curve("exp(-k*x) + exp(-q*x)", T[:9], np.exp(-0.5 * T[:9]) + np.exp(-T[:9]), start={"k": 0.3, "q": 2.0}, u_y=0.3,
-                      bounds={"k": (0.0, 3.0), "q": (0.0, 2.5)}).fit
+    """Importance sampling of the posterior itself over the box, and of the folded one: the same
+    evidence, one label.
+    """
+    twins = fit_curve(
+        "exp(-k*x) + exp(-q*x)",
+        T[:9],
+        np.exp(-0.5 * T[:9]) + np.exp(-T[:9]),
+        start={"k": 0.3, "q": 2.0},
+        u_y=0.3,
+        bounds={"k": (0.0, 3.0), "q": (0.0, 2.5)},
+    ).fit
     box = np.random.default_rng(0).uniform([0.0, 0.0], [3.0, 2.5], (40_000, 2))
     whole = np.exp(twins.posterior.log_density(box))
     half = np.exp(folded(twins.posterior, twins.symmetry, twins.values).log_density(box))
@@ -187,9 +275,24 @@ def test_folded_posterior_keeps_the_whole_integral() -> None:
     ("curve", "start", "n_label", "words"),
     [
         (TWO, {"a": 1.0, "b": 2.0, "k": 0.1, "q": 3.0}, 2, "a with b and k with q"),
-        ("a*exp(-k*x) - b*exp(-q*x) + c", {"a": 1.0, "b": 2.0, "k": 0.1, "q": 3.0, "c": 0.5}, 2, "a with b and k with q"),
-        ("a*exp(-k*x) + b*exp(-q*x) + c*exp(-r*x)", {"a": 1.0, "b": 2.0, "c": 0.7, "k": 0.1, "q": 3.0, "r": 0.6}, 6, "b with c and q with r"),
-        ("a*exp(-(x - m)**2/2/s**2) + b*exp(-(x - n)**2/2/t**2)", {"a": 1.0, "b": 2.0, "m": 3.0, "n": 6.0, "s": 1.0, "t": 0.7}, 8, "s with t"),
+        (
+            "a*exp(-k*x) - b*exp(-q*x) + c",
+            {"a": 1.0, "b": 2.0, "k": 0.1, "q": 3.0, "c": 0.5},
+            2,
+            "a with b and k with q",
+        ),
+        (
+            "a*exp(-k*x) + b*exp(-q*x) + c*exp(-r*x)",
+            {"a": 1.0, "b": 2.0, "c": 0.7, "k": 0.1, "q": 3.0, "r": 0.6},
+            6,
+            "b with c and q with r",
+        ),
+        (
+            "a*exp(-(x - m)**2/2/s**2) + b*exp(-(x - n)**2/2/t**2)",
+            {"a": 1.0, "b": 2.0, "m": 3.0, "n": 6.0, "s": 1.0, "t": 0.7},
+            8,
+            "s with t",
+        ),
         (SINE, {"A": 1.0, "f": 0.3, "p": 0.2}, 4, "-A, p + pi"),
         ("A*sin(radians(360*f*x + p))", {"A": 1.0, "f": 0.3, "p": 20.0}, 4, "-A, p + 180"),
         ("a**2*x", {"a": 2.0}, 2, "-a"),
@@ -199,28 +302,48 @@ def test_folded_posterior_keeps_the_whole_integral() -> None:
         ("a*exp(-x/tau) + c", {"a": 1e12, "tau": 2e12, "c": 0.0}, 1, ""),
     ],
 )
-def test_symmetries_of_a_curve_are_found_and_named(curve: str, start: dict[str, float], n_label: int, words: str) -> None:
+def test_symmetries_of_a_curve_are_found_and_named(
+    curve: str, start: dict[str, float], n_label: int, words: str
+) -> None:
     x = T * max(1.0, start.get("tau", 1.0))
     fit = fit_curve(curve, x, np.ones(T.size) + 0.01 * T, start=start, u_y=0.1, n_start=1)
-    found = find_symmetry(fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0))
+    found = find_symmetry(
+        fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0)
+    )
     assert found.shift.shape[0] == n_label
-    assert words in "; ".join(map(tell, same_curves(found, fit.names, np.array(list(start.values())))))
+    assert words in "; ".join(
+        map(tell, same_curves(found, fit.names, np.array(list(start.values()))))
+    )
 
 
 def test_a_full_turn_within_bounds_is_the_same_solution_and_said() -> None:
-    fit = swing(start={"A": 1.0, "f": 0.1, "p": 6.0}, bounds={"p": (0.0, 13.0), "f": (0.0, 0.5), "A": (0.0, None)})
+    fit = swing(
+        start={"A": 1.0, "f": 0.1, "p": 6.0},
+        bounds={"p": (0.0, 13.0), "f": (0.0, 0.5), "A": (0.0, None)},
+    )
     assert fit.status == "ok"
-    assert fit.values["p"] == pytest.approx(0.4 + 2.0 * np.pi, abs=0.1)  # the one closest to the start
+    # the one closest to the start
+    assert fit.values["p"] == pytest.approx(0.4 + 2.0 * np.pi, abs=0.1)
     assert "p + 2 pi" in fit.message
 
 
 def test_an_exchange_hides_no_other_solution() -> None:
-    """Two waves may be exchanged, and each may be an alias: the first is a note, the second is not."""
-    y = 2.0 * np.sin(2 * np.pi * 0.13 * WHOLE) + np.sin(2 * np.pi * 0.31 * WHOLE) + 0.02 * np.random.default_rng(2).standard_normal(20)
+    """Two waves may be exchanged, and each may be an alias: the first is a note, the second is
+    not.
+    """
+    y = (
+        2.0 * np.sin(2 * np.pi * 0.13 * WHOLE)
+        + np.sin(2 * np.pi * 0.31 * WHOLE)
+        + 0.02 * np.random.default_rng(2).standard_normal(20)
+    )
     curve, start = "A*sin(2*pi*f*x) + B*sin(2*pi*g*x)", {"A": 1.0, "B": 1.0, "f": 0.1, "g": 0.3}
-    several = fit_curve(curve, WHOLE, y, start=start, u_y=0.02, bounds={"f": (0.0, 1.0), "g": (0.0, 1.0)})
+    several = fit_curve(
+        curve, WHOLE, y, start=start, u_y=0.02, bounds={"f": (0.0, 1.0), "g": (0.0, 1.0)}
+    )
     assert several.status == "multimodal"
-    alone = fit_curve(curve, WHOLE, y, start=start, u_y=0.02, bounds={"f": (0.0, 0.5), "g": (0.0, 0.5)})
+    alone = fit_curve(
+        curve, WHOLE, y, start=start, u_y=0.02, bounds={"f": (0.0, 0.5), "g": (0.0, 0.5)}
+    )
     assert alone.status == "ok"
     assert "A with B and f with g" in alone.message
 
@@ -234,8 +357,14 @@ def simple(seed: int) -> CurveFit:
         "a*exp(-x/tau) + c": ({"a": 1.0, "tau": 2.0, "c": 0.0}, 3.0 * np.exp(-T / 4.0) + 1.0),
         "a + b*x + c*x**2": ({"a": 0.0, "b": 0.0, "c": 0.0}, 1.0 + 0.3 * T - 0.02 * T**2),
         "a*x/(k + x)": ({"a": 1.0, "k": 1.0}, 3.0 * T / (2.0 + T)),
-        "a*exp(-(x - m)**2/2/s**2)": ({"a": 1.0, "m": 4.0, "s": 2.0}, 3.0 * np.exp(-((T - 5.0) ** 2) / 2.0)),
-        "a*exp(-b*x)*cos(w*x + p)": ({"a": 1.0, "b": 0.3, "w": 3.0, "p": 0.0}, 3.0 * np.exp(-0.1 * T) * np.cos(4.0 * T + 0.5)),
+        "a*exp(-(x - m)**2/2/s**2)": (
+            {"a": 1.0, "m": 4.0, "s": 2.0},
+            3.0 * np.exp(-((T - 5.0) ** 2) / 2.0),
+        ),
+        "a*exp(-b*x)*cos(w*x + p)": (
+            {"a": 1.0, "b": 0.3, "w": 3.0, "p": 0.0},
+            3.0 * np.exp(-0.1 * T) * np.cos(4.0 * T + 0.5),
+        ),
     }
     curve = list(curves)[seed % len(curves)]
     start, truth = curves[curve]

@@ -1,6 +1,7 @@
 """Motion in time against an ODE solver that shares no code with it.
 
-The reference case (gamma .187, kappa .45, 60 deg, 4 deg, .15 m, 9.81 m/s^2) turns after 1.406236634838 s.
+The reference case (gamma .187, kappa .45, 60 deg, 4 deg, .15 m, 9.81 m/s^2) turns after
+1.406236634838 s.
 """
 
 from __future__ import annotations
@@ -12,17 +13,37 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import Body, Forces, back_and_forth, motion, positions_at, speed, trajectory, travel_time, turning_point
+from model import (
+    Body,
+    Forces,
+    back_and_forth,
+    motion,
+    positions_at,
+    speed,
+    trajectory,
+    travel_time,
+    turning_point,
+)
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}
-WHEEL = Body.from_masses(0.235, 11.7, 3.4, kappa=(0.203 / 0.235) ** 2, rho=0.178 / 0.235, mass_trailing=0.7, particle_gyration=0.019 / 0.235 / 2**0.5)
+WHEEL = Body.from_masses(
+    0.235,
+    11.7,
+    3.4,
+    kappa=(0.203 / 0.235) ** 2,
+    rho=0.178 / 0.235,
+    mass_trailing=0.7,
+    particle_gyration=0.019 / 0.235 / 2**0.5,
+)
 DOWN = {"phi": math.radians(-5.5), "theta0": math.radians(5.5), "g": 9.81}
 # a run uphill that turns, and a wheel that never stops; without and with resistance
 CASES = [
     pytest.param(PAPER, RUN, id="uphill"),
     pytest.param(PAPER, {**RUN, "rolling_resistance": 0.0028}, id="uphill-resisted"),
-    pytest.param(Body(0.15, 0.094, 0.45), {"phi": 0.07, "theta0": 1.31, "g": 9.81}, id="barely-starts"),
+    pytest.param(
+        Body(0.15, 0.094, 0.45), {"phi": 0.07, "theta0": 1.31, "g": 9.81}, id="barely-starts"
+    ),
     pytest.param(WHEEL, DOWN, id="wheel"),
     pytest.param(WHEEL, {**DOWN, "rolling_resistance": 0.03}, id="wheel-resisted"),
     pytest.param(Body(0.2, 0.0, 0.5), {"phi": -0.1, "theta0": 0.3, "g": 9.81}, id="balanced"),
@@ -42,20 +63,41 @@ by_numpy = pytest.mark.parametrize("engine", ["numpy"], indirect=True)  # how Nu
 
 
 def solve(body, run, last):
-    """Dense solution (theta, theta') of D theta'' = (g/R)(gamma sin theta - s) + gamma sin(theta + phi) theta'^2 from rest."""
-    phi, slope = run["phi"], math.sin(run["phi"]) + run.get("rolling_resistance", 0.0) * math.cos(run["phi"])
+    """Dense solution (theta, theta') of D theta'' = (g/R)(gamma sin theta - s) + gamma sin(theta +
+    phi) theta'^2 from rest.
+    """
+    phi, slope = (
+        run["phi"],
+        math.sin(run["phi"]) + run.get("rolling_resistance", 0.0) * math.cos(run["phi"]),
+    )
     gamma, inertia = body.gamma, body.inertia_ratio
 
     def motion(_, y):
         d = 1.0 + inertia + 2.0 * gamma * math.cos(y[0] + phi)
-        return [y[1], (run["g"] / body.radius * (gamma * math.sin(y[0]) - slope) + gamma * math.sin(y[0] + phi) * y[1] ** 2) / d]
+        return [
+            y[1],
+            (
+                run["g"] / body.radius * (gamma * math.sin(y[0]) - slope)
+                + gamma * math.sin(y[0] + phi) * y[1] ** 2
+            )
+            / d,
+        ]
 
     def at_rest(_, y):
         return y[1]
 
     at_rest.direction = -1.0
     at_rest.terminal = True
-    return solve_ivp(motion, (0.0, last), [run["theta0"], 0.0], method="DOP853", rtol=1e-12, atol=1e-13, dense_output=True, events=at_rest)
+    return solve_ivp(
+        motion,
+        (0.0, last),
+        [run["theta0"], 0.0],
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-13,
+        dense_output=True,
+        events=at_rest,
+    )
 
 
 @pytest.mark.parametrize(("body", "run"), CASES)
@@ -79,7 +121,17 @@ def test_travel_time_is_the_inverse_of_the_ode_solution(body, run):
 
 @pytest.mark.parametrize(("body", "run"), CASES)
 def test_position_at_the_travel_time_is_the_position(body, run):
-    end = min(float(turning_point(body, phi=run["phi"], theta0=run["theta0"], rolling_resistance=run.get("rolling_resistance", 0.0))), 4.0)
+    end = min(
+        float(
+            turning_point(
+                body,
+                phi=run["phi"],
+                theta0=run["theta0"],
+                rolling_resistance=run.get("rolling_resistance", 0.0),
+            )
+        ),
+        4.0,
+    )
     x = np.linspace(0.01, 0.999, 30) * end
     t = travel_time(x, body, **run)[0]
     assert np.all(np.diff(t) > 0.0)
@@ -95,10 +147,15 @@ def test_reference_travel_time_to_the_turning_point():
 
 def test_sixteen_nodes_reach_a_nanosecond_on_the_reference_case():
     end = float(turning_point(PAPER, phi=RUN["phi"], theta0=RUN["theta0"]))
-    assert travel_time(end, PAPER, **RUN, n_node=16)[0, 0] == pytest.approx(1.406236634838, abs=1e-9)
-    assert travel_time(end, PAPER, **RUN, n_node=6)[0, 0] != pytest.approx(1.406236634838, abs=1e-9)  # so few do not
+    assert travel_time(end, PAPER, **RUN, n_node=16)[0, 0] == pytest.approx(
+        1.406236634838, abs=1e-9
+    )
+    # so few do not
+    assert travel_time(end, PAPER, **RUN, n_node=6)[0, 0] != pytest.approx(1.406236634838, abs=1e-9)
     x = np.linspace(0.02, 0.98, 25) * end
-    assert np.abs(travel_time(x, PAPER, **RUN, n_node=16) - travel_time(x, PAPER, **RUN)).max() < 1e-7
+    assert (
+        np.abs(travel_time(x, PAPER, **RUN, n_node=16) - travel_time(x, PAPER, **RUN)).max() < 1e-7
+    )
 
 
 def test_the_solver_turns_where_the_travel_time_ends():
@@ -112,7 +169,9 @@ def test_uniform_acceleration_in_closed_form():
     x, v = trajectory(t, balanced, phi=-0.1, theta0=0.0, g=9.81)
     assert x[0] == pytest.approx(0.5 * acceleration * t**2, rel=1e-12)
     assert v[0] == pytest.approx(acceleration * t, rel=1e-12)
-    assert travel_time(x[0], balanced, phi=-0.1, theta0=0.0, g=9.81)[0] == pytest.approx(t, rel=1e-12)
+    assert travel_time(x[0], balanced, phi=-0.1, theta0=0.0, g=9.81)[0] == pytest.approx(
+        t, rel=1e-12
+    )
 
 
 def test_at_rest_before_the_release():
@@ -127,7 +186,11 @@ def test_nothing_is_said_after_the_turning_point():
     assert np.isnan(x[0]).tolist() == [False, True, True]
     assert np.isnan(v[0]).tolist() == [False, True, True]
     assert x[0, 0] == pytest.approx(0.449757007, abs=1e-8)
-    assert np.isnan(travel_time([0.4497, 0.4498, -0.01], PAPER, **RUN)[0]).tolist() == [False, True, True]
+    assert np.isnan(travel_time([0.4497, 0.4498, -0.01], PAPER, **RUN)[0]).tolist() == [
+        False,
+        True,
+        True,
+    ]
 
 
 def test_a_body_that_does_not_start_is_nowhere():
@@ -165,7 +228,11 @@ def test_a_way_too_long_to_be_resolved_is_nan_and_not_a_place():
 @by_numpy
 def test_a_turn_that_is_not_resolved_is_nan_and_not_rest(monkeypatch):
     # so close to the crest at its turning point that 48 points do not do
-    run = {"phi": math.radians(4.0), "theta0": 1e-2 + math.asin(math.sin(math.radians(4.0)) / 0.187), "g": 9.81}
+    run = {
+        "phi": math.radians(4.0),
+        "theta0": 1e-2 + math.asin(math.sin(math.radians(4.0)) / 0.187),
+        "g": 9.81,
+    }
     t = np.array([0.0, 0.4, 20.0])
     assert np.isfinite(back_and_forth(t, PAPER, **run)[0]).all()
     monkeypatch.setattr("model.motion._MOST_NODES", 48)
@@ -176,7 +243,8 @@ def test_a_turn_that_is_not_resolved_is_nan_and_not_rest(monkeypatch):
 
 @pytest.mark.parametrize("above", [1e-2, 1e-3, 1e-4])
 def test_a_body_that_barely_rolls_over_the_top_is_followed_through_its_slowest_moment(above):
-    # W at the first minimum (sin theta = s/gamma) is just above 0 for a slope a little steeper than the one that stops it there
+    # W at the first minimum (sin theta = s/gamma) is just above 0 for a slope a little steeper than
+    # the one that stops it there
     def lowest(phi):
         theta = 2 * math.pi + math.asin(math.sin(phi) / 0.187)
         return 0.187 * (math.cos(0.8) - math.cos(theta)) - (theta - 0.8) * math.sin(phi)
@@ -185,34 +253,54 @@ def test_a_body_that_barely_rolls_over_the_top_is_followed_through_its_slowest_m
     assert turning_point(PAPER, phi=run["phi"], theta0=0.8) == math.inf
     solution = solve(PAPER, run, 4.0)
     t = np.linspace(0.05, 4.0, 40)
-    assert trajectory(t, PAPER, **run)[0][0] == pytest.approx(0.15 * (solution.sol(t)[0] - 0.8), abs=1e-6)
+    assert trajectory(t, PAPER, **run)[0][0] == pytest.approx(
+        0.15 * (solution.sol(t)[0] - 0.8), abs=1e-6
+    )
 
 
 def test_draws_together_equal_one_by_one(rng):
     n_draw, t = 6, np.linspace(-0.1, 2.5, 40)
     columns = {
-        "radius": rng.uniform(0.1, 0.2, (n_draw, 1)), "gamma": rng.uniform(0.1, 0.2, (n_draw, 1)), "kappa": rng.uniform(0.3, 0.6, (n_draw, 1)),
-        "phi": np.array([[0.05], [0.07], [-0.3], [0.02], [-0.2], [0.3]]), "theta0": rng.uniform(0.9, 1.2, (n_draw, 1)),
-        "rolling_resistance": rng.uniform(0.0, 0.01, (n_draw, 1)), "g": rng.uniform(9.7, 9.9, (n_draw, 1)),
+        "radius": rng.uniform(0.1, 0.2, (n_draw, 1)),
+        "gamma": rng.uniform(0.1, 0.2, (n_draw, 1)),
+        "kappa": rng.uniform(0.3, 0.6, (n_draw, 1)),
+        "phi": np.array([[0.05], [0.07], [-0.3], [0.02], [-0.2], [0.3]]),
+        "theta0": rng.uniform(0.9, 1.2, (n_draw, 1)),
+        "rolling_resistance": rng.uniform(0.0, 0.01, (n_draw, 1)),
+        "g": rng.uniform(9.7, 9.9, (n_draw, 1)),
     }  # some turn, some roll for ever, the last does not start
 
     def evaluate(at):
         body = Body(at["radius"], at["gamma"], at["kappa"])
         motion = {name: at[name] for name in ("phi", "theta0", "rolling_resistance", "g")}
-        return (*trajectory(t, body, **motion), travel_time(np.linspace(0.0, 0.5, 11), body, **motion))
+        return (
+            *trajectory(t, body, **motion),
+            travel_time(np.linspace(0.0, 0.5, 11), body, **motion),
+        )
 
     together = evaluate(columns)
     assert [a.shape for a in together] == [(6, 40), (6, 40), (6, 11)]
     for row in range(n_draw):
-        for all_draws, one in zip(together, evaluate({k: float(v[row, 0]) for k, v in columns.items()}), strict=True):
+        for all_draws, one in zip(
+            together, evaluate({k: float(v[row, 0]) for k, v in columns.items()}), strict=True
+        ):
             assert all_draws[row] == pytest.approx(one[0], abs=2e-9, nan_ok=True)
     assert np.isnan(together[0][5, t > 0]).all()
     assert np.isfinite(together[0][2]).all()
 
 
 @pytest.mark.parametrize(("resistance", "t_max"), [(0.0, 6.0), (0.004, 6.0), (0.03, 4.0)])
-def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_way(resistance, t_max):
-    gamma, kappa, radius, phi, theta0, g = 0.187, 0.45, 0.15, np.radians(4.0), np.radians(60.0), 9.81
+def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_way(
+    resistance, t_max
+):
+    gamma, kappa, radius, phi, theta0, g = (
+        0.187,
+        0.45,
+        0.15,
+        np.radians(4.0),
+        np.radians(60.0),
+        9.81,
+    )
     j = (1.0 - gamma) * kappa + gamma
 
     def push(theta, way):
@@ -222,7 +310,11 @@ def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_w
         # rolling resistance as energy loss c_rr M g cos(phi) per length, as the phase curve has it
         def rate(t, y):
             turned = y[0] + phi
-            return [y[1], (g / radius * push(y[0], way) + gamma * np.sin(turned) * y[1] ** 2) / (1.0 + j + 2.0 * gamma * np.cos(turned))]
+            return [
+                y[1],
+                (g / radius * push(y[0], way) + gamma * np.sin(turned) * y[1] ** 2)
+                / (1.0 + j + 2.0 * gamma * np.cos(turned)),
+            ]
 
         return rate
 
@@ -233,7 +325,15 @@ def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_w
     t, x, state, clock, way = [], [], [theta0, 0.0], 0.0, 1.0
     while clock < t_max and way * push(state[0], way) > 0.0:
         state[1] = way * 1e-12
-        out = solve_ivp(rates(way), (0.0, t_max - clock), state, rtol=1e-11, atol=1e-12, events=stops, dense_output=True)
+        out = solve_ivp(
+            rates(way),
+            (0.0, t_max - clock),
+            state,
+            rtol=1e-11,
+            atol=1e-12,
+            events=stops,
+            dense_output=True,
+        )
         here = np.linspace(0.0, out.t[-1], 60)[1:-1]
         t.extend(clock + here)
         x.extend(radius * (out.sol(here)[0] - theta0))
@@ -244,7 +344,14 @@ def test_back_and_forth_is_the_equation_of_motion_with_resistance_against_each_w
     assert len(t) > 110
     assert np.ptp(np.diff(x)[50:110]) > 1e-3  # there is a way back
     body = Body(radius=radius, gamma=gamma, kappa=kappa)
-    ours, v = back_and_forth(np.array(t), body, phi=phi, theta0=np.array([[theta0], [theta0]]), rolling_resistance=resistance, g=g)
+    ours, v = back_and_forth(
+        np.array(t),
+        body,
+        phi=phi,
+        theta0=np.array([[theta0], [theta0]]),
+        rolling_resistance=resistance,
+        g=g,
+    )
     np.testing.assert_allclose(ours, np.broadcast_to(x, ours.shape), atol=2e-6)
     assert np.all(np.isfinite(v))
 
@@ -254,8 +361,13 @@ def test_each_draw_may_have_its_own_times_and_rests_before_release():
     t = np.array([[-0.1, 0.0, 0.5, 1.5], [-0.2, -0.1, 0.4, 1.4]])
     both, v = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians([[60.0], [60.0]]))
     for row, here in zip(both, t, strict=True):
-        np.testing.assert_allclose(row, back_and_forth(here, body, phi=np.radians(4.0), theta0=np.radians(60.0))[0][0], atol=1e-12)
-    same, _ = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians(60.0))  # one body, many clocks
+        np.testing.assert_allclose(
+            row,
+            back_and_forth(here, body, phi=np.radians(4.0), theta0=np.radians(60.0))[0][0],
+            atol=1e-12,
+        )
+    # one body, many clocks
+    same, _ = back_and_forth(t, body, phi=np.radians(4.0), theta0=np.radians(60.0))
     np.testing.assert_allclose(same, both, atol=1e-12)
     assert np.all(both[t <= 0.0] == 0.0)
     assert np.all(v[t <= 0.0] == 0.0)
@@ -263,7 +375,12 @@ def test_each_draw_may_have_its_own_times_and_rests_before_release():
 
 
 def test_a_body_that_cannot_start_stays():
-    x, v = back_and_forth([0.5, 1.0], Body(radius=0.15, gamma=0.1, kappa=0.45), phi=np.radians(10.0), theta0=np.radians(60.0))
+    x, v = back_and_forth(
+        [0.5, 1.0],
+        Body(radius=0.15, gamma=0.1, kappa=0.45),
+        phi=np.radians(10.0),
+        theta0=np.radians(60.0),
+    )
     assert np.all(x == 0.0)
     assert np.all(v == 0.0)
 
@@ -277,8 +394,16 @@ def test_no_draws_are_no_positions():
 
 def _draws(n, phi, theta0):
     rng = np.random.default_rng(5)
-    body = Body(radius=0.15, gamma=0.187 + 0.01 * rng.standard_normal((n, 1)), kappa=rng.uniform(0.0, 1.0, (n, 1)))
-    return body, {"phi": np.radians(phi + 0.2 * rng.standard_normal((n, 1))), "theta0": np.radians(theta0 + rng.standard_normal((n, 1))), "g": 9.81}
+    body = Body(
+        radius=0.15,
+        gamma=0.187 + 0.01 * rng.standard_normal((n, 1)),
+        kappa=rng.uniform(0.0, 1.0, (n, 1)),
+    )
+    return body, {
+        "phi": np.radians(phi + 0.2 * rng.standard_normal((n, 1))),
+        "theta0": np.radians(theta0 + rng.standard_normal((n, 1))),
+        "g": 9.81,
+    }
 
 
 @pytest.mark.parametrize(("phi", "theta0"), [(4.0, 60.0), (2.0, 40.0), (5.0, 36.0), (-5.5, 20.0)])
@@ -290,8 +415,14 @@ def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, 
     for i in range(30):
         one = Body(radius=0.15, gamma=float(body.gamma[i, 0]), kappa=float(body.kappa[i, 0]))
         there = np.isfinite(x[i])
-        back = travel_time(x[i][there], one, **{name: float(np.ravel(value)[i % np.size(value)]) for name, value in run.items()})
-        speeds = speed(x[i][there], one, phi=float(run["phi"][i, 0]), theta0=float(run["theta0"][i, 0]), g=9.81)[0]
+        back = travel_time(
+            x[i][there],
+            one,
+            **{name: float(np.ravel(value)[i % np.size(value)]) for name, value in run.items()},
+        )
+        speeds = speed(
+            x[i][there], one, phi=float(run["phi"][i, 0]), theta0=float(run["theta0"][i, 0]), g=9.81
+        )[0]
         assert np.nanmax(np.abs(back[0] - t[there]) * speeds, initial=0.0) < 1e-9
 
 
@@ -327,7 +458,8 @@ def test_draws_in_blocks_are_the_draws_together(monkeypatch):
 
 @by_numpy
 def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
-    # the third all but stops on its way: its neighbours have the digits that they have alone, at the price that they have alone
+    # the third all but stops on its way: its neighbours have the digits that they have alone, at
+    # the price that they have alone
     crest = math.asin(math.sin(math.radians(4.0)) / 0.187)
     theta0, gamma = np.array([[1.05], [0.9], [1e-4 + crest], [1.2]]), np.full((4, 1), 0.187)
     t, asked, clock = np.linspace(0.0, 2.5, 30), [], motion._clock
@@ -341,7 +473,13 @@ def test_only_the_draws_that_need_more_points_get_them(monkeypatch):
         together = forth(t, Body(0.15, gamma, 0.45), phi=math.radians(4.0), theta0=theta0, g=9.81)
         assert {n for n, fewest in asked if fewest > 48} == {1}
         for i in range(4):
-            alone = forth(t, Body(0.15, 0.187, 0.45), phi=math.radians(4.0), theta0=float(theta0[i, 0]), g=9.81)
+            alone = forth(
+                t,
+                Body(0.15, 0.187, 0.45),
+                phi=math.radians(4.0),
+                theta0=float(theta0[i, 0]),
+                g=9.81,
+            )
             for one, every in zip(alone, together, strict=True):
                 assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)
 
@@ -351,8 +489,18 @@ def test_a_later_way_is_computed_for_the_draws_that_make_it_alone(monkeypatch):
     # two of four stop before the last time; the others are still on their way
     theta0, gamma = np.array([[1.05], [1.2], [1.35], [1.5]]), np.full((4, 1), 0.187)
     place = {"phi": math.radians(4.0), "g": 9.81}
-    ends = [float(travel_time(turning_point(Body(0.15, 0.187, 0.45), phi=place["phi"], theta0=float(a)), Body(0.15, 0.187, 0.45),
-                              phi=place["phi"], theta0=float(a), g=9.81)[0, 0]) for a in theta0[:, 0]]
+    ends = [
+        float(
+            travel_time(
+                turning_point(Body(0.15, 0.187, 0.45), phi=place["phi"], theta0=float(a)),
+                Body(0.15, 0.187, 0.45),
+                phi=place["phi"],
+                theta0=float(a),
+                g=9.81,
+            )[0, 0]
+        )
+        for a in theta0[:, 0]
+    ]
     last = float(np.mean(np.sort(ends)[1:3]))
     t, asked, leg = np.linspace(0.0, last, 30), [], motion._leg
 
@@ -364,6 +512,10 @@ def test_a_later_way_is_computed_for_the_draws_that_make_it_alone(monkeypatch):
     together = back_and_forth(t, Body(0.15, gamma, 0.45), theta0=theta0, **place)
     assert asked == [4, 2]
     for i in range(4):
-        for one, every in zip(back_and_forth(t, Body(0.15, 0.187, 0.45), theta0=float(theta0[i, 0]), **place), together, strict=True):
+        for one, every in zip(
+            back_and_forth(t, Body(0.15, 0.187, 0.45), theta0=float(theta0[i, 0]), **place),
+            together,
+            strict=True,
+        ):
             assert every[i] == pytest.approx(one[0], rel=0, abs=1e-12)
     assert np.sum(np.any(together[1] < 0.0, axis=1)) == 2

@@ -1,4 +1,6 @@
-"""What a newcomer gets wrong: each slip is one line that says where it is and what to write instead, or a note in the report."""
+"""What a newcomer gets wrong: each slip is one line that says where it is and what to write
+instead, or a note in the report.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,9 @@ def write(folder: Path, noise: str = SPEEDS, head: str = "", tilt: str = "phi_de
 
 def refused(*arguments: object) -> str:
     """The one line that the command line says; fails where it says anything else."""
-    done = CliRunner().invoke(cli.cli, [str(argument) for argument in arguments], standalone_mode=False)
+    done = CliRunner().invoke(
+        cli.cli, [str(argument) for argument in arguments], standalone_mode=False
+    )
     assert isinstance(done.exception, EstimError), done.output
     assert "\n" not in str(done.exception)
     return str(done.exception)
@@ -58,21 +62,41 @@ def never_sampled(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("noise", "says"),
     [
-        ('{model = "positions", sigma_x_m = 0.001}', r"'model' must not be 'positions' for estim \w+, which needs speeds"),
-        ('{model = "positions", sigma_x_m = 0.001, robust = "mixture"}', r"'model' must not be 'positions'"),
-        ('{model = "independent", sigma_v_m_s = 0.01, derivative = "central", robust = "student-t"}', r"'robust' does not go with estim \w+"),
+        (
+            '{model = "positions", sigma_x_m = 0.001}',
+            r"'model' must not be 'positions' for estim \w+, which needs speeds",
+        ),
+        (
+            '{model = "positions", sigma_x_m = 0.001, robust = "mixture"}',
+            r"'model' must not be 'positions'",
+        ),
+        (
+            '{model = "independent", sigma_v_m_s = 0.01, derivative = "central", robust = '
+            '"student-t"}',
+            r"'robust' does not go with estim \w+",
+        ),
     ],
 )
-def test_energy_and_reanalysis_refuse_positions_and_robust_errors_at_once(tmp_path: Path, command: str, noise: str, says: str) -> None:
+def test_energy_and_reanalysis_refuse_positions_and_robust_errors_at_once(
+    tmp_path: Path, command: str, noise: str, says: str
+) -> None:
     campaign = write(tmp_path, noise)
-    line = next(n for n, text in enumerate(campaign.read_text().splitlines(), start=1) if "noise" in text)
-    assert re.match(rf"{re.escape(str(campaign))}:{line}: {says}", refused(command, campaign, "--out", tmp_path / "out"))
+    line = next(
+        n for n, text in enumerate(campaign.read_text().splitlines(), start=1) if "noise" in text
+    )
+    assert re.match(
+        rf"{re.escape(str(campaign))}:{line}: {says}",
+        refused(command, campaign, "--out", tmp_path / "out"),
+    )
     assert not (tmp_path / "out").exists()
 
 
 def test_decimal_commas_are_told_as_such(tmp_path: Path) -> None:
     for text, says in (
-        ("t_s,x_m\n0,0,0,1\n", r"a.csv:2: 'row' must have 2 cells \(decimal commas\? write decimal points, or"),
+        (
+            "t_s,x_m\n0,0,0,1\n",
+            r"a.csv:2: 'row' must have 2 cells \(decimal commas\? write decimal points, or",
+        ),
         ("t_s;x_m\n0;x\n", r"a.csv:2: 'x_m' must be a number: x"),
     ):
         (tmp_path / "a.csv").write_text(text)
@@ -82,10 +106,13 @@ def test_decimal_commas_are_told_as_such(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("noise", ["{sigma_x_m = 1.0}", '{model = "positions", sigma_x_m = 1.0}'])
 def test_reading_error_in_millimetres_is_asked_about(tmp_path: Path, noise: str) -> None:
-    assert "'sigma_x_m' must be well below the length of the run" in refused("fit", write(tmp_path, noise), "--out", tmp_path)
+    assert "'sigma_x_m' must be well below the length of the run" in refused(
+        "fit", write(tmp_path, noise), "--out", tmp_path
+    )
     assert "is it in mm?" in refused("fit", write(tmp_path, noise), "--out", tmp_path)
     reach = float(np.ptp(POSITIONS))
-    load_campaign(write(tmp_path, f'{{model = "positions", sigma_x_m = {0.09 * reach:.6f}}}'))  # just below the limit of a tenth
+    # just below the limit of a tenth
+    load_campaign(write(tmp_path, f'{{model = "positions", sigma_x_m = {0.09 * reach:.6f}}}'))
     with pytest.raises(InputError, match="well below"):
         load_campaign(write(tmp_path, noise.replace("1.0", f"{0.11 * reach:.6f}")))
 
@@ -93,7 +120,11 @@ def test_reading_error_in_millimetres_is_asked_about(tmp_path: Path, noise: str)
 def test_missing_run_file_names_its_line_in_the_campaign(tmp_path: Path) -> None:
     campaign = write(tmp_path)
     (tmp_path / "r.csv").unlink()
-    line = next(n for n, text in enumerate(campaign.read_text().splitlines(), start=1) if text.startswith("file"))
+    line = next(
+        n
+        for n, text in enumerate(campaign.read_text().splitlines(), start=1)
+        if text.startswith("file")
+    )
     says = refused("fit", campaign)
     assert says.startswith(f"{campaign}:{line}: 'file' cannot be found")
     assert says.endswith("names are relative to the folder of the campaign file): r.csv")
@@ -102,7 +133,10 @@ def test_missing_run_file_names_its_line_in_the_campaign(tmp_path: Path) -> None
 def test_wrong_run_is_told_as_the_option_it_was_given_by(tmp_path: Path) -> None:
     campaign = write(tmp_path)
     for command in ("fit", "energy"):
-        assert refused(command, campaign, "--run", "x") == f"{campaign}: '--run' must name one of the runs (r): x"
+        assert (
+            refused(command, campaign, "--run", "x")
+            == f"{campaign}: '--run' must name one of the runs (r): x"
+        )
 
 
 def test_least_p_value_is_told_as_a_limit() -> None:
@@ -113,18 +147,31 @@ def test_least_p_value_is_told_as_a_limit() -> None:
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
 def test_least_p_value_is_a_limit_wherever_it_is_told(tmp_path: Path, project: Path) -> None:
-    """A line through a cooling curve fails three tests as clearly as simulation can tell; counts scatter as much."""
+    """A line through a cooling curve fails three tests as clearly as simulation can tell; counts
+    scatter as much.
+    """
     tea = project / "data" / "tutorial" / "tea.csv"
-    done = runner().invoke(cli.cli, ["fit", str(tea), "--formula", "a + b*t", "--out", str(tmp_path / "out")])
+    done = runner().invoke(
+        cli.cli, ["fit", str(tea), "--formula", "a + b*t", "--out", str(tmp_path / "out")]
+    )
     minutes, temperature = np.loadtxt(tea, delimiter=",", skiprows=2, unpack=True)
     line = fit_curve("a + b*x", minutes, temperature, u_y=0.3)
-    counts = fit_curve("m + 0*x", np.arange(20.0), np.tile([20, 80], 10), start={"m": 10.0}, noise="poisson")
-    said = [done.output + done.stderr, (tmp_path / "out" / "report.md").read_text(), str(line.reasons), counts.summary()]
+    counts = fit_curve(
+        "m + 0*x", np.arange(20.0), np.tile([20, 80], 10), start={"m": 10.0}, noise="poisson"
+    )
+    said = [
+        done.output + done.stderr,
+        (tmp_path / "out" / "report.md").read_text(),
+        str(line.reasons),
+        counts.summary(),
+    ]
     assert all(re.search("p.<.5e-5", text) for text in said)
     assert not any(re.search("p.=.5.0e-5", text) for text in said)
 
 
-def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(tmp_path: Path) -> None:
+def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wrong(
+    tmp_path: Path,
+) -> None:
     """Random errors twice as large as stated: infer them.  A drift: do not."""
     from estim.checks.diagnosis import failed_tests
     from estim.checks.goodness import check_goodness
@@ -133,10 +180,14 @@ def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wro
 
     def advice(errors: np.ndarray) -> str:
         pattern = load_campaign(write(tmp_path, '{model = "positions", sigma_x_m = 0.001}'))
-        table = replace(pattern.tables["r"], columns=MappingProxyType({"t_s": TIMES, "x_m": POSITIONS + errors}))
+        table = replace(
+            pattern.tables["r"], columns=MappingProxyType({"t_s": TIMES, "x_m": POSITIONS + errors})
+        )
         problem = replace(pattern, tables=MappingProxyType({"r": table})).problem(["r"])
         fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
-        return " ".join(advice_for(failed_tests(check_goodness(fit, rng=np.random.default_rng(2)), dof=fit.dof)))
+        return " ".join(
+            advice_for(failed_tests(check_goodness(fit, rng=np.random.default_rng(2)), dof=fit.dof))
+        )
 
     noise = np.random.default_rng(3).standard_normal(TIMES.size)
     assert 'sigma_x_m = {prior = "log-normal"' in advice(0.003 * noise)
@@ -146,21 +197,43 @@ def test_size_of_errors_is_to_be_inferred_only_where_nothing_but_the_size_is_wro
 
 
 def tilted(folder: Path, tilt: str) -> tuple[Campaign, tuple[str, ...], tuple[str, ...]]:
-    head = "# made by estim import\n# track 'A' of a.trk\n# tilt of the fitted line 4.300 deg against the x axis, positive uphill, standard"
-    head += " uncertainty 0.020 deg from the scatter of the points alone\n# warning: 2 of 30 frames are missing\n"
+    head = (
+        "# made by estim import\n# track 'A' of a.trk\n# tilt of the fitted line 4.300 deg "
+        "against the x axis, positive uphill, standard"
+    )
+    head += (
+        " uncertainty 0.020 deg from the scatter of the points alone\n# warning: 2 of 30 "
+        "frames are missing\n"
+    )
     campaign = load_campaign(write(folder, head=head, tilt=tilt))
     problem = campaign.problem(["r"])
-    return campaign, *(told(campaign.tables["r"], problem.runs[0], problem) for told in (origin_facts, origin_warnings))
+    return campaign, *(
+        told(campaign.tables["r"], problem.runs[0], problem)
+        for told in (origin_facts, origin_warnings)
+    )
 
 
 @pytest.mark.parametrize(
     ("tilt", "warned"),
-    [('phi_deg = "4.0(4)"', False), ('phi_deg = "4.26(2)"', False), ('phi_deg = "4.0(1)"', False), ('phi_deg = "4.0(9)"', False),
-     ('phi_deg = "4.20(1)"', True), ("phi_deg = 4.0", True), ("phi_deg = -4.3", True),
-     ('phi_deg = "4.0(1)"\nphi_zero_deg = "0.00(5)"', False), ('phi_deg = "3.9(1)"', True), ('phi_deg = "3.9(1)"\nphi_zero_deg = "0.0(2)"', False)],
+    [
+        ('phi_deg = "4.0(4)"', False),
+        ('phi_deg = "4.26(2)"', False),
+        ('phi_deg = "4.0(1)"', False),
+        ('phi_deg = "4.0(9)"', False),
+        ('phi_deg = "4.20(1)"', True),
+        ("phi_deg = 4.0", True),
+        ("phi_deg = -4.3", True),
+        ('phi_deg = "4.0(1)"\nphi_zero_deg = "0.00(5)"', False),
+        ('phi_deg = "3.9(1)"', True),
+        ('phi_deg = "3.9(1)"\nphi_zero_deg = "0.0(2)"', False),
+    ],
 )
-def test_tilt_of_the_track_stands_beside_the_stated_one_and_a_contradiction_is_a_warning(tmp_path: Path, tilt: str, warned: bool) -> None:
-    """4.30(2) deg from the track: three combined standard uncertainties are the limit, the common zero error counts."""
+def test_tilt_of_the_track_stands_beside_the_stated_one_and_a_contradiction_is_a_warning(
+    tmp_path: Path, tilt: str, warned: bool
+) -> None:
+    """4.30(2) deg from the track: three combined standard uncertainties are the limit, the common
+    zero error counts.
+    """
     campaign, facts, warnings = tilted(tmp_path, tilt)
     found = campaign.tables["r"].tilt
     assert found is not None
@@ -175,7 +248,12 @@ def test_tilt_of_the_track_stands_beside_the_stated_one_and_a_contradiction_is_a
 def test_tilt_is_read_as_it_was_written() -> None:
     assert stated_tilt(()) is None
     assert stated_tilt(("tilt of the fitted line ? deg",)) is None
-    found = stated_tilt(("tilt of the fitted line -87.274 deg against the x axis, positive uphill, standard uncertainty 0.042 deg from",))
+    found = stated_tilt(
+        (
+            "tilt of the fitted line -87.274 deg against the x axis, positive uphill, "
+            "standard uncertainty 0.042 deg from",
+        )
+    )
     assert found == Quantity(np.radians(-87.274), np.radians(0.042))
 
 
@@ -188,7 +266,9 @@ def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path)
     from estim.sampling.chain import Target
 
     campaign, facts, warnings = tilted(tmp_path, 'phi_deg = "4.20(1)"\nunmodelled_force = 0')
-    files = analysis_report(campaign, analyse(campaign, ["r"], seed=1, target=Target(ess=200, max_step=200)))
+    files = analysis_report(
+        campaign, analyse(campaign, ["r"], seed=1, target=Target(ess=200, max_step=200))
+    )
     for text in (*facts, *warnings):
         assert text in files["report.md"].decode().replace("\u00a0", " ")
         assert text in files["result.json"].decode()
@@ -197,15 +277,27 @@ def test_facts_and_warnings_of_a_file_stand_in_report_and_result(tmp_path: Path)
 @pytest.mark.parametrize(
     ("noise", "offset", "said"),
     [
-        ("{sigma_x_m = 0.0008}", "", ['if it is a single reading, state offset_m, e.g. offset_m = "0.0000(8)"']),
-        ('{model = "independent", sigma_v_m_s = 0.01, derivative = "central"}', "", ['offset_m = "0.0000(10)"']),
+        (
+            "{sigma_x_m = 0.0008}",
+            "",
+            ['if it is a single reading, state offset_m, e.g. offset_m = "0.0000(8)"'],
+        ),
+        (
+            '{model = "independent", sigma_v_m_s = 0.01, derivative = "central"}',
+            "",
+            ['offset_m = "0.0000(10)"'],
+        ),
         ("{sigma_x_m = 0.0008}", 'offset_m = "0.0000(8)"\n', []),
         ("{sigma_x_m = 0.0008}", "offset_m = 0.0\n", []),
         ('{model = "positions", sigma_x_m = 0.0008}', "", []),
     ],
 )
-def test_a_zero_that_is_taken_as_exact_is_said(tmp_path: Path, noise: str, offset: str, said: list[str]) -> None:
-    run = load_campaign(write(tmp_path, noise, tilt=f"{offset}phi_deg = 4.0")).problem(["r"]).runs[0]
+def test_a_zero_that_is_taken_as_exact_is_said(
+    tmp_path: Path, noise: str, offset: str, said: list[str]
+) -> None:
+    run = (
+        load_campaign(write(tmp_path, noise, tilt=f"{offset}phi_deg = 4.0")).problem(["r"]).runs[0]
+    )
     facts = speed_facts(run)
     assert len(facts) == len(said)
     for fact, words in zip(facts, said, strict=True):
@@ -214,7 +306,9 @@ def test_a_zero_that_is_taken_as_exact_is_said(tmp_path: Path, noise: str, offse
 
 
 @pytest.mark.parametrize(("frames", "said"), [(20, True), (4, False)])
-def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(tmp_path: Path, frames: int, said: bool) -> None:
+def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(
+    tmp_path: Path, frames: int, said: bool
+) -> None:
     campaign = write(tmp_path, tilt="offset_m = 0.0\nphi_deg = 4.0")
     step = TIMES[1] - TIMES[0]
     with (tmp_path / "r.csv").open("a") as file:
@@ -231,9 +325,15 @@ def test_frames_of_the_way_back_that_a_fit_of_positions_would_use_are_said(tmp_p
 
 @pytest.mark.parametrize(
     ("written", "says"),
-    [("0,03", "must be a number as 0.03, or"), ("30 mV", "must be a number without a unit of its own, in that of the key"), ("0.1.2", "as 4.0, or")],
+    [
+        ("0,03", "must be a number as 0.03, or"),
+        ("30 mV", "must be a number without a unit of its own, in that of the key"),
+        ("0.1.2", "as 4.0, or"),
+    ],
 )
-def test_an_uncertainty_that_is_no_number_is_told_how_one_is_written(tmp_path: Path, written: str, says: str) -> None:
+def test_an_uncertainty_that_is_no_number_is_told_how_one_is_written(
+    tmp_path: Path, written: str, says: str
+) -> None:
     (tmp_path / "cap.csv").write_text("t;U\n0;1\n1;2\n2;3\n3;4\n")
     assert says in refused("fit", tmp_path / "cap.csv", "--formula", "a*t + b", "--u-y", written)
 
@@ -241,22 +341,57 @@ def test_an_uncertainty_that_is_no_number_is_told_how_one_is_written(tmp_path: P
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('kind = "measured"', 'kind = "mesured"', ":2: 'kind' must be one of synthetic, measured, published (did you mean 'measured'?): mesured"),
+        (
+            'kind = "measured"',
+            'kind = "mesured"',
+            ":2: 'kind' must be one of synthetic, measured, published (did you mean "
+            "'measured'?): mesured",
+        ),
         ("[[runs]]", "[[run]]", ":9: 'run' is not a known key here (did you mean 'runs'?)"),
-        ("u_y = 0.1", 'noise = {model = "event-time"}', ":7: 'model' must be one of poisson, binomial, event-times (did you mean 'event-times'?): "),
-        ("a = {}", 'a = {prior = "half-norml"}', ":8: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal, beta (did"),
-        ("u_y = 0.1", 'u_y = {prior = "gauss"}', ":7: 'prior' must be one of normal, uniform, half-normal, log-normal, truncated-normal, beta"),
-        ('kind = "measured"', 'kind = "it\'s"', ":2: 'kind' must be one of synthetic, measured, published: it's"),
-        ('kind = "measured"', "kind = 'say \"measured\"'", ":2: 'kind' must be one of synthetic, measured, published (did you mean 'measured'?)"),
-        ('kind = "measured"', 'kind = "it\'s \\"so\\""', ":2: 'kind' must be one of synthetic, measured, published: it's \"so\""),
+        (
+            "u_y = 0.1",
+            'noise = {model = "event-time"}',
+            ":7: 'model' must be one of poisson, binomial, event-times (did you mean "
+            "'event-times'?): ",
+        ),
+        (
+            "a = {}",
+            'a = {prior = "half-norml"}',
+            ":8: 'prior' must be one of normal, uniform, half-normal, log-normal, "
+            "truncated-normal, beta (did",
+        ),
+        (
+            "u_y = 0.1",
+            'u_y = {prior = "gauss"}',
+            ":7: 'prior' must be one of normal, uniform, half-normal, log-normal, "
+            "truncated-normal, beta",
+        ),
+        (
+            'kind = "measured"',
+            'kind = "it\'s"',
+            ":2: 'kind' must be one of synthetic, measured, published: it's",
+        ),
+        (
+            'kind = "measured"',
+            "kind = 'say \"measured\"'",
+            ":2: 'kind' must be one of synthetic, measured, published (did you mean 'measured'?)",
+        ),
+        (
+            'kind = "measured"',
+            'kind = "it\'s \\"so\\""',
+            ":2: 'kind' must be one of synthetic, measured, published: it's \"so\"",
+        ),
         ("a = {}", "a = {start = nan}", ":8: 'a' 'start' must be finite: nan"),
         ("a = {}", "a = {start = 1.0, high = nan}", ":8: 'a' 'high' must be a number: nan"),
         ("a = {}", "a = {start = 3.0, high = 2.0}", ":8: 'a' 'start' must lie within [-inf, 2]: 3"),
     ],
 )
-def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path: Path, old: str, new: str, says: str) -> None:
+def test_a_word_that_is_none_of_the_choices_is_told_them(
+    tmp_path: Path, old: str, new: str, says: str
+) -> None:
     lines = (
-        'title = "c"', 'kind = "measured"', "[curve]", 'expression = "a*x"', 'x = "t"', 'y = "U"', "u_y = 0.1", "parameters = {a = {}}", "[[runs]]",
+        'title = "c"', 'kind = "measured"', "[curve]", 'expression = "a*x"', 'x = "t"', 'y = "U"',
+        "u_y = 0.1", "parameters = {a = {}}", "[[runs]]",
         'name = "c"', 'file = "cap.csv"',
     )  # fmt: skip
     text = "\n".join(lines)
@@ -266,16 +401,30 @@ def test_a_word_that_is_none_of_the_choices_is_told_them(tmp_path: Path, old: st
     assert refused("fit", tmp_path / "c.toml").startswith(f"{tmp_path / 'c.toml'}{says}")
 
 
-def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_asked_for(tmp_path: Path) -> None:
+def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_asked_for(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "events.csv"
     for name in ("t (s)", "t in s"):
         path.write_text(f"{name}\n0,5\n1,25\n2,0\n")
-        assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv").columns["t"].tolist() == [0.5, 1.25, 2.0]
+        assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv").columns[
+            "t"
+        ].tolist() == [0.5, 1.25, 2.0]
     path.write_text("t\n0,5\n1,25\n2,0\n")
-    with pytest.raises(InputError, match=r"must have 1 cells \(decimal commas\? --decimal comma, or decimal = \"comma\"\)"):
+    with pytest.raises(
+        InputError,
+        match=r"must have 1 cells \(decimal commas\? --decimal comma, or decimal = \"comma\"\)",
+    ):
         read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv")
-    assert "the comma is taken to part the cells: if it is the decimal mark, say --decimal comma" in refused("fit", path, "--formula", "a*t")
+    assert (
+        "the comma is taken to part the cells: if it is the decimal mark, say --decimal comma"
+        in refused("fit", path, "--formula", "a*t")
+    )
     stated = Dialect(decimal="comma")
-    assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv", dialect=stated).columns["t"].tolist() == [0.5, 1.25, 2.0]
+    assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv", dialect=stated).columns[
+        "t"
+    ].tolist() == [0.5, 1.25, 2.0]
     path.write_text("t,n\n1,2\n2,3\n3,4\n")
-    assert read_columns(path, needed=["t", "n"], min_rows=3, shown_as="e.csv").columns["n"].tolist() == [2.0, 3.0, 4.0]
+    assert read_columns(path, needed=["t", "n"], min_rows=3, shown_as="e.csv").columns[
+        "n"
+    ].tolist() == [2.0, 3.0, 4.0]

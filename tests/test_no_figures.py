@@ -1,4 +1,6 @@
-"""Reports without figures: the same text and numbers, no link to what is not there, nothing that draws loaded, no figure of an earlier report."""
+"""Reports without figures: the same text and numbers, no link to what is not there, nothing that
+draws loaded, no figure of an earlier report.
+"""
 
 from __future__ import annotations
 
@@ -38,11 +40,23 @@ def lines(text: str) -> list[str]:
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
-    ("runs", "some"), [(["heavy-04"], {"phase", "force", "directions"}), (["heavy-02", "heavy-04"], {"consistency", "residuals_together"})]
+    ("runs", "some"),
+    [
+        (["heavy-04"], {"phase", "force", "directions"}),
+        (["heavy-02", "heavy-04"], {"consistency", "residuals_together"}),
+    ],
 )
-def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_about_them(replica: Path, runs: list[str], some: set[str]) -> None:
+def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_about_them(
+    replica: Path, runs: list[str], some: set[str]
+) -> None:
     campaign = load_campaign(replica / "campaign.toml")
-    analysis = analyse(campaign, runs, seed=1, target=Target(ess=400), complete="" if len(runs) == 1 else "two runs, which cost less")
+    analysis = analyse(
+        campaign,
+        runs,
+        seed=1,
+        target=Target(ess=400),
+        complete="" if len(runs) == 1 else "two runs, which cost less",
+    )
     whole, bare = (analysis_report(campaign, analysis, figures=wanted) for wanted in (True, False))
     assert shown(whole) == drawn(whole) >= {f"figures/{name}.png" for name in some}
     assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
@@ -54,7 +68,9 @@ def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_
 @pytest.mark.usefixtures("undrawn")
 def test_a_line_without_its_figure(replica: Path) -> None:
     campaign = load_campaign(replica / "campaign.toml")
-    analysis = analyse_line(read_theta_min(campaign.source), gamma_masses=None, seed=1, target=Target(ess=400))
+    analysis = analyse_line(
+        read_theta_min(campaign.source), gamma_masses=None, seed=1, target=Target(ess=400)
+    )
     whole, bare = (line_report(campaign, analysis, figures=wanted) for wanted in (True, False))
     assert shown(whole) == drawn(whole) == {"figures/line.png"}
     assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
@@ -66,24 +82,40 @@ def test_a_report_shows_no_figure_that_it_does_not_have() -> None:
     """Figures that only some fits have: one parameter, one run."""
     x = [0.1 * i for i in range(8)]
     fit = fit_curve("a*x", x, [2.0 * one for one in x], u_y=0.05, start={"a": 1.0})
-    files = curve_report(fit, sample_curve(fit, seed=1, target=Target(ess=400)), title="one", kind="synthetic")
+    files = curve_report(
+        fit, sample_curve(fit, seed=1, target=Target(ess=400)), title="one", kind="synthetic"
+    )
     assert shown(files) == drawn(files)
 
 
 def test_every_figure_of_every_template_is_asked_whether_it_is_there(project: Path) -> None:
     for template in (project / "estim" / "reports" / "templates").glob("*.j2"):
         assert "![" not in template.read_text(), template
-    assert render("consistency.md.j2", pictures=["figures/consistency.png"], **EMPTY).count("![") == 1
+    assert (
+        render("consistency.md.j2", pictures=["figures/consistency.png"], **EMPTY).count("![") == 1
+    )
     assert "![" not in render("consistency.md.j2", **EMPTY)
 
 
-EMPTY = {"consistency": {"agree": True, "verdict": "", "dof": 0, "shared": []}, "reject_below": 0.0, "limits_only": True}
+EMPTY = {
+    "consistency": {"agree": True, "verdict": "", "dof": 0, "shared": []},
+    "reject_below": 0.0,
+    "limits_only": True,
+}
 
 
 def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Path) -> None:
-    code = "import sys\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit: print(*sorted(sys.modules))"
+    code = (
+        "import sys\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit: "
+        "print(*sorted(sys.modules))"
+    )
     arguments = ["fit", Disk().write(tmp_path), "--out", tmp_path / "out", "--no-figures"]
-    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     loaded = set(done.stdout.splitlines()[-1].split())
     assert {"estim.reports.curve_figures", "jinja2", "lmfit.minimizer", "emcee"} <= loaded
     assert not {"matplotlib.figure", "matplotlib.pyplot", "corner", "xarray"} & loaded
@@ -92,14 +124,35 @@ def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Pat
 
 
 def test_every_command_that_draws_can_do_without(project: Path) -> None:
-    having = {name for name, command in cli.commands.items() if any(one.name == "no_figures" for one in command.params)}
+    having = {
+        name
+        for name, command in cli.commands.items()
+        if any(one.name == "no_figures" for one in command.params)
+    }
     assert having == set(cli.commands) - {"simulate", "import", "body", "new", "verify", "diff"}
     passed = [
-        (ast.unparse(call.func), {one.arg: ast.unparse(one.value) for one in call.keywords}.get("figures"))
-        for file in ("calibrating", "commands", "comparing", "mapping", "models", "planning", "propagating", "release", "straight")
+        (
+            ast.unparse(call.func),
+            {one.arg: ast.unparse(one.value) for one in call.keywords}.get("figures"),
+        )
+        for file in (
+            "calibrating",
+            "commands",
+            "comparing",
+            "mapping",
+            "models",
+            "planning",
+            "propagating",
+            "release",
+            "straight",
+        )
         for call in ast.walk(ast.parse((project / "estim" / "cli" / f"{file}.py").read_text()))
-        if isinstance(call, ast.Call) and ast.unparse(call.func).endswith(("_report", "compare_models"))
+        if isinstance(call, ast.Call)
+        and ast.unparse(call.func).endswith(("_report", "compare_models"))
     ]
     asked = {"not no_figures", "figures", "drawn"}
-    assert {name for name, wanted in passed if wanted not in asked} == {"index_report", "write_report"}
+    assert {name for name, wanted in passed if wanted not in asked} == {
+        "index_report",
+        "write_report",
+    }
     assert len(passed) > 12

@@ -1,7 +1,8 @@
-"""The noise of differentiated positions: what it claims, against brute-force simulation of that noise.
+"""The noise of differentiated positions: what it claims, against brute-force simulation of that
+noise.
 
-The simulation shares no code with the likelihood: positions come from the equation of motion by an ODE solver, get
-independent normal errors, and are differenced by hand.
+The simulation shares no code with the likelihood: positions come from the equation of motion by an
+ODE solver, get independent normal errors, and are differenced by hand.
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ from estim.problem.likelihood import Points
 from estim.problem.noise import Independent, Scale
 from estim.reading.run import Run
 
-G, RADIUS, GAMMA, KAPPA, PHI, THETA0, SIGMA = 9.81, 0.15, 0.187, 0.45, np.radians(4.0), np.radians(60.0), 0.001
+G, RADIUS, GAMMA, KAPPA, PHI, THETA0, SIGMA = (
+    9.81,
+    0.15,
+    0.187,
+    0.45,
+    np.radians(4.0),
+    np.radians(60.0),
+    0.001,
+)
 TRUTH = {"gamma[heavy]": GAMMA, "kappa[heavy]": KAPPA, "theta0[r]": THETA0}
 
 CAMPAIGN = """
@@ -47,13 +56,18 @@ INDEPENDENT = f'{{model = "independent", sigma_v_m_s = {SIGMA * 30.0 / np.sqrt(2
 
 
 def true_positions(t: np.ndarray) -> np.ndarray:
-    """x(t) from the equation of motion: D theta'' = (g/R)(gamma sin theta - sin phi) + gamma sin(theta + phi) theta'^2."""
+    """x(t) from the equation of motion: D theta'' = (g/R)(gamma sin theta - sin phi) + gamma
+    sin(theta + phi) theta'^2.
+    """
     j = (1.0 - GAMMA) * KAPPA + GAMMA
 
     def rates(_: float, y: np.ndarray) -> list[float]:
         theta, rate = y
         inertia = 1.0 + j + 2.0 * GAMMA * np.cos(theta + PHI)
-        force = G / RADIUS * (GAMMA * np.sin(theta) - np.sin(PHI)) + GAMMA * np.sin(theta + PHI) * rate**2
+        force = (
+            G / RADIUS * (GAMMA * np.sin(theta) - np.sin(PHI))
+            + GAMMA * np.sin(theta + PHI) * rate**2
+        )
         return [rate, force / inertia]
 
     solution = solve_ivp(rates, [0.0, t[-1]], [THETA0, 0.0], t_eval=t, rtol=1e-10, atol=1e-12)
@@ -87,11 +101,15 @@ def with_positions(campaign: Campaign, x: np.ndarray) -> Campaign:
     return replace(campaign, tables={"r": table})
 
 
-def repeated_fits(campaign: Campaign, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+def repeated_fits(
+    campaign: Campaign, n: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """Estimates and claimed standard deviations of `n` repetitions of the experiment."""
     fits: list[Fit] = []
     for _ in range(n):
-        problem = with_positions(campaign, POSITIONS + SIGMA * rng.standard_normal(TIMES.size)).problem(["r"])
+        problem = with_positions(
+            campaign, POSITIONS + SIGMA * rng.standard_normal(TIMES.size)
+        ).problem(["r"])
         fits.append(fit_least_squares(problem, rng=rng, n_start=1))
     return np.array([f.values for f in fits]), np.sqrt(np.array([np.diag(f.cov) for f in fits]))
 
@@ -99,10 +117,15 @@ def repeated_fits(campaign: Campaign, n: int, rng: np.random.Generator) -> tuple
 def test_independent_points_take_no_square_matrix(rng: np.random.Generator) -> None:
     """At 3000 points one is 72 MB."""
     n = 3000
-    noise, curve = Independent(Scale(0.1), Scale(0.2), rng.uniform(1.0, 2.0, n)), read_formula("a + b*x")
+    noise, curve = (
+        Independent(Scale(0.1), Scale(0.2), rng.uniform(1.0, 2.0, n)),
+        read_formula("a + b*x"),
+    )
     tracemalloc.start()
     named = {"a": 1.0, "b": 2.0}
-    likelihood = noise.likelihood(Points(curve, np.linspace(0.0, 1.0, n), np.zeros(n), {"a": "a", "b": "b"}), named)
+    likelihood = noise.likelihood(
+        Points(curve, np.linspace(0.0, 1.0, n), np.zeros(n), {"a": "a", "b": "b"}), named
+    )
     sd, whitened = likelihood.sd(named), likelihood.whitened(named, ("a", "b"))
     taken = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -112,7 +135,9 @@ def test_independent_points_take_no_square_matrix(rng: np.random.Generator) -> N
 
 
 @pytest.mark.statistics
-def test_differentiated_noise_claims_the_scatter_that_brute_force_shows(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_differentiated_noise_claims_the_scatter_that_brute_force_shows(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     n = 500
     campaign = campaign_file(tmp_path, DIFFERENTIATED)
     values, sds = repeated_fits(campaign, n, rng)
@@ -127,7 +152,9 @@ def test_differentiated_noise_claims_the_scatter_that_brute_force_shows(tmp_path
 
 
 @pytest.mark.statistics
-def test_treating_the_same_speeds_as_independent_misstates_the_scatter(tmp_path: Path, rng: np.random.Generator) -> None:
+def test_treating_the_same_speeds_as_independent_misstates_the_scatter(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
     campaign = campaign_file(tmp_path, INDEPENDENT)
     values, sds = repeated_fits(campaign, 200, rng)
     theta0 = campaign.problem(["r"]).names.index("theta0[r]")

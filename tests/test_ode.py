@@ -25,7 +25,9 @@ VALUES = {"w": 3.0, "b": 0.2, "s0": 1.5}
 
 
 def test_a_damped_oscillation_is_that_in_closed_form_with_its_derivatives() -> None:
-    curve, exact = (wrap_function(one, tuple(VALUES), T, VALUES) for one in (ode(damped, ["s0", 0.0]), closed))
+    curve, exact = (
+        wrap_function(one, tuple(VALUES), T, VALUES) for one in (ode(damped, ["s0", 0.0]), closed)
+    )
     assert (curve.derivatives, curve.broadcasts, exact.derivatives) == ("complex", True, "dual")
     ours, theirs = curve.local(T, VALUES), exact.local(T, VALUES)
     assert ours.value == pytest.approx(theirs.value, abs=1e-8)
@@ -39,15 +41,25 @@ def test_a_damped_oscillation_is_that_in_closed_form_with_its_derivatives() -> N
 def test_a_fit_by_the_equation_is_that_by_its_solution() -> None:
     y = 2.0 * np.exp(-1.3 * T) + 0.02 * np.random.default_rng(1).standard_normal(T.size)
     start = {"y0": 1.0, "k": 1.0}
-    fits = [fit_curve(one, T, y, u_y=0.02, start=start, n_start=1) for one in (ode(lambda t, y, k: [-k * y[0]], ["y0"]), "y0*exp(-k*x)")]
+    fits = [
+        fit_curve(one, T, y, u_y=0.02, start=start, n_start=1)
+        for one in (ode(lambda t, y, k: [-k * y[0]], ["y0"]), "y0*exp(-k*x)")
+    ]
     assert fits[0].status == fits[1].status == "ok"
     assert fits[0].values == pytest.approx(fits[1].values, rel=1e-5)
     assert fits[0].sds == pytest.approx(fits[1].sds, rel=1e-3)
-    assert fit_curve(ode(lambda t, y, k: [-k], ["y0"]), T, y, u_y=0.02, start=start).status == "poor-fit"
+    assert (
+        fit_curve(ode(lambda t, y, k: [-k], ["y0"]), T, y, u_y=0.02, start=start).status
+        == "poor-fit"
+    )
 
 
 def test_what_is_observed_may_be_computed_and_need_no_complex_numbers() -> None:
-    free = ode(lambda t, s, g: [s[1], -abs(float(g))], ["h", 0.0], observed=lambda t, states, g: 100.0 * states[0])
+    free = ode(
+        lambda t, s, g: [s[1], -abs(float(g))],
+        ["h", 0.0],
+        observed=lambda t, states, g: 100.0 * states[0],
+    )
     values = {"h": 7.0, "g": 9.81}
     curve = wrap_function(free, ("h", "g"), T[::3], values)
     assert (curve.derivatives, curve.broadcasts) == ("differences", False)

@@ -16,8 +16,14 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 SYSTEMS = [
-    {"python_version": python, "python_full_version": f"{python}.1", "sys_platform": system, "platform_python_implementation": "CPython"}
-    for python in ("3.11", "3.12", "3.13") for system in ("linux", "darwin", "win32")
+    {
+        "python_version": python,
+        "python_full_version": f"{python}.1",
+        "sys_platform": system,
+        "platform_python_implementation": "CPython",
+    }
+    for python in ("3.11", "3.12", "3.13")
+    for system in ("linux", "darwin", "win32")
 ]
 
 
@@ -36,7 +42,11 @@ def locked(project: Path) -> list[Requirement]:
 
 @pytest.fixture
 def pinned(project: Path) -> list[Requirement]:
-    return [Requirement(line) for line in (project / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    return [
+        Requirement(line)
+        for line in (project / "constraints.txt").read_text().splitlines()
+        if not line.startswith("#")
+    ]
 
 
 def test_the_lock_file_holds_names_versions_and_hashes_only(project: Path) -> None:
@@ -44,25 +54,41 @@ def test_the_lock_file_holds_names_versions_and_hashes_only(project: Path) -> No
     for line in (project / "requirements.lock").read_text().splitlines():
         is_hash = re.fullmatch(r"    --hash=sha256:[0-9a-f]{64}( \\)?", line) is not None
         n_hash += is_hash
-        assert is_hash or re.fullmatch(r"[a-z0-9-]+==[0-9a-z.]+( ; [a-z_]+ [<>=!]+ '[\w.]+')? \\", line), line
+        assert is_hash or re.fullmatch(
+            r"[a-z0-9-]+==[0-9a-z.]+( ; [a-z_]+ [<>=!]+ '[\w.]+')? \\", line
+        ), line
     assert n_hash > 1000
 
 
-@pytest.mark.parametrize("system", SYSTEMS, ids=lambda s: f"{s['python_version']}-{s['sys_platform']}")
-def test_the_lock_file_has_the_pinned_versions(locked: list[Requirement], pinned: list[Requirement], system: dict[str, str]) -> None:
+@pytest.mark.parametrize(
+    "system", SYSTEMS, ids=lambda s: f"{s['python_version']}-{s['sys_platform']}"
+)
+def test_the_lock_file_has_the_pinned_versions(
+    locked: list[Requirement], pinned: list[Requirement], system: dict[str, str]
+) -> None:
     assert versions(locked, system) == versions(pinned, system)
 
 
-def test_the_lock_file_has_all_that_the_project_asks_for(project: Path, locked: list[Requirement]) -> None:
+def test_the_lock_file_has_all_that_the_project_asks_for(
+    project: Path, locked: list[Requirement]
+) -> None:
     table = tomllib.loads((project / "pyproject.toml").read_text())
     extras = table["project"]["optional-dependencies"]
-    assert extras.keys() == {"arviz", "dask", "dev", "fast", "pdf", "test"}  # a cluster brings its own dask; WeasyPrint needs libraries of the system
-    asked = [*table["project"]["dependencies"], *(r for name, extra in extras.items() if name not in ("dask", "pdf") for r in extra)]
+    # a cluster brings its own dask; WeasyPrint needs libraries of the system
+    assert extras.keys() == {"arviz", "dask", "dev", "fast", "pdf", "test"}
+    asked = [
+        *table["project"]["dependencies"],
+        *(r for name, extra in extras.items() if name not in ("dask", "pdf") for r in extra),
+    ]
     for system in SYSTEMS:
         found = versions(locked, system)
-        for requirement in (Requirement(text) for text in [*asked, *table["build-system"]["requires"]]):
+        for requirement in (
+            Requirement(text) for text in [*asked, *table["build-system"]["requires"]]
+        ):
             if requirement.name != "estim":
-                assert requirement.specifier.contains(found[canonicalize_name(requirement.name)]), requirement
+                assert requirement.specifier.contains(found[canonicalize_name(requirement.name)]), (
+                    requirement
+                )
 
 
 @pytest.fixture(scope="module")
@@ -72,15 +98,29 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("hatchling is not installed: it comes with requirements.lock")
     out = tmp_path_factory.mktemp("dist")
     project = Path(__file__).parents[1]
-    subprocess.run([sys.executable, "-m", "hatchling", "build", "-d", str(out)], cwd=project, capture_output=True, check=True)
+    subprocess.run(
+        [sys.executable, "-m", "hatchling", "build", "-d", str(out)],
+        cwd=project,
+        capture_output=True,
+        check=True,
+    )
     return out
 
 
-def test_the_wheel_holds_both_packages_with_their_types_and_nothing_else(built: Path, project: Path) -> None:
+def test_the_wheel_holds_both_packages_with_their_types_and_nothing_else(
+    built: Path, project: Path
+) -> None:
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
-    sources = {path.relative_to(project).as_posix() for package in ("model", "estim") for path in (project / package).rglob("*") if path.is_file()}
-    assert {name for name in names if ".dist-info/" not in name} == {name for name in sources if "__pycache__" not in name}
+    sources = {
+        path.relative_to(project).as_posix()
+        for package in ("model", "estim")
+        for path in (project / package).rglob("*")
+        if path.is_file()
+    }
+    assert {name for name in names if ".dist-info/" not in name} == {
+        name for name in sources if "__pycache__" not in name
+    }
     assert {"model/py.typed", "estim/py.typed"} <= names
     (entry,) = (name for name in names if name.endswith("entry_points.txt"))
     assert "estim = estim.__main__:main" in zipfile.ZipFile(wheel).read(entry).decode()
@@ -90,8 +130,12 @@ def test_the_source_archive_holds_every_file_of_the_project(built: Path, project
     (archive,) = built.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
         held = {name.partition("/")[2] for name in tar.getnames()}
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=project, capture_output=True, text=True, check=False)
+    listed = subprocess.run(
+        ["git", "ls-files", "-z"], cwd=project, capture_output=True, text=True, check=False
+    )
     if listed.returncode != 0:
         pytest.skip("not a clone: nothing says which files belong to the project")
     assert set(filter(None, listed.stdout.split("\0"))) - held == set()
-    assert not [name for name in held if name.startswith(("out/", ".venv")) or "__pycache__" in name]
+    assert not [
+        name for name in held if name.startswith(("out/", ".venv")) or "__pycache__" in name
+    ]

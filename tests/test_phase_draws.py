@@ -1,4 +1,6 @@
-"""The phase curve of many draws at once: matrix products give what the formula gives for each draw by itself."""
+"""The phase curve of many draws at once: matrix products give what the formula gives for each draw
+by itself.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ from model import Body, phase
 
 def literal(angle, gamma, j, theta0, phi, resistance):
     """W/D as it is written, in extended precision, cos theta0 - cos theta as a product."""
-    angle, gamma, j, theta0, phi, resistance = (np.asarray(a, dtype=np.longdouble) for a in (angle, gamma, j, theta0, phi, resistance))
+    angle, gamma, j, theta0, phi, resistance = (
+        np.asarray(a, dtype=np.longdouble) for a in (angle, gamma, j, theta0, phi, resistance)
+    )
     fall = 2.0 * np.sin(theta0 + 0.5 * angle) * np.sin(0.5 * angle)
     work = gamma * fall - angle * (np.sin(phi) + resistance * np.cos(phi))
     return work / (1.0 + j + 2.0 * gamma * np.cos(theta0 + angle + phi))
@@ -18,10 +22,18 @@ def literal(angle, gamma, j, theta0, phi, resistance):
 
 @pytest.mark.parametrize("per_draw_radius", [False, True])
 @pytest.mark.parametrize("scale", [1e-9, 1e-4, 1.0])
-def test_many_draws_at_once_give_the_formula_to_rounding_also_close_to_the_release(per_draw_radius, scale, rng):
+def test_many_draws_at_once_give_the_formula_to_rounding_also_close_to_the_release(
+    per_draw_radius, scale, rng
+):
     n = 300
     column = lambda low, high: rng.uniform(low, high, (n, 1))  # noqa: E731
-    gamma, kappa, theta0, phi, resistance = column(0.05, 0.4), column(0.0, 1.0), column(-1.0, 3.0), column(-0.3, 0.3), column(0.0, 0.01)
+    gamma, kappa, theta0, phi, resistance = (
+        column(0.05, 0.4),
+        column(0.0, 1.0),
+        column(-1.0, 3.0),
+        column(-0.3, 0.3),
+        column(0.0, 0.01),
+    )
     radius = column(0.1, 0.2) if per_draw_radius else 0.15
     body = Body(radius=radius, gamma=gamma, kappa=kappa)
     x = scale * np.linspace(0.0, 0.8, 40)
@@ -33,8 +45,15 @@ def test_many_draws_at_once_give_the_formula_to_rounding_also_close_to_the_relea
     assert np.all(np.abs(ratio - expected) <= 3e-15 * np.abs(angle))
     # 1 - cos u taken literally would lose everything there: the bound can fail
     if scale == 1e-9:
-        crude = gamma * (np.cos(theta0) - np.cos(theta0 + angle)) - angle * phase.effective_slope(phi, resistance)
-        assert np.any(np.abs(crude / (1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta0 + phi)) - expected) > 3e-15 * np.abs(angle))
+        crude = gamma * (np.cos(theta0) - np.cos(theta0 + angle)) - angle * phase.effective_slope(
+            phi, resistance
+        )
+        assert np.any(
+            np.abs(
+                crude / (1.0 + body.inertia_ratio + 2.0 * gamma * np.cos(theta0 + phi)) - expected
+            )
+            > 3e-15 * np.abs(angle)
+        )
 
 
 def test_speeds_do_not_depend_on_the_draws_beside_them(rng):

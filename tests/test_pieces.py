@@ -1,4 +1,6 @@
-"""Finished pieces are used again where nothing that decides them has changed, whole ones only; what is not estim's stays as it is."""
+"""Finished pieces are used again where nothing that decides them has changed, whole ones only; what
+is not estim's stays as it is.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,13 @@ class Record:
 
 def record() -> Record:
     told = (Finding(Kind.RHAT_HIGH, size=1.02, numbers={"limit": 1.01}),)
-    return Record(np.float64(2.5), np.arange(6.0).reshape(2, 3), np.array([True, False]), told, {0.025: np.array([np.nan, np.inf])})
+    return Record(
+        np.float64(2.5),
+        np.arange(6.0).reshape(2, 3),
+        np.array([True, False]),
+        told,
+        {0.025: np.array([np.nan, np.inf])},
+    )
 
 
 def kept(store: PieceStore, name: str = "a") -> Record | None:
@@ -76,7 +84,9 @@ def test_a_piece_comes_back_as_it_was(tmp_path: Path) -> None:
     assert kept(store, "b") is None
 
 
-def test_whatever_decides_a_piece_decides_whether_it_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_whatever_decides_a_piece_decides_whether_it_is_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     store = PieceStore(tmp_path, None, (1, "seed")).given(QUICK)
     store.piece("a", Record, record)
     assert kept(PieceStore(tmp_path).given(1, "seed", Target(ess=300.0))) is not None
@@ -86,7 +96,10 @@ def test_whatever_decides_a_piece_decides_whether_it_is_found(tmp_path: Path, mo
     assert kept(store) is None
 
 
-@pytest.mark.parametrize("damage", ["shorter", "longer", "a bit", "empty", "of another", "pickled", "objects", "another record"])
+@pytest.mark.parametrize(
+    "damage",
+    ["shorter", "longer", "a bit", "empty", "of another", "pickled", "objects", "another record"],
+)
 def test_a_damaged_or_forged_piece_is_computed_again(tmp_path: Path, damage: str) -> None:
     store = PieceStore(tmp_path)
     store.piece("a", Record, record)
@@ -100,12 +113,28 @@ def test_a_damaged_or_forged_piece_is_computed_again(tmp_path: Path, damage: str
 
         return _digest(path.stem, content) + content
 
-    path.write_bytes({
-        "shorter": data[:-1], "longer": data + b"\0", "a bit": data[:99] + bytes([data[99] ^ 1]) + data[100:], "empty": b"",
-        "of another": other.read_bytes(), "pickled": signed(pickle.dumps(record())),
-        "objects": signed(msgspec.msgpack.encode({"size": 1.0, "values": ["|O", [1], b"8"], "holds": ["|b1", [0], b""], "told": [], "ends": {}})),
-        "another record": signed(msgspec.msgpack.encode({"size": "large"})),
-    }[damage])
+    path.write_bytes(
+        {
+            "shorter": data[:-1],
+            "longer": data + b"\0",
+            "a bit": data[:99] + bytes([data[99] ^ 1]) + data[100:],
+            "empty": b"",
+            "of another": other.read_bytes(),
+            "pickled": signed(pickle.dumps(record())),
+            "objects": signed(
+                msgspec.msgpack.encode(
+                    {
+                        "size": 1.0,
+                        "values": ["|O", [1], b"8"],
+                        "holds": ["|b1", [0], b""],
+                        "told": [],
+                        "ends": {},
+                    }
+                )
+            ),
+            "another record": signed(msgspec.msgpack.encode({"size": "large"})),
+        }[damage]
+    )
     assert kept(store) is None
     store.piece("a", Record, record)
     assert kept(store) is not None
@@ -137,13 +166,18 @@ def test_a_link_in_the_place_of_a_piece_is_not_followed(tmp_path: Path) -> None:
 
 def decays() -> Fit:
     rng, x = np.random.default_rng(2), np.linspace(0.0, 1.0, 9)
-    ys = [size * np.exp(-1.3 * x) + 0.05 * rng.standard_normal(x.size) for size in (0.8, 1.0, 1.2, 1.1)]
+    ys = [
+        size * np.exp(-1.3 * x) + 0.05 * rng.standard_normal(x.size)
+        for size in (0.8, 1.0, 1.2, 1.1)
+    ]
     problem = problem_of(DECAY, {"rate": Normal(1.0, 0.5)}, {"size": Normal(1.0, 0.3)}, x, ys, 0.05)
     return fit_least_squares(problem, rng=np.random.default_rng(3), n_start=1)
 
 
 @pytest.mark.parametrize("marginal", [False, True])
-def test_an_analysis_with_draws_that_were_kept_is_the_one_that_made_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, marginal: bool) -> None:
+def test_an_analysis_with_draws_that_were_kept_is_the_one_that_made_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, marginal: bool
+) -> None:
     fit, store = decays(), PieceStore(tmp_path)
     first = analyse_fit(fit, seed=1, target=QUICK, store=store, marginal=marginal)
     monkeypatch.setattr("estim.pipeline._drawn", lambda *_, **__: pytest.fail("it was sampled"))
@@ -151,7 +185,10 @@ def test_an_analysis_with_draws_that_were_kept_is_the_one_that_made_them(tmp_pat
     assert np.array_equal(again.chain.draws, first.chain.draws)
     assert np.array_equal(again.chain.log_density, first.chain.log_density)
     assert again.chain.convergence.message == first.chain.convergence.message
-    assert (again.diagnosis.reasons, again.diagnosis.notes) == (first.diagnosis.reasons, first.diagnosis.notes)
+    assert (again.diagnosis.reasons, again.diagnosis.notes) == (
+        first.diagnosis.reasons,
+        first.diagnosis.notes,
+    )
     assert str(again) == str(first)
     assert (again.certificate is None) == marginal
     for other in ({"seed": 2}, {"seed": 1, "target": replace(QUICK, ess=301.0)}):
@@ -169,11 +206,23 @@ def in_a_process(*words: str) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGKILL")
-def test_a_calibration_that_is_killed_ends_with_the_same_bytes(tmp_path: Path, project: Path) -> None:
-    choices = [str(Disk().write(tmp_path)), "--what", "coverage", "--simulations", "20", "--jobs", "1"]
+def test_a_calibration_that_is_killed_ends_with_the_same_bytes(
+    tmp_path: Path, project: Path
+) -> None:
+    choices = [
+        str(Disk().write(tmp_path)),
+        "--what",
+        "coverage",
+        "--simulations",
+        "20",
+        "--jobs",
+        "1",
+    ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(project)}
     command = in_a_process("calibrate", *choices, "--out", str(tmp_path / "killed"))
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     place = tmp_path / "killed" / ".checkpoint"
     while len(list(place.glob("*.piece"))) < 3 and process.poll() is None:
         time.sleep(0.02)
@@ -181,7 +230,9 @@ def test_a_calibration_that_is_killed_ends_with_the_same_bytes(tmp_path: Path, p
     process.wait()
     n_kept = len(list(place.glob("*.piece")))
     assert 3 <= n_kept < 20
-    done = CliRunner().invoke(cli, ["calibrate", *choices, "--out", str(tmp_path / "killed"), "--resume"])
+    done = CliRunner().invoke(
+        cli, ["calibrate", *choices, "--out", str(tmp_path / "killed"), "--resume"]
+    )
     assert f"finished pieces: {n_kept}; those made from the same inputs are used" in done.output
     assert not place.exists()
     CliRunner().invoke(cli, ["calibrate", *choices, "--out", str(tmp_path / "whole")])
@@ -192,8 +243,14 @@ def test_a_calibration_that_is_killed_ends_with_the_same_bytes(tmp_path: Path, p
 def fit(folder: Path, *options: str) -> tuple[int, str, str]:
     if not (folder / "campaign.toml").exists():
         LINE.write(folder)
-    done = runner().invoke(cli, ["fit", str(folder / "campaign.toml"), "--out", str(folder / "out"), *options])
-    return done.exit_code, done.stdout, str(done.exception) if isinstance(done.exception, EstimError) else done.stderr
+    done = runner().invoke(
+        cli, ["fit", str(folder / "campaign.toml"), "--out", str(folder / "out"), *options]
+    )
+    return (
+        done.exit_code,
+        done.stdout,
+        str(done.exception) if isinstance(done.exception, EstimError) else done.stderr,
+    )
 
 
 @pytest.mark.parametrize("link", [".checkpoint", ".checkpoint/.lock", "figures"])
@@ -208,7 +265,11 @@ def test_a_link_below_the_folder_of_the_report_is_refused_before_anything_is_sam
     place.parent.mkdir(parents=True)
     place.symlink_to(precious / "thesis.tex" if link.endswith(".lock") else precious)
     _, out, err = fit(tmp_path)
-    assert (out, err) == ("", f"{place}: is a symbolic link, and estim follows none here: remove it, or choose another folder")
+    assert (out, err) == (
+        "",
+        f"{place}: is a symbolic link, and estim follows none here: remove it, or choose "
+        "another folder",
+    )
     assert {path.name: path.read_text() for path in precious.iterdir()} == {"thesis.tex": "mine"}
     assert place.is_symlink()
 

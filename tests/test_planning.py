@@ -1,4 +1,6 @@
-"""What to measure next: expected standard deviations against closed forms, refits of changed campaigns, and simulated campaigns."""
+"""What to measure next: expected standard deviations against closed forms, refits of changed
+campaigns, and simulated campaigns.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 
 NOTHING = Wish("as things are", OTHERWISE)
 PAIR = ("heavy-02", "heavy-04")
-LINE = '''title = "A line"
+LINE = """title = "A line"
 kind = "synthetic"
 [curve]
 expression = "a + b*x"
@@ -41,12 +43,14 @@ b = {start = 1.0}
 [[runs]]
 name = "line"
 file = "line.csv"
-'''
+"""
 
 
 @pytest.fixture(scope="module")
 def pair() -> RollingBasis:
-    campaign = load_campaign(Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml")
+    campaign = load_campaign(
+        Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml"
+    )
     fit = campaign.fit(campaign.problem(PAIR), rng=np.random.default_rng(1))
     return rolling_basis(campaign, PAIR, fit)
 
@@ -54,12 +58,16 @@ def pair() -> RollingBasis:
 def line(folder: Path, more: str = "", text: str = LINE) -> Path:
     x = np.arange(10.0)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(5).standard_normal(10)
-    (folder / "line.csv").write_text("x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True)))
+    (folder / "line.csv").write_text(
+        "x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True))
+    )
     (folder / "campaign.toml").write_text(text + more)
     return folder / "campaign.toml"
 
 
-def changed(folder: Path, replica: Path, *, pairs: tuple[tuple[str, str], ...] = (), more: str = "") -> Path:
+def changed(
+    folder: Path, replica: Path, *, pairs: tuple[tuple[str, str], ...] = (), more: str = ""
+) -> Path:
     """The replica's campaign with other text, beside links to its data."""
     text = (replica / "campaign.toml").read_text()
     for old, new in pairs:
@@ -77,56 +85,83 @@ def changed(folder: Path, replica: Path, *, pairs: tuple[tuple[str, str], ...] =
 
 
 def test_foreseen_at_the_data_at_hand_is_what_the_fit_knows(pair: RollingBasis) -> None:
-    """No code shared: the fit takes the force from its own mixture, the plan makes it anew from tracks and amplitudes."""
+    """No code shared: the fit takes the force from its own mixture, the plan makes it anew from
+    tracks and amplitudes.
+    """
     fit, posed = pair.fit, pair.campaign.problem(PAIR)
     sizes = force_sizes(fit.posterior, fit.values)
-    expected_information = pair.campaign.study.expected_information(posed, pair.campaign.tables, fit.values, sizes)
+    expected_information = pair.campaign.study.expected_information(
+        posed, pair.campaign.tables, fit.values, sizes
+    )
     scale = np.sqrt(np.diag(fit.cov))
     there = np.linalg.inv(expected_information)
     # it has the speeds of the curve, the fit those of the data
     assert np.abs((there - fit.cov) / np.outer(scale, scale)).max() < 0.04
     assert np.abs(np.sqrt(np.diag(there)) / scale - 1.0).max() < 0.02
     without = pair.campaign.study.expected_information(posed, pair.campaign.tables, fit.values, {})
-    assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.2  # without start and force it is another
+    # without start and force it is another
+    assert np.abs(np.sqrt(np.diag(np.linalg.inv(without))) / scale - 1.0).max() > 0.2
 
 
 def test_without_errors_it_is_nearly_the_same(pair: RollingBasis) -> None:
     here = pair.outlook(NOTHING)
     assert here.problem.names == pair.fit.names
-    assert np.sqrt(np.diag(np.linalg.inv(here.information))) == pytest.approx(np.sqrt(np.diag(pair.fit.cov)), rel=0.05)
+    assert np.sqrt(np.diag(np.linalg.inv(here.information))) == pytest.approx(
+        np.sqrt(np.diag(pair.fit.cov)), rel=0.05
+    )
 
 
 # one thing at a time
 
 
-def test_a_better_protractor_is_what_a_campaign_that_states_it_gives(pair: RollingBasis, tmp_path: Path, replica: Path) -> None:
-    other = load_campaign(changed(tmp_path, replica, pairs=(('"1.10(40)"', '"1.10(10)"'), ('"3.69(40)"', '"3.69(10)"'))))
+def test_a_better_protractor_is_what_a_campaign_that_states_it_gives(
+    pair: RollingBasis, tmp_path: Path, replica: Path
+) -> None:
+    other = load_campaign(
+        changed(
+            tmp_path, replica, pairs=(('"1.10(40)"', '"1.10(10)"'), ('"3.69(40)"', '"3.69(10)"'))
+        )
+    )
     fit, here = pair.fit, pair.outlook(NOTHING)
     problem = other.problem(PAIR)
     sizes = force_sizes(fit.posterior, fit.values)
     stated = other.study.expected_information(problem, other.tables, fit.values, sizes)
-    plain = pair.campaign.study.expected_information(pair.campaign.problem(PAIR), pair.campaign.tables, fit.values, sizes)
+    plain = pair.campaign.study.expected_information(
+        pair.campaign.problem(PAIR), pair.campaign.tables, fit.values, sizes
+    )
     k = fit.names.index("kappa[heavy]")
     truth = np.sqrt(np.linalg.inv(stated)[k, k] / np.linalg.inv(plain)[k, k])
     (target,) = targets_of(pair.campaign, fit.problem, ["kappa"])
     u = {name: np.radians(0.1) for name in fit.names if name.startswith("phi")}
-    assert sds_with(here, u, [target])[0] / sds_with(here, {}, [target])[0] == pytest.approx(truth, rel=0.01)
+    assert sds_with(here, u, [target])[0] / sds_with(here, {}, [target])[0] == pytest.approx(
+        truth, rel=0.01
+    )
     assert truth < 0.95
 
 
 def test_a_run_is_repeated_as_if_it_were_independent(pair: RollingBasis) -> None:
-    """Where nothing but the readings is uncertain, n equal runs leave 1/sqrt(n): all priors taken away but that of kappa."""
+    """Where nothing but the readings is uncertain, n equal runs leave 1/sqrt(n): all priors taken
+    away but that of kappa.
+    """
     fit = pair.fit
     runs = tuple(NewRun(f"again-{i}", "heavy-04", {}) for i in range(3))
     there = pair.outlook(Wish("", MORE, runs=runs))
-    names = [name for name in there.problem.names if name.startswith(("theta0", "phi")) and "heavy-02" not in name]
+    names = [
+        name
+        for name in there.problem.names
+        if name.startswith(("theta0", "phi")) and "heavy-02" not in name
+    ]
     known = dict.fromkeys([*names, "gamma[heavy]", "radius"], 1e-9)
     (kappa,) = targets_of(pair.campaign, fit.problem, ["kappa"])
     unforced = RollingBasis(pair.campaign, ("heavy-04",), _alone(pair), pair.release, {}, pair.ramp)
     known |= {"rolling_resistance": 1e-9}
     one, four = unforced.outlook(NOTHING), unforced.outlook(Wish("", MORE, runs=runs))
-    here, more = ({name: u for name, u in known.items() if name in look.problem.names} for look in (one, four))
-    assert sds_with(four, more, [kappa])[0] / sds_with(one, here, [kappa])[0] == pytest.approx(0.5, rel=0.02)
+    here, more = (
+        {name: u for name, u in known.items() if name in look.problem.names} for look in (one, four)
+    )
+    assert sds_with(four, more, [kappa])[0] / sds_with(one, here, [kappa])[0] == pytest.approx(
+        0.5, rel=0.02
+    )
 
 
 def _alone(pair: RollingBasis):
@@ -138,7 +173,11 @@ def test_more_of_everything_never_harms_and_better_is_better(pair: RollingBasis)
     targets = targets_of(pair.campaign, pair.fit.problem, ["kappa", "gamma"])
     here = pair.outlook(NOTHING)
     now = sds_with(here, {}, targets)
-    for wish in (Wish("", OTHERWISE, frames=2.0), Wish("", OTHERWISE, error=0.5), *measured_better(here.problem)):
+    for wish in (
+        Wish("", OTHERWISE, frames=2.0),
+        Wish("", OTHERWISE, error=0.5),
+        *measured_better(here.problem),
+    ):
         assert np.all(weigh(pair, here, wish, targets, now).ratio <= 1.0 + 1e-3)
     worse = weigh(pair, here, Wish("", OTHERWISE, error=3.0), targets, now)
     assert np.all(worse.ratio > 1.01)
@@ -154,12 +193,24 @@ def test_another_particle_on_the_same_disk_shares_its_kappa(pair: RollingBasis) 
     assert there.values[there.problem.names.index("phi[new]")] == 0.1
 
 
-@pytest.mark.parametrize(("said", "why"), [
-    ({"phi": Quantity(np.radians(14.0))}, "does not start"), ({"theta0": Quantity(np.radians(5.0))}, "does not start"),
-])
-def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(pair: RollingBasis, said: dict[str, Quantity], why: str) -> None:
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ({"phi": Quantity(np.radians(14.0))}, "does not start"),
+        ({"theta0": Quantity(np.radians(5.0))}, "does not start"),
+    ],
+)
+def test_a_run_that_cannot_be_measured_is_said_and_not_ranked(
+    pair: RollingBasis, said: dict[str, Quantity], why: str
+) -> None:
     (kappa,) = targets_of(pair.campaign, pair.fit.problem, ["kappa"])
-    option = weigh(pair, pair.outlook(NOTHING), Wish("", MORE, runs=(NewRun("new", "heavy-04", said),)), [kappa], np.array([1.0]))
+    option = weigh(
+        pair,
+        pair.outlook(NOTHING),
+        Wish("", MORE, runs=(NewRun("new", "heavy-04", said),)),
+        [kappa],
+        np.array([1.0]),
+    )
     assert why in option.reason
     assert option.u.size == 0
 
@@ -178,8 +229,10 @@ def test_readings_of_a_line_do_what_the_closed_form_says(tmp_path: Path) -> None
 
     x = np.arange(10.0)
     for wish, expected in (
-        (NOTHING, closed(x)), (Wish("", MORE, readings=(Readings("line", 12.0, 3),)), closed(np.r_[x, 12.0, 12.0, 12.0])),
-        (Wish("", OTHERWISE, frames=2.0), closed(np.repeat(x, 2))), (Wish("", OTHERWISE, error=0.5), closed(x, 0.05)),
+        (NOTHING, closed(x)),
+        (Wish("", MORE, readings=(Readings("line", 12.0, 3),)), closed(np.r_[x, 12.0, 12.0, 12.0])),
+        (Wish("", OTHERWISE, frames=2.0), closed(np.repeat(x, 2))),
+        (Wish("", OTHERWISE, error=0.5), closed(x, 0.05)),
     ):
         assert sds_with(basis.outlook(wish), wish.u, [b])[0] == pytest.approx(expected, rel=1e-6)
 
@@ -189,7 +242,10 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
     found = plan(campaign, ["line"], seed=1)
     (along,) = found.along
     assert along.x[np.argmin(along.ratio[0])] == along.x.max() > 9.0
-    assert np.argmax(along.ratio[0]) in (np.argmin(np.abs(along.x - 4.5)), np.argmin(np.abs(along.x - 4.5)) - 1)
+    assert np.argmax(along.ratio[0]) in (
+        np.argmin(np.abs(along.x - 4.5)),
+        np.argmin(np.abs(along.x - 4.5)) - 1,
+    )
     assert found.now == pytest.approx(found.drawn, rel=0.1)
     assert plan_status(found)[0].ok
     assert plan_answers(found)[0].startswith("u(b)")
@@ -198,18 +254,27 @@ def test_the_best_place_for_the_slope_of_a_line_is_its_far_end(tmp_path: Path) -
 # what is asked for
 
 
-@pytest.mark.parametrize(("more", "said"), [
-    ('[plan]\nfor = ["kapa"]\n', r"campaign\.toml:15: 'for' must name an unknown of these runs"),
-    ('[[plan.runs]]\nlike = "line"\n', r"campaign\.toml:\d+: 'plan\.runs' is for a rolling body"),
-    ("[[plan.readings]]\nx = 1.0\nn = 0\n", r"campaign\.toml:16: 'n' must be a whole number"),
-    ('[[plan.readings]]\nx = 1.0\nrun = "no"\n', "must name one of the runs"),
-    ("[[plan.change]]\nu = {q = 0.1}\n", "is not an unknown of these runs"),
-    ("[[plan.change]]\nreach = 2.0\n", "is for rolling bodies"),
-    ("[[plan.change]]\nframes = 1000.0\n", "is a factor"),
-    ("[[plan.change]]\nu = {b = -0.1}\n", "must be an uncertainty > 0"),
-    ("[[plan.change]]\n", "changes nothing"),
-    ("[plan]\nframes = 2\n", "is not a known key"),
-])
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (
+            '[plan]\nfor = ["kapa"]\n',
+            r"campaign\.toml:15: 'for' must name an unknown of these runs",
+        ),
+        (
+            '[[plan.runs]]\nlike = "line"\n',
+            r"campaign\.toml:\d+: 'plan\.runs' is for a rolling body",
+        ),
+        ("[[plan.readings]]\nx = 1.0\nn = 0\n", r"campaign\.toml:16: 'n' must be a whole number"),
+        ('[[plan.readings]]\nx = 1.0\nrun = "no"\n', "must name one of the runs"),
+        ("[[plan.change]]\nu = {q = 0.1}\n", "is not an unknown of these runs"),
+        ("[[plan.change]]\nreach = 2.0\n", "is for rolling bodies"),
+        ("[[plan.change]]\nframes = 1000.0\n", "is a factor"),
+        ("[[plan.change]]\nu = {b = -0.1}\n", "must be an uncertainty > 0"),
+        ("[[plan.change]]\n", "changes nothing"),
+        ("[plan]\nframes = 2\n", "is not a known key"),
+    ],
+)
 def test_mistakes_in_a_plan_are_told_with_their_line(tmp_path: Path, more: str, said: str) -> None:
     with pytest.raises(InputError, match=said):
         plan(load_campaign(line(tmp_path, more)), ["line"], seed=1)
@@ -217,22 +282,37 @@ def test_mistakes_in_a_plan_are_told_with_their_line(tmp_path: Path, more: str, 
 
 def test_what_a_curve_lacks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="estim plan"):
-        plan(load_campaign(line(tmp_path, text=LINE.replace("u_y = 0.1", "u_y = 0.1\ndeviation = 0.1"))), ["line"], seed=1)
+        plan(
+            load_campaign(
+                line(tmp_path, text=LINE.replace("u_y = 0.1", "u_y = 0.1\ndeviation = 0.1"))
+            ),
+            ["line"],
+            seed=1,
+        )
 
 
-@pytest.mark.parametrize(("more", "said"), [
-    ('[[plan.runs]]\nlike = "heavy-99"\n', "must name one of the runs"),
-    ('[[plan.runs]]\nlike = "heavy-04"\nphi_deg = {prior = "uniform", low = 0.0, high = 1.0}\n', "must be a number or"),
-    ('[[plan.runs]]\nlike = "heavy-04"\nphi_deg = 95.0\n', "outside what is possible"),
-    ("[[plan.change]]\nu = {phi_deg = 0.5}\n", "no better than what is stated"),
-    ("[[plan.readings]]\nx = 1.0\n", "is for a curve of your own"),
-])
-def test_mistakes_in_a_plan_for_a_body_are_told_with_their_line(tmp_path: Path, replica: Path, more: str, said: str) -> None:
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('[[plan.runs]]\nlike = "heavy-99"\n', "must name one of the runs"),
+        (
+            '[[plan.runs]]\nlike = "heavy-04"\nphi_deg = {prior = "uniform", low = 0.0, '
+            "high = 1.0}\n",
+            "must be a number or",
+        ),
+        ('[[plan.runs]]\nlike = "heavy-04"\nphi_deg = 95.0\n', "outside what is possible"),
+        ("[[plan.change]]\nu = {phi_deg = 0.5}\n", "no better than what is stated"),
+        ("[[plan.readings]]\nx = 1.0\n", "is for a curve of your own"),
+    ],
+)
+def test_mistakes_in_a_plan_for_a_body_are_told_with_their_line(
+    tmp_path: Path, replica: Path, more: str, said: str
+) -> None:
     with pytest.raises(InputError, match=rf"campaign\.toml:\d+: .*{said}"):
         plan(load_campaign(changed(tmp_path, replica, more=more)), ["heavy-04"], seed=1)
 
 
-ASKED = '''
+ASKED = """
 [plan]
 for = ["kappa"]
 built_in = false
@@ -246,36 +326,64 @@ phi_deg = 14.0
 [[plan.change]]
 name = "a better protractor"
 u = {phi_deg = 0.1}
-'''
+"""
 
 
 def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
     """A line through a parabola: stated errors say nothing of what additional readings would do."""
     x = np.linspace(0.0, 5.0, 30)
     y = 1.0 + x**2 + 0.05 * np.random.default_rng(3).standard_normal(30)
-    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True)))
-    text = 'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "a + b*x{}"\nx = "x"\ny = "y"\nu_y = 0.05\n[curve.parameters]\n'
+    (tmp_path / "r.csv").write_text(
+        "x,y\n" + "".join(f"{a},{b}\n" for a, b in zip(x, y, strict=True))
+    )
+    text = (
+        'title = "t"\nkind = "synthetic"\n[curve]\nexpression = "a + b*x{}"\nx = "x"\ny = '
+        '"y"\nu_y = 0.05\n[curve.parameters]\n'
+    )
     text += 'a = {{start = 1.0}}\nb = {{start = 1.0}}\n{}[[runs]]\nname = "r"\nfile = "r.csv"\n'
     for more, known, code in (("", "", 3), (" + c*x**2", "c = {start = 1.0}\n", 0)):
         (tmp_path / "campaign.toml").write_text(text.format(more, known))
-        done = CliRunner().invoke(cli, ["plan", str(tmp_path / "campaign.toml"), "--out", str(tmp_path / "out"), "--no-figures"])
+        done = CliRunner().invoke(
+            cli,
+            [
+                "plan",
+                str(tmp_path / "campaign.toml"),
+                "--out",
+                str(tmp_path / "out"),
+                "--no-figures",
+            ],
+        )
         assert done.exit_code == code, done.output
         assert ("plan: poor-fit" in done.output) is bool(code)
         assert ("would be halved" in done.output) is not bool(code)
         record = json.loads((tmp_path / "out" / "plan.json").read_text())
-        assert (record["status"], record["answers"] == []) == (("poor-fit", True) if code else ("ok", False))
-        assert ("first look at the result of `estim fit` for" in (tmp_path / "out" / "report.md").read_text()) is bool(code)
+        assert (record["status"], record["answers"] == []) == (
+            ("poor-fit", True) if code else ("ok", False)
+        )
+        assert (
+            "first look at the result of `estim fit` for"
+            in (tmp_path / "out" / "report.md").read_text()
+        ) is bool(code)
 
 
-def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails(tmp_path: Path, replica: Path, unrendered: None) -> None:
-    """One run by itself: the posterior of kappa has a long tail, which linear theory does not know."""
+def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails(
+    tmp_path: Path, replica: Path, unrendered: None
+) -> None:
+    """One run by itself: the posterior of kappa has a long tail, which linear theory does not
+    know.
+    """
     path = changed(tmp_path, replica, more=ASKED)
-    done = CliRunner().invoke(cli, ["plan", str(path), "--run", "heavy-04", "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(
+        cli, ["plan", str(path), "--run", "heavy-04", "--out", str(tmp_path / "out")]
+    )
     assert done.exit_code == 3, done.output
     assert "plan: methods-disagree" in done.output
     record = json.loads((tmp_path / "out" / "plan.json").read_text())
     assert record["schema"] == "estim-plan/2"
-    assert record["targets"]["kappa[heavy]"]["u_linear"] < 0.85 * record["targets"]["kappa[heavy]"]["u_drawn"]
+    assert (
+        record["targets"]["kappa[heavy]"]["u_linear"]
+        < 0.85 * record["targets"]["kappa[heavy]"]["u_drawn"]
+    )
     assert [option["asked"] for option in record["options"]] == [True, True]
     ratios = [option["ratio"]["kappa[heavy]"] for option in record["options"]]
     assert ratios == sorted(ratios)
@@ -288,7 +396,10 @@ def test_the_command_ranks_what_was_asked_for_and_says_where_linear_theory_fails
     assert (tmp_path / "out" / "figures" / "ratios.png").exists()
 
 
-@pytest.mark.parametrize(("value", "u", "said"), [(0.753, 0.14, "0.75"), (432.1, 38.0, "4.3×10²"), (-213.0, 59.0, "−2.1×10²")])
+@pytest.mark.parametrize(
+    ("value", "u", "said"),
+    [(0.753, 0.14, "0.75"), (432.1, 38.0, "4.3×10²"), (-213.0, 59.0, "−2.1×10²")],
+)
 def test_a_value_is_shown_whole_without_its_uncertainty(value: float, u: float, said: str) -> None:
     """That of Hubble's 432 ± 38 km/s/Mpc was shown as '(4.3'."""
     assert value_alone(value, u) == said
@@ -302,7 +413,9 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
     tilts = {wish.runs[0].said["phi"].value for wish in wishes if "phi" in wish.runs[0].said}
     assert len(tilts) > 2
     weighed = [weigh(pair, here, wish, [kappa], now) for wish in wishes[:8]]
-    options = sorted((option for option in weighed if not option.reason), key=lambda option: option.score)
+    options = sorted(
+        (option for option in weighed if not option.reason), key=lambda option: option.score
+    )
     shown = shown_options(options)
     assert shown[0] is options[0]
     assert 1 < len(shown) < len(options)
@@ -314,7 +427,9 @@ def test_of_the_runs_that_are_tried_the_best_of_each_kind_are_shown(pair: Rollin
 @pytest.mark.statistics
 @pytest.mark.parametrize("what", ["phi", "run"])
 def test_what_is_foreseen_is_achieved(pair: RollingBasis, what: str) -> None:
-    """Scatter of 16 posterior means and their standard deviations over the predicted one (200: docs/planning.md)."""
+    """Scatter of 16 posterior means and their standard deviations over the predicted one (200:
+    docs/planning.md).
+    """
     from plan_predictions import achieved, wishes_of
 
     targets, trials = targets_of(pair.campaign, pair.fit.problem, ["kappa"]), 16
@@ -324,12 +439,17 @@ def test_what_is_foreseen_is_achieved(pair: RollingBasis, what: str) -> None:
     assert found.sd[0] == pytest.approx(1.0, abs=0.1)
     assert abs(found.scatter[0] - 1.0) < 3.0 / np.sqrt(2.0 * trials)
     # a plan that takes the masses as exact is found out
-    wrong = sds_with(pair.outlook(wish), dict(wish.u) | {"gamma[heavy]": 1e-6}, targets) / found.predicted
+    wrong = (
+        sds_with(pair.outlook(wish), dict(wish.u) | {"gamma[heavy]": 1e-6}, targets)
+        / found.predicted
+    )
     assert found.sd[0] / wrong[0] > 1.3
 
 
 def test_the_information_of_a_curve_is_that_of_its_posterior(tmp_path: Path) -> None:
     campaign = load_campaign(line(tmp_path))
     fit = campaign.fit(campaign.problem(["line"]), rng=np.random.default_rng(1))
-    expected_information = campaign.study.expected_information(fit.problem, campaign.tables, fit.values, {})
+    expected_information = campaign.study.expected_information(
+        fit.problem, campaign.tables, fit.values, {}
+    )
     assert np.allclose(expected_information, information(fit.posterior, fit.values))

@@ -1,4 +1,6 @@
-"""One decider of poor fits: the same verdict whoever asks; uneven noise and errors shared at one x are seen; wrong curves stay wrong."""
+"""One decider of poor fits: the same verdict whoever asks; uneven noise and errors shared at one x
+are seen; wrong curves stay wrong.
+"""
 
 from __future__ import annotations
 
@@ -31,26 +33,41 @@ def points(chi2_p: float, seed: int = 2) -> np.ndarray:
 def verdicts(folder: Path, y: np.ndarray) -> dict[str, str]:
     """What ways to fit a line say of the points."""
     table = folder / "points.csv"
-    table.write_text("x,y,u_y\n" + "\n".join(f"{a:.12g},{b:.12g},0.1" for a, b in zip(X, y, strict=True)))
+    table.write_text(
+        "x,y,u_y\n" + "\n".join(f"{a:.12g},{b:.12g},0.1" for a, b in zip(X, y, strict=True))
+    )
     joint = fit_curves("a + b*x", {"one": DataSet(X, y, u_y=0.1)}, shared=["a"])
     return {
-        "line": str(straight_line(table, Columns()).status), "fit_curve": str(fit_curve("a + b*x", X, y, u_y=0.1).status),
+        "line": str(straight_line(table, Columns()).status),
+        "fit_curve": str(fit_curve("a + b*x", X, y, u_y=0.1).status),
         "fit_curves": str(joint.status),
     }
 
 
-@pytest.mark.parametrize(("chi2_p", "status"), [(0.005, "ok"), (0.0014, "ok"), (0.0007, "poor-fit")])
+@pytest.mark.parametrize(
+    ("chi2_p", "status"), [(0.005, "ok"), (0.0014, "ok"), (0.0007, "poor-fit")]
+)
 def test_the_same_points_have_one_verdict(tmp_path: Path, chi2_p: float, status: str) -> None:
     assert set(verdicts(tmp_path, points(chi2_p)).values()) == {status}
 
 
 def test_a_pattern_is_no_line_for_any_of_them(tmp_path: Path) -> None:
-    """A parabola within its errors' size: chi2 alone does not see it.  The commands say the same."""
-    y = 1.0 + 2.0 * X + np.random.default_rng(4).standard_normal(12) * 0.02 + 0.15 * ((X - 5.5) ** 2 / 15.0 - 1.0)
+    """A parabola within its errors' size: chi2 alone does not see it.  The commands say the
+    same.
+    """
+    y = (
+        1.0
+        + 2.0 * X
+        + np.random.default_rng(4).standard_normal(12) * 0.02
+        + 0.15 * ((X - 5.5) ** 2 / 15.0 - 1.0)
+    )
     assert fit_line(X, y, u_y=0.1).p_value > P_POOR_FIT
     assert set(verdicts(tmp_path, y).values()) == {"poor-fit"}
     table = str(tmp_path / "points.csv")
-    for name, arguments in {"line": ["line", table], "fit": ["fit", table, "--formula", "a + b*x", "--kind", "synthetic"]}.items():
+    for name, arguments in {
+        "line": ["line", table],
+        "fit": ["fit", table, "--formula", "a + b*x", "--kind", "synthetic"],
+    }.items():
         done = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / name), "--no-figures"])
         assert done.exit_code == 3
         assert "(test '" in (tmp_path / name / "report.md").read_text()
@@ -70,7 +87,8 @@ def test_runs_that_are_each_a_little_too_large_fail_together() -> None:
     assert "chi2" in joint.reasons[0]
 
 
-# --- noise that grows, errors shared at one x ----------------------------------------------------------------------------------------------
+# --- noise that grows, errors shared at one x
+# ----------------------------------------------------------------------------------------------
 
 
 def checked(y: np.ndarray, x: np.ndarray, u: float | None, rng: np.random.Generator):
@@ -78,7 +96,15 @@ def checked(y: np.ndarray, x: np.ndarray, u: float | None, rng: np.random.Genera
     design = np.column_stack([np.ones(x.size), x])
     sd = u or np.sqrt(fit.chi2 / fit.dof)
     values = design @ [fit.intercept, fit.slope]
-    return check_linear((y - values) / sd, design / sd, x=x, f=values, sd=np.full(x.size, sd), stated=u is not None, rng=rng)
+    return check_linear(
+        (y - values) / sd,
+        design / sd,
+        x=x,
+        f=values,
+        sd=np.full(x.size, sd),
+        stated=u is not None,
+        rng=rng,
+    )
 
 
 def test_noise_that_grows_with_the_curve_is_seen() -> None:
@@ -89,14 +115,20 @@ def test_noise_that_grows_with_the_curve_is_seen() -> None:
         y = curve * (1.0 + 0.1 * np.random.default_rng(seed).standard_normal(40))
         fit = fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0})
         failed.append("uneven" in fit.goodness[0].failed)
-        right = fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}, u_y=0.1 * curve)
+        right = fit_curve(
+            "a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}, u_y=0.1 * curve
+        )
         assert "uneven" not in right.goodness[0].failed
     assert sum(failed) >= 2
-    assert "state the standard deviation of each reading" in str(fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}).advice)
+    assert "state the standard deviation of each reading" in str(
+        fit_curve("a*exp(-b*x) + c", x, y, start={"a": 8.0, "b": 1.0, "c": 0.0}).advice
+    )
 
 
 def test_what_all_readings_of_one_x_share_is_lack_of_fit() -> None:
-    """Errors of the day: the means scatter more about the line than readings of a day do about their mean.  The F test says the same."""
+    """Errors of the day: the means scatter more about the line than readings of a day do about
+    their mean.  The F test says the same.
+    """
     rng = np.random.default_rng(6)
     x = np.repeat(np.arange(8.0), 4)
     y = 1.0 + 2.0 * x + np.repeat(rng.standard_normal(8), 4) + rng.standard_normal(32) * 0.7
@@ -109,17 +141,23 @@ def test_what_all_readings_of_one_x_share_is_lack_of_fit() -> None:
     share = fit.goodness[0].checks["repeated"].statistic
     assert share == pytest.approx(off / (off + inside), rel=1e-6)
     p = stats.f.sf((off / 6) / (inside / 24), 6, 24)
-    assert fit.goodness[0].checks["repeated"].p_value == pytest.approx(p, abs=4.0 * np.sqrt(p / 20000) + 1e-4)
+    assert fit.goodness[0].checks["repeated"].p_value == pytest.approx(
+        p, abs=4.0 * np.sqrt(p / 20000) + 1e-4
+    )
     assert "mean of the readings at each x" in " ".join(fit.advice)
 
 
 def test_each_test_rejects_right_lines_at_its_level() -> None:
-    """200 right lines with four readings at each x, errors stated or not: 5 % have p < 0.05, and p is uniform."""
+    """200 right lines with four readings at each x, errors stated or not: 5 % have p < 0.05, and p
+    is uniform.
+    """
     rng = np.random.default_rng(12)
     x = np.repeat(np.linspace(0.0, 1.0, 6), 4)
     found: dict[str, list[float]] = {}
     for k in range(100):
-        good = checked(1.0 + 2.0 * x + 0.3 * rng.standard_normal(24), x, 0.3 if k % 2 else None, rng)
+        good = checked(
+            1.0 + 2.0 * x + 0.3 * rng.standard_normal(24), x, 0.3 if k % 2 else None, rng
+        )
         for name in ("uneven", "repeated"):
             found.setdefault(name, []).append(good.checks[name].p_value)
     for p in found.values():
@@ -128,7 +166,9 @@ def test_each_test_rejects_right_lines_at_its_level() -> None:
 
 
 def test_errors_of_both_axes_and_covariances_are_whitened() -> None:
-    """chi2 of the tests is S of the fit, whatever is uncertain; a wave over the line fails in each."""
+    """chi2 of the tests is S of the fit, whatever is uncertain; a wave over the line fails in
+    each.
+    """
     rng = np.random.default_rng(8)
     x = np.linspace(0.0, 10.0, 25)
     cov = np.diag(np.r_[np.full(25, 0.02**2), np.full(25, 0.1**2)])
@@ -143,20 +183,28 @@ def test_errors_of_both_axes_and_covariances_are_whitened() -> None:
                 assert good.checks["chi2"].statistic == pytest.approx(fit.chi2, rel=1e-6)
 
 
-# --- a deviation does not launder a wrong curve ---------------------------------------------------------------------------------------------
+# --- a deviation does not launder a wrong curve
+# ---------------------------------------------------------------------------------------------
 
 TEA = np.loadtxt("data/tutorial/tea.csv", delimiter=",", skiprows=2)
-BALL = np.column_stack([np.arange(25.0) / 30.0, 8.6**2 / 9.81 * np.log(np.cosh(9.81 * np.arange(25.0) / 30.0 / 8.6))])
+BALL = np.column_stack(
+    [np.arange(25.0) / 30.0, 8.6**2 / 9.81 * np.log(np.cosh(9.81 * np.arange(25.0) / 30.0 / 8.6))]
+)
 
 
-@pytest.mark.parametrize(("table", "curve", "u_y", "lacks", "said"), [
-    (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.01}, "is a trend"),
-    (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.001}, "times its stated"),
-    (TEA, "warm + rate*x", None, {"deviation": 10.0}, "is a trend"),
-    (TEA, "warm + rate*x", None, {"deviation": 1.0}, "times its stated"),
-    (TEA, "warm + rate*x", None, {"correlated": True}, "is a trend"),
-])
-def test_a_wrong_curve_stays_wrong_beside_a_deviation(table: np.ndarray, curve: str, u_y: float | None, lacks: dict, said: str) -> None:
+@pytest.mark.parametrize(
+    ("table", "curve", "u_y", "lacks", "said"),
+    [
+        (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.01}, "is a trend"),
+        (BALL, "x0 + v0*x + g*x**2/2", 0.002, {"deviation": 0.001}, "times its stated"),
+        (TEA, "warm + rate*x", None, {"deviation": 10.0}, "is a trend"),
+        (TEA, "warm + rate*x", None, {"deviation": 1.0}, "times its stated"),
+        (TEA, "warm + rate*x", None, {"correlated": True}, "is a trend"),
+    ],
+)
+def test_a_wrong_curve_stays_wrong_beside_a_deviation(
+    table: np.ndarray, curve: str, u_y: float | None, lacks: dict, said: str
+) -> None:
     """A ball that the air slows as free fall, cooling tea as a straight line."""
     errors = 0.0 if u_y is None else u_y * np.random.default_rng(3).standard_normal(len(table))
     fit = fit_curve(curve, table[:, 0], table[:, 1] + errors, u_y=u_y, **lacks)
@@ -166,7 +214,9 @@ def test_a_wrong_curve_stays_wrong_beside_a_deviation(table: np.ndarray, curve: 
 
 
 def test_an_irregular_deviation_of_the_stated_size_is_kept() -> None:
-    """Matern-3/2 over a tenth of the range beside the right line: most are ok, and hold what they say."""
+    """Matern-3/2 over a tenth of the range beside the right line: most are ok, and hold what they
+    say.
+    """
     x = np.linspace(0.0, 1.0, 60)
     apart = np.sqrt(3.0) * np.abs(x[:, None] - x) / 0.1
     factor = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(60))
@@ -195,9 +245,15 @@ def test_what_hardly_passes_is_told() -> None:
     told = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        fit = fit_curve("a + b*x", x, 1.0 + 2.0 * x + np.repeat(rng.standard_normal(8), 4) + rng.standard_normal(32))
+        fit = fit_curve(
+            "a + b*x",
+            x,
+            1.0 + 2.0 * x + np.repeat(rng.standard_normal(8), 4) + rng.standard_normal(32),
+        )
         p = fit.goodness[0].checks["repeated"].p_value
         if fit.status == "ok":
-            assert any("coverage of its intervals may be lower" in note for note in fit.notes) == (P_POOR_FIT <= p < 0.01)
+            assert any("coverage of its intervals may be lower" in note for note in fit.notes) == (
+                P_POOR_FIT <= p < 0.01
+            )
             told.append(p < 0.01)
     assert any(told)

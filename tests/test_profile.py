@@ -32,7 +32,9 @@ def fitted(problem: Problem, **choices: object) -> Fit:
 
 
 def linear(rng: np.random.Generator) -> tuple[Fit, np.ndarray, np.ndarray]:
-    """A line with normal priors: its fit, and mean and covariance of the posterior by the textbook formula."""
+    """A line with normal priors: its fit, and mean and covariance of the posterior by the textbook
+    formula.
+    """
     y = 0.4 + 1.3 * X + 0.2 * rng.standard_normal(X.size)
     fit = fitted(formula_problem(line, X, y, 0.2, {"a": Normal(0.5, 0.1), "b": Normal(1.0, 0.5)}))
     design = np.column_stack([np.ones_like(X), X])
@@ -82,14 +84,24 @@ def test_contour_of_a_linear_problem_is_the_ellipse(rng: np.random.Generator) ->
 def test_decay_agrees_with_a_dense_grid(rng: np.random.Generator) -> None:
     """y = a exp(-k x): a is eliminated exactly at each k of a grid; over k on a grid at each a."""
     y = 1.0 * np.exp(-1.5 * X) + 0.1 * rng.standard_normal(X.size)
-    fit = fitted(formula_problem(lambda x, a, k: a * np.exp(-k * x), X, y, 0.1, {"a": Uniform(0.0, 5.0), "k": Uniform(0.0, 20.0)}))
+    fit = fitted(
+        formula_problem(
+            lambda x, a, k: a * np.exp(-k * x),
+            X,
+            y,
+            0.1,
+            {"a": Uniform(0.0, 5.0), "k": Uniform(0.0, 20.0)},
+        )
+    )
     by_a, by_k = profile_intervals(fit)
     k = np.linspace(0.3, 6.0, 4001)
     shape = np.exp(-np.outer(k, X))
     best = shape @ y / np.sum(shape**2, axis=1)
     chi2_k = np.sum((y - best[:, None] * shape) ** 2, axis=1) / 0.1**2
     a = np.linspace(0.5, 1.6, 1001)
-    chi2_a = np.min([np.sum((y[None] - a[:, None] * row[None]) ** 2, axis=1) / 0.1**2 for row in shape], axis=0)
+    chi2_a = np.min(
+        [np.sum((y[None] - a[:, None] * row[None]) ** 2, axis=1) / 0.1**2 for row in shape], axis=0
+    )
     for found, grid, square in ((by_k, k, chi2_k), (by_a, a, chi2_a)):
         for p in (0.68, 0.95):
             low, high = crossings(grid, square - square.min(), chi2.ppf(p, 1))
@@ -100,15 +112,28 @@ def test_decay_agrees_with_a_dense_grid(rng: np.random.Generator) -> None:
 
 
 def test_inferred_noise_is_profiled_with_its_determinant(rng: np.random.Generator) -> None:
-    """A constant with unknown sigma: at each sigma the mean is that of the data, -2 log L = n log sigma^2 + S/sigma^2."""
+    """A constant with unknown sigma: at each sigma the mean is that of the data, -2 log L = n log
+    sigma^2 + S/sigma^2.
+    """
     y = 3.0 + 0.5 * rng.standard_normal(X.size)
     priors = {"m": Uniform(-10.0, 10.0), "s": HalfNormal(2.0)}
-    mean, noise = profile_intervals(fitted(formula_problem(lambda x, m: m + 0.0 * x, X, y, "s", priors)))
+    mean, noise = profile_intervals(
+        fitted(formula_problem(lambda x, m: m + 0.0 * x, X, y, "s", priors))
+    )
     square = np.sum((y - y.mean()) ** 2)
     s = np.linspace(0.15, 3.0, 40001)
     by_s = X.size * np.log(s**2) + square / s**2 + (s / 2.0) ** 2
     m = np.linspace(2.0, 4.0, 801)
-    by_m = np.array([np.min(X.size * np.log(s**2) + (square + X.size * (y.mean() - c) ** 2) / s**2 + (s / 2.0) ** 2) for c in m])
+    by_m = np.array(
+        [
+            np.min(
+                X.size * np.log(s**2)
+                + (square + X.size * (y.mean() - c) ** 2) / s**2
+                + (s / 2.0) ** 2
+            )
+            for c in m
+        ]
+    )
     for found, grid, objective in ((noise, s, by_s), (mean, m, by_m)):
         for p in (0.68, 0.95):
             low, high = crossings(grid, objective - objective.min(), chi2.ppf(p, 1))
@@ -117,12 +142,17 @@ def test_inferred_noise_is_profiled_with_its_determinant(rng: np.random.Generato
 
 
 def test_banana_is_followed_along_its_bend() -> None:
-    """a is measured, and b - a^2: profile of a is that of its own measurement, profile of b by a dense grid over a."""
+    """a is measured, and b - a^2: profile of a is that of its own measurement, profile of b by a
+    dense grid over a.
+    """
+
     def banana(x, a, b):
         return np.where(np.real(x) < 1.0, a, 10.0 * (b - a**2))
 
     x, y = np.array([0.0, 2.0]), np.array([1.0, 0.0])
-    fit = fitted(formula_problem(banana, x, y, 0.5, {"a": Uniform(-8.0, 8.0), "b": Uniform(-60.0, 60.0)}))
+    fit = fitted(
+        formula_problem(banana, x, y, 0.5, {"a": Uniform(-8.0, 8.0), "b": Uniform(-60.0, 60.0)})
+    )
     by_a, by_b = profile_intervals(fit)
     assert by_a.low[0.95] == pytest.approx(1.0 - 0.5 * norm.ppf(0.975), abs=1e-5)
     assert by_a.high[0.95] == pytest.approx(1.0 + 0.5 * norm.ppf(0.975), abs=1e-5)
@@ -137,7 +167,11 @@ def test_banana_is_followed_along_its_bend() -> None:
 
 def test_flat_direction_is_open_on_both_sides_and_says_so(rng: np.random.Generator) -> None:
     priors = {"a": Normal(0.0, 5.0), "b": Uniform(0.0, 1.0)}
-    fit = fitted(formula_problem(lambda x, a, b: a + 0.0 * b * x, X, rng.standard_normal(X.size), 1.0, priors))
+    fit = fitted(
+        formula_problem(
+            lambda x, a, b: a + 0.0 * b * x, X, rng.standard_normal(X.size), 1.0, priors
+        )
+    )
     _, flat = profile_intervals(fit)
     assert (flat.low[0.68], flat.high[0.95]) == (0.0, 1.0)
     assert all(flat.open_low.values())
@@ -149,32 +183,51 @@ def test_flat_direction_is_open_on_both_sides_and_says_so(rng: np.random.Generat
 def test_sum_of_two_unknowns_leaves_each_open(rng: np.random.Generator) -> None:
     """Not flat in either alone: only re-optimising the other shows it."""
     y = 1.0 + 0.01 * rng.standard_normal(X.size)
-    fit = fitted(formula_problem(lambda x, a, b: a + b + 0.0 * x, X, y, 0.01, {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)}))
+    fit = fitted(
+        formula_problem(
+            lambda x, a, b: a + b + 0.0 * x,
+            X,
+            y,
+            0.01,
+            {"a": Uniform(0.0, 1.0), "b": Uniform(0.0, 1.0)},
+        )
+    )
     for found in profile_intervals(fit):
         assert found.high[0.95] - found.low[0.95] > 0.98
 
 
 def test_mode_at_a_bound_is_open_there_and_limited_on_the_other_side() -> None:
-    """One parameter measured as -0.1 +- 0.2 but not negative: the upper end is where ((b + .1)/.2)^2 - .25 reaches the quantile."""
+    """One parameter measured as -0.1 +- 0.2 but not negative: the upper end is where ((b +
+    .1)/.2)^2 - .25 reaches the quantile.
+    """
     x = np.array([1.0])
-    fit = fitted(formula_problem(lambda x, b: b * x, x, np.array([-0.1]), 0.2, {"b": Uniform(0.0, 5.0)}))
+    fit = fitted(
+        formula_problem(lambda x, b: b * x, x, np.array([-0.1]), 0.2, {"b": Uniform(0.0, 5.0)})
+    )
     (found,) = profile_intervals(fit)
     assert found.value == pytest.approx(0.0, abs=1e-5)
     assert found.low[0.95] == 0.0
     assert found.open_low == {0.68: True, 0.95: True}
     assert found.open_high == {0.68: False, 0.95: False}
     for p in (0.68, 0.95):
-        assert found.high[p] == pytest.approx(0.2 * math.sqrt(0.25 + chi2.ppf(p, 1)) - 0.1, abs=1e-4)
+        assert found.high[p] == pytest.approx(
+            0.2 * math.sqrt(0.25 + chi2.ppf(p, 1)) - 0.1, abs=1e-4
+        )
     assert "the mode lies at the edge 0 of the prior" in found.sentence
 
 
 def test_another_parameter_at_its_bound_is_held_there() -> None:
-    """a + b measured as 1, b >= 0 and pulled below 0 by its own measurement -1: at a < 1 it is freed, at a > 1 held at 0."""
+    """a + b measured as 1, b >= 0 and pulled below 0 by its own measurement -1: at a < 1 it is
+    freed, at a > 1 held at 0.
+    """
+
     def both(x, a, b):
         return np.where(np.real(x) < 1.0, a + b, b)
 
     x, y = np.array([0.0, 2.0]), np.array([1.0, -1.0])
-    fit = fitted(formula_problem(both, x, y, 0.5, {"a": Uniform(-10.0, 10.0), "b": Uniform(0.0, 10.0)}))
+    fit = fitted(
+        formula_problem(both, x, y, 0.5, {"a": Uniform(-10.0, 10.0), "b": Uniform(0.0, 10.0)})
+    )
     found = profile_intervals(fit, names=["a"])[0]
     b = np.linspace(0.0, 3.0, 3001)
     a = np.linspace(-3.0, 4.0, 7001)
@@ -187,6 +240,7 @@ def test_another_parameter_at_its_bound_is_held_there() -> None:
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_holes_in_the_model_are_walls_and_not_crashes(bad: float, rng: np.random.Generator) -> None:
     """b*x, but no number where a > 1 or b > 1.25: the interval ends at the wall."""
+
     def holed(x, a, b):
         return np.where((np.real(a) > 1.0) | (np.real(b) > 1.25), bad, b * x + 0.1 * a)
 
@@ -204,7 +258,11 @@ def test_fit_in_a_hole_has_no_interval_and_no_crash() -> None:
     def holed(x, a):
         return np.where(np.real(a) > 1.0, np.nan, a * x)
 
-    fit = fitted(formula_problem(holed, X, 0.5 * X, 0.5, {"a": Uniform(0.0, 5.0)}), n_start=1, start=np.array([0.4]))
+    fit = fitted(
+        formula_problem(holed, X, 0.5 * X, 0.5, {"a": Uniform(0.0, 5.0)}),
+        n_start=1,
+        start=np.array([0.4]),
+    )
     lost = replace(fit, values=np.array([2.0]))
     (found,) = profile_intervals(lost)
     assert found.open_low == found.open_high == {0.68: True, 0.95: True}
@@ -212,7 +270,9 @@ def test_fit_in_a_hole_has_no_interval_and_no_crash() -> None:
 
 
 def test_a_lower_mode_met_on_the_way_is_reported() -> None:
-    """a^2 measured as 1 with a pull towards positive a; the fit is started, and ends, on the wrong side."""
+    """a^2 measured as 1 with a pull towards positive a; the fit is started, and ends, on the wrong
+    side.
+    """
     x, y = np.array([1.0]), np.array([1.0])
     problem = formula_problem(lambda x, a: a**2 * x, x, y, 0.7, {"a": Normal(0.5, 2.0)})
     wrong = fitted(problem, n_start=1, start=np.array([-0.9]))
@@ -220,7 +280,9 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
     (found,) = profile_intervals(wrong)
     a = np.linspace(-2.0, 2.0, 400_001)
     objective = ((1.0 - a**2) / 0.7) ** 2 + ((a - 0.5) / 2.0) ** 2
-    assert found.found_better == pytest.approx(objective[a < 0.0].min() - objective[a > 0.0].min(), rel=1e-5)
+    assert found.found_better == pytest.approx(
+        objective[a < 0.0].min() - objective[a > 0.0].min(), rel=1e-5
+    )
     assert found.better_values is not None
     assert found.better_values[0] > 0.5
     assert "the search found a better point than the fit" in found.sentence
@@ -232,7 +294,9 @@ def test_a_lower_mode_met_on_the_way_is_reported() -> None:
 
 
 def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: Path) -> None:
-    """At each 95 % end scipy's SLSQP, from scattered starts, finds no lower objective than the quantile."""
+    """At each 95 % end scipy's SLSQP, from scattered starts, finds no lower objective than the
+    quantile.
+    """
     fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     sd = np.array([p.prior.sd for p in fit.problem.parameters])
@@ -245,13 +309,30 @@ def test_ends_of_the_replicas_intervals_are_found_by_another_optimiser(replica: 
             values = fit.values.copy()
             values[rest] = z * sd[rest]
             values[i] = end
-            return float(np.clip(-2.0 * fit.posterior.log_density(values[None])[0] - lowest, None, 1e6))
+            return float(
+                np.clip(-2.0 * fit.posterior.log_density(values[None])[0] - lowest, None, 1e6)
+            )
 
         bounds = [(bottom, None) for bottom in (low / sd)[rest]]
-        for end, opened in ((found.low[0.95], found.open_low[0.95]), (found.high[0.95], found.open_high[0.95])):
+        for end, opened in (
+            (found.low[0.95], found.open_low[0.95]),
+            (found.high[0.95], found.open_high[0.95]),
+        ):
             starts = fit.values[rest] / sd[rest] + 0.3 * rng.standard_normal((4, 5))
-            best = min(minimize(rise, np.maximum(start, 0.05), (end,), "SLSQP", bounds=bounds, options={"ftol": 1e-10}).fun for start in starts)
-            assert best == pytest.approx(chi2.ppf(0.95, 1), abs=5e-3) or (opened and best < chi2.ppf(0.95, 1))
+            best = min(
+                minimize(
+                    rise,
+                    np.maximum(start, 0.05),
+                    (end,),
+                    "SLSQP",
+                    bounds=bounds,
+                    options={"ftol": 1e-10},
+                ).fun
+                for start in starts
+            )
+            assert best == pytest.approx(chi2.ppf(0.95, 1), abs=5e-3) or (
+                opened and best < chi2.ppf(0.95, 1)
+            )
         assert opened is False
 
 
@@ -269,32 +350,54 @@ def test_names_and_probabilities_are_checked(rng: np.random.Generator) -> None:
 def test_walks_of_all_parameters_together_are_those_of_each_alone(rng: np.random.Generator) -> None:
     """Two decays, whose walks need different numbers of points."""
     y = np.exp(-0.6 * X) + 0.5 * np.exp(-3.0 * X) + 0.05 * rng.standard_normal(X.size)
-    priors = {"a": Uniform(0.0, 3.0), "k": Uniform(0.0, 8.0), "b": Uniform(0.0, 3.0), "q": Uniform(0.0, 8.0)}
-    fit = fitted(formula_problem(lambda x, a, k, b, q: a * np.exp(-k * x) + b * np.exp(-q * x), X, y, 0.05, priors))
+    priors = {
+        "a": Uniform(0.0, 3.0),
+        "k": Uniform(0.0, 8.0),
+        "b": Uniform(0.0, 3.0),
+        "q": Uniform(0.0, 8.0),
+    }
+    fit = fitted(
+        formula_problem(
+            lambda x, a, k, b, q: a * np.exp(-k * x) + b * np.exp(-q * x), X, y, 0.05, priors
+        )
+    )
     together = profile_intervals(fit)
     assert len({found.x.size for found in together}) > 1
     for found, sd in zip(together, search_of(fit).scale, strict=True):
         (alone,) = profile_intervals(fit, names=[found.name])
         for p in (0.68, 0.95):
-            assert (alone.open_low[p], alone.open_high[p]) == (found.open_low[p], found.open_high[p])
+            assert (alone.open_low[p], alone.open_high[p]) == (
+                found.open_low[p],
+                found.open_high[p],
+            )
             assert alone.low[p] == pytest.approx(found.low[p], abs=1e-6 * sd)
             assert alone.high[p] == pytest.approx(found.high[p], abs=1e-6 * sd)
 
 
 def test_runs_differentiated_each_in_its_own_parameters_give_the_whole_slope(replica: Path) -> None:
     """Against differences of the whole density, at the fit and beside it."""
-    fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), n_start=1)
+    fit = fitted(
+        load_campaign(replica / "campaign.toml").problem(["heavy-02", "heavy-04"]), n_start=1
+    )
     search = search_of(fit)
     assert len(fit.posterior.likelihoods) == 2
-    points = np.clip(fit.values + np.array([[0.0], [0.4], [-0.3]]) * search.scale, search.low, search.high)
+    points = np.clip(
+        fit.values + np.array([[0.0], [0.4], [-0.3]]) * search.scale, search.low, search.high
+    )
     steps = 2e-3 * np.diag(search.scale)
     for point, slope in zip(points, search.gradients(points), strict=True):
-        inside = (point - search.low > 0.01 * search.scale) & (search.high - point > 0.01 * search.scale)
+        inside = (point - search.low > 0.01 * search.scale) & (
+            search.high - point > 0.01 * search.scale
+        )
         up, down = search.objectives(point + steps), search.objectives(point - steps)
-        np.testing.assert_allclose(slope[inside], ((up - down) / 4e-3)[inside], rtol=1e-3, atol=1e-3)
+        np.testing.assert_allclose(
+            slope[inside], ((up - down) / 4e-3)[inside], rtol=1e-3, atol=1e-3
+        )
 
 
-def test_profile_of_a_replica_run_takes_few_calls_of_the_density(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_profile_of_a_replica_run_takes_few_calls_of_the_density(
+    replica: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Walks that waited for each other would take thousands."""
     fit = fitted(load_campaign(replica / "campaign.toml").problem(["heavy-04"]), n_start=2)
     calls, log_density = [], Posterior.log_density
@@ -311,7 +414,9 @@ def test_profile_of_a_replica_run_takes_few_calls_of_the_density(replica: Path, 
 
 @pytest.mark.parametrize("seed", [19, 33, 46])
 def test_a_lowest_point_beside_an_edge_where_the_curve_is_not_defined_is_reached(seed: int) -> None:
-    """v x/(k + x) at x = 0 is not a number for k = 0, and there is the lowest point where v is small."""
+    """v x/(k + x) at x = 0 is not a number for k = 0, and there is the lowest point where v is
+    small.
+    """
     y = X / (1.0 + X) + 0.4 * np.random.default_rng(seed).standard_normal(X.size)
     priors = {"v": Uniform(0.0, 20.0), "k": Uniform(0.0, 20.0)}
 

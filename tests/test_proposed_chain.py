@@ -1,4 +1,6 @@
-"""A chain of more parameters than a second computation is made for: most of its moves propose from an adapted proposal."""
+"""A chain of more parameters than a second computation is made for: most of its moves propose from
+an adapted proposal.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ EDGE = 0.3  # sds: the first parameter is cut off there
 
 
 class Cut:
-    """A normal distribution with correlations .5, parameters of very different size, the first of which is >= EDGE of its sd."""
+    """A normal distribution with correlations .5, parameters of very different size, the first of
+    which is >= EDGE of its sd.
+    """
 
     names = tuple(f"p{i}" for i in range(N_PAR))
     sd = np.logspace(-3, 3, N_PAR)
@@ -37,9 +41,12 @@ def test_moments_are_right_and_come_soon() -> None:
     expected = np.where(np.arange(N_PAR) == 0, mean, 0.5 * mean) * density.sd
     error = mcse_mean(chain.draws)
     assert np.all(np.abs(chain.flat.mean(axis=0) - expected) < 4.5 * error)
-    assert np.max(np.abs(chain.flat.mean(axis=0)) / error) > 20.0  # a mean of 0, that of the normal distribution without its edge, is far off
+    # a mean of 0, that of the normal distribution without its edge, is far off
+    assert np.max(np.abs(chain.flat.mean(axis=0)) / error) > 20.0
     few = Target(ess=1500.0, max_step=chain.convergence.n_step)
-    blind = sample_posterior(density, optima.value, optima.cov, target=few, rng=np.random.default_rng(3))
+    blind = sample_posterior(
+        density, optima.value, optima.cov, target=few, rng=np.random.default_rng(3)
+    )
     assert blind.convergence.tau > 3.0 * chain.convergence.tau or np.isnan(blind.convergence.tau)
 
 
@@ -61,7 +68,14 @@ def test_a_good_proposal_costs_what_the_draws_asked_for_need(ess: float) -> None
     density = Round()
     proposal = adapt_proposal(density, np.zeros(6), np.eye(6), rng=np.random.default_rng(1))
     density.asked = 0
-    chain = sample_posterior(density, np.zeros(6), np.eye(6), target=Target(ess=ess), rng=np.random.default_rng(2), proposal=proposal)
+    chain = sample_posterior(
+        density,
+        np.zeros(6),
+        np.eye(6),
+        target=Target(ess=ess),
+        rng=np.random.default_rng(2),
+        proposal=proposal,
+    )
     convergence = chain.convergence
     assert convergence.met
     least = min(convergence.ess_bulk, convergence.ess_tail)

@@ -1,4 +1,6 @@
-"""Arguments with units, as those of pint: a stand-in with what is asked of one, so that pint need not be installed."""
+"""Arguments with units, as those of pint: a stand-in with what is asked of one, so that pint need
+not be installed.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,15 @@ import pytest
 
 from estim import DataSet, InputError, fit_curve, fit_curves
 
-BASE = {"min": (60.0, "s"), "s": (1.0, "s"), "cm": (0.01, "m"), "mm": (0.001, "m"), "m": (1.0, "m"), "km/h": (1.0 / 3.6, "m/s"), "m/s": (1.0, "m/s")}
+BASE = {
+    "min": (60.0, "s"),
+    "s": (1.0, "s"),
+    "cm": (0.01, "m"),
+    "mm": (0.001, "m"),
+    "m": (1.0, "m"),
+    "km/h": (1.0 / 3.6, "m/s"),
+    "m/s": (1.0, "m/s"),
+}
 
 
 @dataclass(frozen=True)
@@ -33,7 +43,12 @@ class Quantity:
 
     def to_base_units(self) -> Quantity:
         factor, name = BASE[self.unit]
-        return Quantity(np.asarray(self.magnitude) * factor if np.ndim(self.magnitude) else self.magnitude * factor, name)
+        return Quantity(
+            np.asarray(self.magnitude) * factor
+            if np.ndim(self.magnitude)
+            else self.magnitude * factor,
+            name,
+        )
 
 
 T = np.linspace(0.0, 5.0, 30)
@@ -43,22 +58,47 @@ S = 3.0 + 12.0 * T + 0.5 * np.random.default_rng(1).standard_normal(T.size)
 def test_any_mixture_of_units_is_the_fit_in_base_units() -> None:
     start = {"s0": Quantity(0.0, "m"), "v": Quantity(1.0, "km/h")}
     bounds = {"v": (Quantity(0.0, "m/s"), None)}
-    mixed = fit_curve("s0 + v*x", Quantity(T, "min"), Quantity(S, "cm"), u_y=Quantity(5.0, "mm"), start=start, bounds=bounds)
+    mixed = fit_curve(
+        "s0 + v*x",
+        Quantity(T, "min"),
+        Quantity(S, "cm"),
+        u_y=Quantity(5.0, "mm"),
+        start=start,
+        bounds=bounds,
+    )
     units = {"s0": "m", "v": "m/s"}
-    plain = fit_curve("s0 + v*x", 60.0 * T, 0.01 * S, u_y=0.005, start={"s0": 0.0, "v": 1.0 / 3.6}, bounds={"v": (0.0, None)}, units=units)
+    plain = fit_curve(
+        "s0 + v*x",
+        60.0 * T,
+        0.01 * S,
+        u_y=0.005,
+        start={"s0": 0.0, "v": 1.0 / 3.6},
+        bounds={"v": (0.0, None)},
+        units=units,
+    )
     assert mixed.values == plain.values
     assert mixed.intervals == plain.intervals
     assert abs(mixed.values["v"] - 0.12 / 60.0) < 4.0 * mixed.sds["v"]
     assert " m/s, 68 % in" in str(mixed)
     assert (mixed.problem.runs[0].x_unit, mixed.problem.runs[0].y_unit) == ("s", "m")
     held = fit_curve(
-        "s0 + v*x", Quantity(T, "min"), Quantity(S, "cm"), u_y=Quantity(0.5, "cm"), start={"v": 0.002}, fixed={"s0": Quantity(3.0, "cm")},
+        "s0 + v*x",
+        Quantity(T, "min"),
+        Quantity(S, "cm"),
+        u_y=Quantity(0.5, "cm"),
+        start={"v": 0.002},
+        fixed={"s0": Quantity(3.0, "cm")},
     )
     assert held.fixed == {"s0": 0.03}
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"u_y": Quantity(5.0, "s")}, {"u_x": Quantity(1.0, "m"), "u_y": Quantity(1.0, "cm")}, {"bounds": {"v": (Quantity(0.0, "m"), None)}}]
+    "wrong",
+    [
+        {"u_y": Quantity(5.0, "s")},
+        {"u_x": Quantity(1.0, "m"), "u_y": Quantity(1.0, "cm")},
+        {"bounds": {"v": (Quantity(0.0, "m"), None)}},
+    ],
 )
 def test_a_unit_of_another_kind_is_refused(wrong: dict[str, Any]) -> None:
     start = {"s0": Quantity(0.0, "m"), "v": Quantity(1.0, "m/s")}
@@ -87,12 +127,20 @@ class Celsius(Quantity):
 def test_what_would_lose_its_unit_is_refused(change: dict[str, Any], said: str) -> None:
     start = {"s0": Quantity(0.0, "m"), "v": Quantity(1.0, "m/s")}
     with pytest.raises(InputError, match=said):
-        fit_curve("s0 + v*x", Quantity(T, "min"), Quantity(S, "cm"), **({"start": start, "u_y": Quantity(5.0, "mm")} | change))
+        fit_curve(
+            "s0 + v*x",
+            Quantity(T, "min"),
+            Quantity(S, "cm"),
+            **({"start": start, "u_y": Quantity(5.0, "mm")} | change),
+        )
 
 
 def test_no_number_loses_its_unit_on_the_way_back_or_in_several_data_sets() -> None:
     u, start = Quantity(5.0, "mm"), {"s0": 0.0, "v": 0.01}
-    sets = {"a": DataSet(Quantity(T, "min"), Quantity(S, "cm"), u_y=u), "b": DataSet(Quantity(60.0 * T, "s"), Quantity(0.01 * S, "m"), u_y=u)}
+    sets = {
+        "a": DataSet(Quantity(T, "min"), Quantity(S, "cm"), u_y=u),
+        "b": DataSet(Quantity(60.0 * T, "s"), Quantity(0.01 * S, "m"), u_y=u),
+    }
     fit = fit_curves("s0 + v*x", sets, shared=["v"], start=start)
     assert fit.values["s0[a]"] == pytest.approx(fit.values["s0[b]"], rel=1e-9)
     assert fit.values["v"] == pytest.approx(0.12 / 60.0, abs=4.0 * fit.sds["v"])
@@ -101,4 +149,9 @@ def test_no_number_loses_its_unit_on_the_way_back_or_in_several_data_sets() -> N
     with pytest.raises(InputError, match="in the same units"):
         fit_curves("s0 + v*x", {**sets, "b": DataSet(T, S, u_y=0.5)}, shared=["v"], start=start)
     with pytest.raises(InputError, match="'cov_y' must be plain numbers"):
-        fit_curves("s0 + v*x", {"a": DataSet(T, S, cov_y=Quantity(np.eye(T.size), "cm"))}, shared=[], start=start)
+        fit_curves(
+            "s0 + v*x",
+            {"a": DataSet(T, S, cov_y=Quantity(np.eye(T.size), "cm"))},
+            shared=[],
+            start=start,
+        )

@@ -1,4 +1,6 @@
-"""Reading and rounding quantities.  Rounding rule: Particle Data Group, Review of Particle Physics, introduction, 5.3."""
+"""Reading and rounding quantities.  Rounding rule: Particle Data Group, Review of Particle Physics,
+introduction, 5.3.
+"""
 
 from __future__ import annotations
 
@@ -43,12 +45,30 @@ def test_digits_in_parentheses_belong_to_the_last_digits():
     assert read_quantity("0.187(1)", field="f").u == pytest.approx(0.001)
 
 
-NONSENSE = ["nonsense", "", " ", "4.0 +/-", "4,0(4)", "4.0 4", "0x10", "4.0(4", "4.0 degrees", "__import__('os')", "1_000", "1_0(2)", "\u0664(1)"]
+NONSENSE = [
+    "nonsense",
+    "",
+    " ",
+    "4.0 +/-",
+    "4,0(4)",
+    "4.0 4",
+    "0x10",
+    "4.0(4",
+    "4.0 degrees",
+    "__import__('os')",
+    "1_000",
+    "1_0(2)",
+    "\u0664(1)",
+]
 
 
 @pytest.mark.parametrize("source", NONSENSE)
 def test_what_is_no_quantity_is_refused(source):
-    with pytest.raises(InputError, match=r"^'phi_deg' must be a number [^\"]+, or read like \"4\.0 \+/- 0\.4\" or \"4\.0\(4\)\": ") as caught:
+    with pytest.raises(
+        InputError,
+        match=r"^'phi_deg' must be a number [^\"]+, or read like \"4\.0 \+/- 0\.4\" or "
+        r"\"4\.0\(4\)\": ",
+    ) as caught:
         read_quantity(source, field="phi_deg")
     assert caught.value.value == source.strip()
 
@@ -57,10 +77,12 @@ def test_what_is_no_quantity_is_refused(source):
     ("source", "cure"),
     [
         *((text, "without a unit of its own, in that of the key or axis") for text in (
-            "9.81 m/s2", "9.81 m/s^2", "3.69°", "3.69(40)°", "2.0(1) m/s", "2 %", "4.0 +/- 0.4 mm", "(4.0 ± 0.4) °C", "9,81 m/s²", "5e3 V",
+            "9.81 m/s2", "9.81 m/s^2", "3.69°", "3.69(40)°", "2.0(1) m/s", "2 %", "4.0 +/- 0.4 mm",
+            "(4.0 ± 0.4) °C", "9,81 m/s²", "5e3 V",
             "1.5 1/s", "30mV",
         )),
-        ("2,0(1)", "as 2.0(1)"), ("2,0 ± 0,1", "as 2.0 ± 0.1"), ("0,03", "as 0.03"), ("1,5e-3", "as 1.5e-3"), ("4.0 4.1", "as 4.0"),
+        ("2,0(1)", "as 2.0(1)"), ("2,0 ± 0,1", "as 2.0 ± 0.1"), ("0,03", "as 0.03"),
+        ("1,5e-3", "as 1.5e-3"), ("4.0 4.1", "as 4.0"),
         ("1,2,3", "as 4.0"), ("1/2", "as 4.0"), ("2;3", "as 4.0"), ("1.2.3", "as 4.0"),
     ],
 )  # fmt: skip
@@ -76,7 +98,15 @@ def test_what_is_not_finite_is_refused(source):
         read_quantity(source, field="phi_deg")
 
 
-@pytest.mark.parametrize("source", ["nan(1)", "4 +/- nan", pytest.param("10" * 200, id="long-text"), pytest.param(10**400, id="long-number")])
+@pytest.mark.parametrize(
+    "source",
+    [
+        "nan(1)",
+        "4 +/- nan",
+        pytest.param("10" * 200, id="long-text"),
+        pytest.param(10**400, id="long-number"),
+    ],
+)
 def test_what_is_neither_finite_nor_usual_is_refused_too(source):
     with pytest.raises(InputError, match=r"^'phi_deg' must "):
         read_quantity(source, field="phi_deg")
@@ -100,7 +130,9 @@ def test_only_numbers_and_text_are_quantities(source):
 
 
 def test_another_unit_scales_both_parts_and_keeps_the_uncertainty_positive():
-    assert Quantity(4.0, 0.4).scaled(math.pi / 180) == Quantity(4.0 * (math.pi / 180), 0.4 * (math.pi / 180))
+    assert Quantity(4.0, 0.4).scaled(math.pi / 180) == Quantity(
+        4.0 * (math.pi / 180), 0.4 * (math.pi / 180)
+    )
     assert Quantity(4.0, 0.4).scaled(-2.0) == Quantity(-8.0, 0.8)
     assert Quantity(4.0).scaled(3.0).exact
 
@@ -111,7 +143,8 @@ def test_another_unit_scales_both_parts_and_keeps_the_uncertainty_positive():
 @pytest.mark.parametrize(
     ("value", "u", "text", "short"),
     [
-        # three leading digits of u up to 354: two digits; up to 949: one; above: rounded up to 1000 and two digits
+        # three leading digits of u up to 354: two digits; up to 949: one; above: rounded up to 1000
+        # and two digits
         (0.827, 0.119, "0.83 ± 0.12", "0.83(12)"),
         (0.827, 0.367, "0.8 ± 0.4", "0.8(4)"),
         (0.187, 0.0100, "0.187 ± 0.010", "0.187(10)"),
@@ -127,7 +160,9 @@ def test_rounding_follows_the_particle_data_group(value, u, text, short):
     assert format_quantity(value, u, plus_minus=False) == short
 
 
-@pytest.mark.parametrize(("value", "u"), [(0.187, 0.0101), (61.7, 1.5), (1.2e-7, 3e-9), (123456.0, 2000.0), (0.0, 0.3)])
+@pytest.mark.parametrize(
+    ("value", "u"), [(0.187, 0.0101), (61.7, 1.5), (1.2e-7, 3e-9), (123456.0, 2000.0), (0.0, 0.3)]
+)
 def test_what_is_written_reads_back_within_the_rounding(value, u):
     read = ufloat_fromstr(format_quantity(value, u, plus_minus=False))
     assert read.nominal_value == pytest.approx(value, abs=0.15 * u)
@@ -140,10 +175,23 @@ def test_without_a_usable_uncertainty_six_digits_are_shown(u):
 
 
 def test_no_number_is_not_available():
-    assert format_quantity(math.nan, 0.1) == format_quantity(math.inf) == format_rounded(math.nan, 0.1) == "n/a"
+    assert (
+        format_quantity(math.nan, 0.1)
+        == format_quantity(math.inf)
+        == format_rounded(math.nan, 0.1)
+        == "n/a"
+    )
 
 
-@pytest.mark.parametrize(("value", "u", "text"), [(0.187321, 0.0101, "0.187"), (61.7321, 1.52, "61.7"), (1234.56, 200.0, "1235"), (0.5, 0.0, "0.5")])
+@pytest.mark.parametrize(
+    ("value", "u", "text"),
+    [
+        (0.187321, 0.0101, "0.187"),
+        (61.7321, 1.52, "61.7"),
+        (1234.56, 200.0, "1235"),
+        (0.5, 0.0, "0.5"),
+    ],
+)
 def test_a_value_alone_keeps_one_digit_beyond_its_uncertainty(value, u, text):
     assert format_rounded(value, u) == text
 

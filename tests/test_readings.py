@@ -37,17 +37,24 @@ def test_the_bow_leaves_the_ends_of_the_picture_and_the_release_alone():
 def test_speeds_are_the_change_of_what_is_read():
     t, h = np.linspace(0.2, 1.0, 9), 1e-5
     path = lambda t: 0.3 * t**2  # noqa: E731
-    difference = (ODD.position(path(t + h)) - ODD.position(path(t - h))) / (ODD.time(t + h) - ODD.time(t - h))
+    difference = (ODD.position(path(t + h)) - ODD.position(path(t - h))) / (
+        ODD.time(t + h) - ODD.time(t - h)
+    )
     assert ODD.speed(0.6 * t, path(t)) == pytest.approx(difference, rel=1e-9)
 
 
 def test_a_reading_beyond_the_farthest_is_no_position():
-    assert np.isnan(Readings(bow=0.3, length=0.6).true_position([0.2, 5.0])).tolist() == [False, True]
+    assert np.isnan(Readings(bow=0.3, length=0.6).true_position([0.2, 5.0])).tolist() == [
+        False,
+        True,
+    ]
 
 
 def test_motion_blur_grows_with_speed(rng):
     assert blurred_sigma(0.001, 0.0, exposure=0.02) == pytest.approx(0.001)
     v, exposure = 0.8, 0.02
     marked = 0.001 * rng.standard_normal(40_000) + v * exposure * rng.uniform(-0.5, 0.5, 40_000)
-    assert marked.std() == pytest.approx(blurred_sigma(0.001, v, exposure=exposure), rel=5.0 / np.sqrt(2 * 40_000))
+    assert marked.std() == pytest.approx(
+        blurred_sigma(0.001, v, exposure=exposure), rel=5.0 / np.sqrt(2 * 40_000)
+    )
     assert blurred_sigma(0.001, -v, exposure=exposure) == blurred_sigma(0.001, v, exposure=exposure)

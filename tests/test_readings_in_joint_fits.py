@@ -1,4 +1,6 @@
-"""Readings of single runs in joint fits: one measure for any number of runs, against a posterior on a grid that is written out here."""
+"""Readings of single runs in joint fits: one measure for any number of runs, against a posterior on
+a grid that is written out here.
+"""
 
 from __future__ import annotations
 
@@ -25,17 +27,22 @@ SCALES = np.linspace(0.5, 1.8, 521)
 REPLICA = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
 
 
-# --- the posterior of the scale on a grid: y = tilt/scale x + offset + error in every run, tilt read with `U_TILT`, scale 1.0(5) beforehand
+# --- the posterior of the scale on a grid: y = tilt/scale x + offset + error in every run, tilt
+# read with `U_TILT`, scale 1.0(5) beforehand
 
 
 def slopes_of(ys: np.ndarray) -> tuple[np.ndarray, float]:
-    """(n_run,) weighted least squares of the slopes of ys (n_run, n_obs), the offsets integrated out, and their standard deviation."""
+    """(n_run,) weighted least squares of the slopes of ys (n_run, n_obs), the offsets integrated
+    out, and their standard deviation.
+    """
     weights = np.linalg.solve(U_Y**2 * np.eye(X.size) + U_OFFSET**2, X)
     return ys @ weights / (X @ weights), float(1.0 / np.sqrt(X @ weights))
 
 
 def on_a_grid(slopes: np.ndarray, u_slope: float, read: np.ndarray, *, alike: bool) -> np.ndarray:
-    """Weights (n_scale,) of the scales.  alike : whether each run counts by the mass of its tilts over the width of their distribution."""
+    """Weights (n_scale,) of the scales.  alike : whether each run counts by the mass of its tilts
+    over the width of their distribution.
+    """
     log_p = -0.5 * ((SCALES - 1.0) / 0.5) ** 2
     z = np.linspace(-6.0, 6.0, 121)
     for slope, reading in zip(slopes, read, strict=True):
@@ -55,10 +62,14 @@ def mean_and_sd(weights: np.ndarray) -> tuple[float, float]:
 
 
 def grids(problem: Problem) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Mean and standard deviation of the scale with readings that count alike, and with flat weights of all tilts."""
+    """Mean and standard deviation of the scale with readings that count alike, and with flat
+    weights of all tilts.
+    """
     slopes, u_slope = slopes_of(np.array([run.y for run in problem.runs]))
     read = np.array([p.prior.centre for p in problem.parameters if p.name.startswith("tilt")])
-    alike, flat = (mean_and_sd(on_a_grid(slopes, u_slope, read, alike=one)) for one in (True, False))
+    alike, flat = (
+        mean_and_sd(on_a_grid(slopes, u_slope, read, alike=one)) for one in (True, False)
+    )
     return alike, flat
 
 
@@ -70,7 +81,11 @@ def fitted(problem: Problem) -> Fit:
 def test_the_marginal_over_any_number_of_runs_is_the_posterior_on_a_grid(n: int) -> None:
     problem = readings(n, np.random.default_rng(n))
     (mean, sd), (flat, _) = grids(problem)
-    found = sample_marginal(fitted(problem), rng=np.random.default_rng(2), options=MarginalOptions(n_draw=4000, n_check=200))
+    found = sample_marginal(
+        fitted(problem),
+        rng=np.random.default_rng(2),
+        options=MarginalOptions(n_draw=4000, n_check=200),
+    )
     error = 4.0 / np.sqrt(found.ess) + 0.03  # the measure is taken to first order
     assert found.trusted
     assert abs(found.mean[0] - mean) < error * sd
@@ -86,14 +101,21 @@ def test_a_chain_in_all_dimensions_has_the_same_measure() -> None:
     assert not shortfall
     assert abs(draws[:, 0].mean() - mean) < (4.0 / np.sqrt(2000.0) + 0.03) * sd
     assert flat - mean > 0.25 * sd
-    without, _, _ = posterior_draws(replace(fit, singular=True), Engine(ess=2000.0), np.random.default_rng(1))  # samples the plain posterior
+    # samples the plain posterior
+    without, _, _ = posterior_draws(
+        replace(fit, singular=True), Engine(ess=2000.0), np.random.default_rng(1)
+    )
     assert abs(without[:, 0].mean() - flat) < (4.0 / np.sqrt(2000.0) + 0.03) * sd
 
 
 @pytest.mark.statistics
 @pytest.mark.parametrize(("read_about_truth", "right"), [(True, True), (False, False)])
-def test_readings_about_true_values_are_counted_rightly_and_values_that_were_set_are_not(read_about_truth: bool, right: bool) -> None:
-    """400 campaigns of 16 runs: where true values scatter about what was stated, flat weights are right, and this measure is as much too low."""
+def test_readings_about_true_values_are_counted_rightly_and_values_that_were_set_are_not(
+    read_about_truth: bool, right: bool
+) -> None:
+    """400 campaigns of 16 runs: where true values scatter about what was stated, flat weights are
+    right, and this measure is as much too low.
+    """
     rng, n, pulls, held = np.random.default_rng(3), 16, [], []
     for _ in range(400):
         stated = rng.uniform(0.5, 1.5, n)
@@ -108,19 +130,25 @@ def test_readings_about_true_values_are_counted_rightly_and_values_that_were_set
     mean, share = np.mean(pulls, axis=0), np.mean(held, axis=0)
     assert abs(mean[0]) < 4.0 * error
     assert abs(mean[1]) > 0.5
-    assert np.all(np.abs(share[0] - [0.68, 0.95]) < 4.0 * np.sqrt(np.array([0.68 * 0.32, 0.95 * 0.05]) / 400))
+    assert np.all(
+        np.abs(share[0] - [0.68, 0.95]) < 4.0 * np.sqrt(np.array([0.68 * 0.32, 0.95 * 0.05]) / 400)
+    )
     assert share[1, 0] < 0.68 - 0.05
 
 
 def test_a_size_of_errors_that_runs_share_is_integrated_and_not_pulled() -> None:
-    """40 runs of four points: with the measure of all that is own, the inferred standard deviation is too small by three of its own."""
+    """40 runs of four points: with the measure of all that is own, the inferred standard deviation
+    is too small by three of its own.
+    """
     rng, n, pulls = np.random.default_rng(8), 40, []
     for _ in range(4):
         problem = readings(n, rng)
         few = np.array([0, 2, 5, 7])
         noise = Independent(Scale(parameter="sigma"), Scale(0.0), np.ones(few.size))
         runs = tuple(replace(run, x=run.x[few], y=run.y[few], noise=noise) for run in problem.runs)
-        fit = fitted(Problem((*problem.parameters, Parameter("sigma", "1", HalfNormal(0.1), "sigma")), runs))
+        fit = fitted(
+            Problem((*problem.parameters, Parameter("sigma", "1", HalfNormal(0.1), "sigma")), runs)
+        )
         assert fit.sampled.measure is not None
         assert [fit.names[i] for i in fit.sampled.measure.columns] == ["scale"]
         found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=1000, n_check=100))
@@ -132,7 +160,10 @@ def test_a_size_of_errors_that_runs_share_is_integrated_and_not_pulled() -> None
 def test_one_prior_for_all_runs_says_how_true_values_are_distributed_and_is_integrated() -> None:
     problem = readings(3, np.random.default_rng(1))
     assert problem.readings == {"tilt[0]", "tilt[1]", "tilt[2]"}
-    alike = tuple(replace(p, prior=Normal(1.0, U_TILT)) if p.name.startswith("tilt") else p for p in problem.parameters)
+    alike = tuple(
+        replace(p, prior=Normal(1.0, U_TILT)) if p.name.startswith("tilt") else p
+        for p in problem.parameters
+    )
     same = Problem(alike, problem.runs)
     assert not same.readings
     assert fitted(same).sampled.measure is None
@@ -141,7 +172,9 @@ def test_one_prior_for_all_runs_says_how_true_values_are_distributed_and_is_inte
 
 @pytest.mark.slow
 def test_a_force_changes_nothing_about_how_readings_count() -> None:
-    """Runs that share an unmodelled force are one group; the measure is that of the runs without."""
+    """Runs that share an unmodelled force are one group; the measure is that of the runs
+    without.
+    """
     campaign = load_campaign(REPLICA)
     problem = campaign.problem(["heavy-02", "heavy-04"])
     plain = replace(problem, runs=tuple(replace(run, force=0.0) for run in problem.runs))
@@ -169,7 +202,10 @@ def test_it_is_told_where_flat_weights_would_show() -> None:
 
 def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
     problem = readings(3, np.random.default_rng(1))
-    values, posed, _ = _experiment(Plan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1), np.random.default_rng(5))
+    values, posed, _ = _experiment(
+        Plan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
+        np.random.default_rng(5),
+    )
     for value, before, after in zip(values, problem.parameters, posed.parameters, strict=True):
         if before.name in problem.readings:
             assert after.prior.centre != before.prior.centre

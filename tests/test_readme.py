@@ -1,4 +1,6 @@
-"""What the README shows is run as it stands, and every link and every page that is named leads somewhere."""
+"""What the README shows is run as it stands, and every link and every page that is named leads
+somewhere.
+"""
 
 from __future__ import annotations
 
@@ -17,22 +19,30 @@ import estim
 from estim.cli.commands import cli
 
 
-def test_six_lines_of_python_say_what_the_readme_says(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_six_lines_of_python_say_what_the_readme_says(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(project)
     (example,) = blocks((project / "README.md").read_text(encoding="utf-8"), "python")
     assert len([line for line in example.splitlines() if line]) <= 6
     names = run_page(project / "README.md", tmp_path)
     assert names["tea"].status == "ok"
-    assert estim.fit_curve("line", names["minutes"], names["celsius"], u_y=0.3).status == "poor-fit", "the README says so of a straight line"
+    assert (
+        estim.fit_curve("line", names["minutes"], names["celsius"], u_y=0.3).status == "poor-fit"
+    ), "the README says so of a straight line"
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn", "few_draws")
-def test_commands_of_the_readme_run(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_of_the_readme_run(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Every `estim` command but the one whose report the gallery keeps (below)."""
     shutil.copytree(project / "data" / "tutorial", tmp_path / "data" / "tutorial")
     monkeypatch.chdir(tmp_path)
-    commands = re.findall(r"^    estim (.*)$", (project / "README.md").read_text(encoding="utf-8"), flags=re.M)
+    commands = re.findall(
+        r"^    estim (.*)$", (project / "README.md").read_text(encoding="utf-8"), flags=re.M
+    )
     others = [command for command in commands if "data/gallery/" not in command]
     assert len(commands) == len(others) + 1 >= 2
     for command in others:
@@ -43,21 +53,36 @@ def test_commands_of_the_readme_run(project: Path, tmp_path: Path, monkeypatch: 
 def test_the_real_experiment_is_the_one_of_the_gallery(project: Path) -> None:
     text = (project / "README.md").read_text(encoding="utf-8")
     (shown,) = blocks(text, "toml")
-    assert tomllib.loads(shown) == tomllib.loads((project / "data" / "gallery" / "muon.toml").read_text(encoding="utf-8"))
-    result = json.loads((project / "reports" / "gallery" / "muon" / "result.json").read_text(encoding="utf-8"))
+    assert tomllib.loads(shown) == tomllib.loads(
+        (project / "data" / "gallery" / "muon.toml").read_text(encoding="utf-8")
+    )
+    result = json.loads(
+        (project / "reports" / "gallery" / "muon" / "result.json").read_text(encoding="utf-8")
+    )
     tau = result["parameters"]["tau"]
     assert f"says ({tau['mean']:.2f} ± {tau['sd']:.2f}) µs, status `{result['status']}`" in text
 
 
-def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its_published_lifetime(project: Path) -> None:
-    readme, gallery = ((project / place / "README.md").read_text(encoding="utf-8") for place in (".", "reports/gallery"))
+def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its_published_lifetime(
+    project: Path,
+) -> None:
+    readme, gallery = (
+        (project / place / "README.md").read_text(encoding="utf-8")
+        for place in (".", "reports/gallery")
+    )
     titles = re.findall(r"^\| \[(.*?)\]\(#", gallery, flags=re.MULTILINE)
     assert f"{['Eight', 'Nine', 'Ten'][len(titles) - 8]} real experiments" in readme
-    value, high, low = re.search(r"^\| \[The lifetime of the muon\].* \| ([\d.]+) \(\+([\d.]+), −([\d.]+)\) µs", gallery, flags=re.MULTILINE).groups()
+    value, high, low = re.search(
+        r"^\| \[The lifetime of the muon\].* \| ([\d.]+) \(\+([\d.]+), −([\d.]+)\) µs",
+        gallery,
+        flags=re.MULTILINE,
+    ).groups()
     assert f"{value} +{high} −{low} µs" in readme.replace("\xa0", " ")
 
 
-def test_python_of_the_campaign_page_runs(project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_python_of_the_campaign_page_runs(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.chdir(project)
     (example,) = blocks((project / "docs" / "campaign.md").read_text(encoding="utf-8"), "python")
     exec(compile(example, "campaign.md", "exec"), {})
@@ -78,13 +103,24 @@ def test_campaign_example_is_read(project: Path, replica: Path, tmp_path: Path) 
 
 def pages(project: Path) -> list[Path]:
     """Every page for readers that stands in the repository."""
-    return [*project.glob("*.md"), *project.glob("docs/**/*.md"), *project.glob("data/**/README.md"), project / "reports" / "gallery" / "README.md"]
+    return [
+        *project.glob("*.md"),
+        *project.glob("docs/**/*.md"),
+        *project.glob("data/**/README.md"),
+        project / "reports" / "gallery" / "README.md",
+    ]
 
 
 def anchors(text: str) -> set[str]:
     """The anchors that a viewer makes of the headings of a page."""
-    heads = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", head) for head in re.findall(r"^#+ (.*)$", text, flags=re.M)]
-    return {"".join(c for c in head.lower().replace(" ", "-") if c.isalnum() or c in "-_") for head in heads}
+    heads = [
+        re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", head)
+        for head in re.findall(r"^#+ (.*)$", text, flags=re.M)
+    ]
+    return {
+        "".join(c for c in head.lower().replace(" ", "-") if c.isalnum() or c in "-_")
+        for head in heads
+    }
 
 
 def test_links_of_the_documents_lead_somewhere(project: Path) -> None:
@@ -95,27 +131,50 @@ def test_links_of_the_documents_lead_somewhere(project: Path) -> None:
             name, _, anchor = target.partition("#")
             page = document.parent / name if name else document
             assert page.exists(), f"{document.name}: {target}"
-            assert not anchor or page.suffix != ".md" or anchor in anchors(page.read_text(encoding="utf-8")), f"{document.name}: {target}"
+            assert (
+                not anchor
+                or page.suffix != ".md"
+                or anchor in anchors(page.read_text(encoding="utf-8"))
+            ), f"{document.name}: {target}"
 
 
 def test_pages_that_code_and_data_name_are_there(project: Path) -> None:
-    code = [file for folder in ("estim", "model", "tests", "benchmarks") for file in (project / folder).rglob("*.py")]
+    code = [
+        file
+        for folder in ("estim", "model", "tests", "benchmarks")
+        for file in (project / folder).rglob("*.py")
+    ]
     page = re.compile(r"(?<![\w/.])docs/[\w/-]+\.(?:md|json|ipynb)")
-    named = {(name, file.name) for file in (*code, *pages(project)) for name in page.findall(file.read_text(encoding="utf-8"))}
+    named = {
+        (name, file.name)
+        for file in (*code, *pages(project))
+        for name in page.findall(file.read_text(encoding="utf-8"))
+    }
     assert len(named) > 30
     assert [pair for pair in sorted(named) if not (project / pair[0]).exists()] == []
 
 
 def test_the_index_names_every_page(project: Path) -> None:
     index = project / "docs" / "README.md"
-    linked = {(index.parent / name).resolve() for name in re.findall(r"\]\(([^)#:]+)", index.read_text(encoding="utf-8"))}
-    written = {path for kind in ("md", "ipynb", "json") for path in (project / "docs").resolve().rglob(f"*.{kind}")}
+    linked = {
+        (index.parent / name).resolve()
+        for name in re.findall(r"\]\(([^)#:]+)", index.read_text(encoding="utf-8"))
+    }
+    written = {
+        path
+        for kind in ("md", "ipynb", "json")
+        for path in (project / "docs").resolve().rglob(f"*.{kind}")
+    }
     assert [path.name for path in sorted(written - linked - {index.resolve()})] == []
 
 
 def test_citation_and_package_say_the_same(project: Path) -> None:
     package = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    citation = dict(re.findall(r"^([a-z-]+): (.+)$", (project / "CITATION.cff").read_text(encoding="utf-8"), flags=re.M))
+    citation = dict(
+        re.findall(
+            r"^([a-z-]+): (.+)$", (project / "CITATION.cff").read_text(encoding="utf-8"), flags=re.M
+        )
+    )
     assert (citation["version"], citation["license"]) == (package["version"], package["license"])
     assert {"cff-version", "message", "title", "type"} <= citation.keys()
 

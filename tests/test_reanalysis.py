@@ -48,13 +48,21 @@ def test_e_n_is_the_difference_at_twice_the_uncertainty() -> None:
     assert math.isnan(e_n(Quantity(1.0), Quantity(0.0)))
 
 
-def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(campaign: Campaign, rng: np.random.Generator) -> None:
+def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(
+    campaign: Campaign, rng: np.random.Generator
+) -> None:
     problem = campaign.problem(["heavy-04"])
-    found = {limit.group: limit for limit in limits(fit_least_squares(problem, rng=rng, n_start=2), "gamma[heavy]")}
+    found = {
+        limit.group: limit
+        for limit in limits(fit_least_squares(problem, rng=rng, n_start=2), "gamma[heavy]")
+    }
 
     def sharpen(problem: Problem, group: str) -> Problem:
         parameters = [
-            replace(p, prior=Normal(p.prior.centre, 1e-4 * p.prior.sd)) if p.name.startswith(group) else p for p in problem.parameters
+            replace(p, prior=Normal(p.prior.centre, 1e-4 * p.prior.sd))
+            if p.name.startswith(group)
+            else p
+            for p in problem.parameters
         ]
         return Problem(tuple(parameters), problem.runs)
 
@@ -67,29 +75,56 @@ def test_knowing_the_tilt_narrows_gamma_as_a_refit_with_a_sharp_tilt_does(campai
     assert found["phi"].share > 10.0 * abs(found["radius"].share)
 
 
-def test_a_run_depends_on_every_parameter_of_its_noise(tmp_path: Path, rng: np.random.Generator) -> None:
-    """Runs added one by one take the unknowns of their noise with them: an inferred error of x and a scatter of each run's own."""
-    noise = '{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = "0.002(1)", scatter = {prior = "half-normal", scale = 0.01}}'
+def test_a_run_depends_on_every_parameter_of_its_noise(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Runs added one by one take the unknowns of their noise with them: an inferred error of x and
+    a scatter of each run's own.
+    """
+    noise = (
+        '{model = "independent", sigma_v_m_s = 0.02, sigma_x_m = "0.002(1)", scatter = {prior '
+        '= "half-normal", scale = 0.01}}'
+    )
     head, _, run = CAMPAIGN.replace("NOISE", noise).partition("[[runs]]")
     runs = [run.replace('"r"', f'"{name}"').replace("r.csv", f"{name}.csv") for name in "rs"]
     (tmp_path / "c.toml").write_text("[[runs]]".join([head, *runs]))
     for name in "rs":
-        columns = (TIMES, POSITIONS + 0.002 * rng.standard_normal(TIMES.size), np.gradient(POSITIONS, TIMES) + 0.02 * rng.standard_normal(TIMES.size))
+        columns = (
+            TIMES,
+            POSITIONS + 0.002 * rng.standard_normal(TIMES.size),
+            np.gradient(POSITIONS, TIMES) + 0.02 * rng.standard_normal(TIMES.size),
+        )
         rows = "\n".join(f"{t},{x},{v}" for t, x, v in zip(*columns, strict=True))
         (tmp_path / f"{name}.csv").write_text("t_s,x_m,v_m_s\n" + rows + "\n")
     campaign = load_campaign(tmp_path / "c.toml")
     joint = campaign.problem(["r", "s"])
     first = SimpleNamespace(fit=fit_least_squares(campaign.problem(["r"]), rng=rng, n_start=1))
-    assert joint.restricted(joint.runs[1:]).names == ("gamma[heavy]", "kappa[heavy]", "theta0[s]", "scatter[s]", "sigma_x[s]")
+    assert joint.restricted(joint.runs[1:]).names == (
+        "gamma[heavy]",
+        "kappa[heavy]",
+        "theta0[s]",
+        "scatter[s]",
+        "sigma_x[s]",
+    )
     # of the second alone nothing is asked
-    found = narrowing(fit_least_squares(joint, rng=rng, n_start=1), [first, first], ["gamma[heavy]", "kappa[heavy]"], first_runs=())
-    assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)  # the first of them is the first alone
+    found = narrowing(
+        fit_least_squares(joint, rng=rng, n_start=1),
+        [first, first],
+        ["gamma[heavy]", "kappa[heavy]"],
+        first_runs=(),
+    )
+    # the first of them is the first alone
+    assert found.u[0] == pytest.approx(found.u_single[0], rel=1e-3)
     assert np.all(found.u[1] < found.u[0])
 
 
 def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
-    """Every byte, so that nothing depends on who did what, or when: a run by itself, and all runs of its body."""
-    campaign = load_campaign(Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path))
+    """Every byte, so that nothing depends on who did what, or when: a run by itself, and all runs
+    of its body.
+    """
+    campaign = load_campaign(
+        Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path)
+    )
     told: list[tuple[int, str]] = []
 
     @contextmanager
@@ -98,7 +133,12 @@ def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
         yield lambda percent, message: told.append((percent, message))
 
     few = Target(max_step=60, n_walker=24)
-    alone = reanalyse(campaign, seed=1, target=few, progress_of=lambda _: nullcontext(lambda percent, message: None))
+    alone = reanalyse(
+        campaign,
+        seed=1,
+        target=few,
+        progress_of=lambda _: nullcontext(lambda percent, message: None),
+    )
     spread_out = reanalyse(campaign, seed=1, target=few, progress_of=listened, jobs=2)
     assert reanalysis_report(alone, figures=False) == reanalysis_report(spread_out, figures=False)
     assert told[0] == (0, "2 fits, 2 at once")
@@ -106,8 +146,12 @@ def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("of_paper", [False, True])
-def test_propagated_band_is_that_of_brute_force(campaign: Campaign, project: Path, rng: np.random.Generator, of_paper: bool) -> None:
-    """Draw the stated inputs, evaluate the curve, take quantiles: kappa and c_rr as published where that is known, else as fitted."""
+def test_propagated_band_is_that_of_brute_force(
+    campaign: Campaign, project: Path, rng: np.random.Generator, of_paper: bool
+) -> None:
+    """Draw the stated inputs, evaluate the curve, take quantiles: kappa and c_rr as published where
+    that is known, else as fitted.
+    """
     from model import Body, speed
 
     analysis = analyse(campaign, ["heavy-04"], seed=1, target=QUICK)
@@ -118,13 +162,21 @@ def test_propagated_band_is_that_of_brute_force(campaign: Campaign, project: Pat
     kappa, resistance = (0.45, 0.0) if of_paper else fitted.values()
     priors = {p.name: p.prior for p in analysis.problem.parameters}
     n = 40_000
-    drawn = {key: priors[key].draw(rng, n)[:, None] for key in ("gamma[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "radius")}
+    drawn = {
+        key: priors[key].draw(rng, n)[:, None]
+        for key in ("gamma[heavy]", "theta0[heavy-04]", "phi[heavy-04]", "radius")
+    }
     at = np.searchsorted(band.x, [0.1, 0.2, 0.3])
 
     def speeds(kappa: float, resistance: float, values: dict[str, np.ndarray]) -> np.ndarray:
         body = Body(values["radius"], values["gamma[heavy]"], kappa)
         return speed(
-            band.x[at], body, phi=values["phi[heavy-04]"], theta0=values["theta0[heavy-04]"], rolling_resistance=resistance, g=9.81,
+            band.x[at],
+            body,
+            phi=values["phi[heavy-04]"],
+            theta0=values["theta0[heavy-04]"],
+            rolling_resistance=resistance,
+            g=9.81,
         )
 
     v = speeds(kappa, resistance, drawn)
@@ -136,7 +188,9 @@ def test_propagated_band_is_that_of_brute_force(campaign: Campaign, project: Pat
     assert band.value[at] == pytest.approx(np.ravel(speeds(kappa, resistance, stated)), rel=1e-9)
     other = np.ravel(speeds(*(fitted.values() if of_paper else (0.45, 0.0)), stated))
     assert np.all(np.abs(band.value[at] - other) > 0.02 * other)  # the two are not the same band
-    assert dict(band.published) == ({"kappa[heavy]": 0.45, "rolling_resistance": 0.0} if of_paper else {})
+    assert dict(band.published) == (
+        {"kappa[heavy]": 0.45, "rolling_resistance": 0.0} if of_paper else {}
+    )
     assert set(band.held) == (set() if of_paper else set(fitted))
     assert np.nanmedian(band.ratio) < 0.3
     known = np.isfinite(band.ratio)
@@ -145,19 +199,36 @@ def test_propagated_band_is_that_of_brute_force(campaign: Campaign, project: Pat
 
 
 @pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(("numbers", "said"), [
-    (["kappa", "rolling_resistance"], "the paper's band, 68 %: stated inputs, κ = 0.45, c_rr = 0 as published"),
-    (["kappa"], "stated inputs, 68 %; κ = 0.45 as published; c_rr as fitted"),
-    ([], "stated inputs, 68 %; κ, c_rr as fitted"),
-])
-def test_a_report_says_whose_the_band_is(tmp_path: Path, project: Path, numbers: list[str], said: str) -> None:
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        (
+            ["kappa", "rolling_resistance"],
+            "the paper's band, 68 %: stated inputs, κ = 0.45, c_rr = 0 as published",
+        ),
+        (["kappa"], "stated inputs, 68 %; κ = 0.45 as published; c_rr as fitted"),
+        ([], "stated inputs, 68 %; κ, c_rr as fitted"),
+    ],
+)
+def test_a_report_says_whose_the_band_is(
+    tmp_path: Path, project: Path, numbers: list[str], said: str
+) -> None:
     head, *blocks = (project / "data" / "paper" / "published.toml").read_text().split("[[number]]")
-    kept = [block for block in blocks if any(f'"{parameter}"' in block for parameter in ("radius", *numbers))]
+    kept = [
+        block
+        for block in blocks
+        if any(f'"{parameter}"' in block for parameter in ("radius", *numbers))
+    ]
     (tmp_path / "published.toml").write_text("[[number]]".join([head, *kept]))
     path = Disk(more='rolling_resistance = {prior = "half-normal", scale = 0.005}').write(tmp_path)
     path.write_text('published = "published.toml"\n' + path.read_text())
     target = Target(max_step=60, n_walker=24)
-    found = reanalyse(load_campaign(path), seed=1, target=target, progress_of=lambda _: nullcontext(lambda percent, message: None))
+    found = reanalyse(
+        load_campaign(path),
+        seed=1,
+        target=target,
+        progress_of=lambda _: nullcontext(lambda percent, message: None),
+    )
     report = reanalysis_report(found, figures=True)["report.md"].decode().replace("\xa0", " ")
     assert f"*Orange: {said}. Blue: " in report
 
@@ -169,18 +240,22 @@ def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
     for reading in line.readings.values():
         assert abs(reading.gamma.value - 0.187) < 3.0 * reading.gamma.u
         assert abs(reading.resistance.value - 0.002) < 3.0 * reading.resistance.u
-    # the Bayesian line (intercept prior of sd 0.1) and York's agree within a fraction of their uncertainty
+    # the Bayesian line (intercept prior of sd 0.1) and York's agree within a fraction of their
+    # uncertainty
     york, posterior = line.readings["york"].gamma, line.readings["posterior"].gamma
     assert abs(york.value - posterior.value) < 0.3 * york.u
 
 
-def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(campaign: Campaign, rng: np.random.Generator) -> None:
+def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(
+    campaign: Campaign, rng: np.random.Generator
+) -> None:
     line = analyse_line(read_theta_min(campaign.source), gamma_masses=None, seed=1, target=QUICK)
     error = line.york.standard_errors[line.york.recommended]
     cov = [[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]]
     a, b = rng.multivariate_normal([line.york.intercept, line.york.slope], cov, size=400_000).T
     assert line.readings["york"].resistance.u == pytest.approx(np.std(a / b), rel=0.05)
-    # the same of gamma times intercept fails without the correlation once the intercept is not small
+    # the same of gamma times intercept fails without the correlation once the intercept is not
+    # small
     shifted = rng.multivariate_normal([1.0, line.york.slope], cov, size=400_000).T
     wrong = rng.multivariate_normal([1.0, line.york.slope], np.diag(np.diag(cov)), size=400_000).T
     assert abs(np.std(wrong[0] / wrong[1]) / np.std(shifted[0] / shifted[1]) - 1.0) > 0.10
@@ -192,15 +267,29 @@ def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(campai
     ("rows", "told"),
     [
         ("phi_deg,theta_min_deg\n1,5\n2,10\n3,15\n", "'u_phi_deg' is missing"),
-        ("phi_deg,theta_min_deg\n4.0,20\n4.0,21\n4.0,22\n", "theta_min.csv:2: 'phi_deg' must not be the same in every row"),
+        (
+            "phi_deg,theta_min_deg\n4.0,20\n4.0,21\n4.0,22\n",
+            "theta_min.csv:2: 'phi_deg' must not be the same in every row",
+        ),
         ("phi_deg,u_phi_deg,u_theta_min_deg\n1,1,1\n2,1,1\n3,1,1\n", "'theta_min_deg' is missing"),
-        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,10,0,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'u_phi_deg' must be > 0: 0.0"),
-        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,9,0.4,1e-9\n3,15,0.4,1.5\n", ":3: 'u_theta_min_deg' must be at least 0"),
-        ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,95,0.4,1.5\n3,15,0.4,1.5\n", "theta_min.csv:3: 'theta_min_deg' must lie"),
+        (
+            "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,10,0,1.5\n3,15,0.4,1.5\n",
+            "theta_min.csv:3: 'u_phi_deg' must be > 0: 0.0",
+        ),
+        (
+            "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,9,0.4,1e-9\n3,15,0.4,1.5\n",
+            ":3: 'u_theta_min_deg' must be at least 0",
+        ),
+        (
+            "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n2,95,0.4,1.5\n3,15,0.4,1.5\n",
+            "theta_min.csv:3: 'theta_min_deg' must lie",
+        ),
         ("phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,5,0.4,1.5\n", "at least 3 rows"),
     ],
 )
-def test_a_wrong_series_is_refused_with_its_place(replica: Path, tmp_path: Path, rows: str, told: str) -> None:
+def test_a_wrong_series_is_refused_with_its_place(
+    replica: Path, tmp_path: Path, rows: str, told: str
+) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
     (tmp_path / "theta_min.csv").write_text(rows)
@@ -218,14 +307,22 @@ def test_published_numbers_meet_what_was_found(project: Path) -> None:
         ("kappa", "light", Quantity(0.65, 0.1), "y"),
     ]
     rows = compare_published(numbers, found)
-    assert [(row.published.value, row.how) for row in rows] == [(0.45, "y"), (0.187, "exact"), (0.094, "x")]
+    assert [(row.published.value, row.how) for row in rows] == [
+        (0.45, "y"),
+        (0.187, "exact"),
+        (0.094, "x"),
+    ]
     assert rows[0].e_n == pytest.approx(1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("unrendered")
-def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, reanalysed: Reanalysis) -> None:
-    """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the truth; of the bodies that were done again."""
+def test_committed_report_is_what_the_code_finds(
+    project: Path, replica: Path, reanalysed: Reanalysis
+) -> None:
+    """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the
+    truth; of the bodies that were done again.
+    """
     import tomllib
 
     files, committed = reanalysis_report(reanalysed), project / "reports" / "replica"
@@ -233,8 +330,15 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, r
     assert set(new["statuses"].values()) == {"ok"}
     bodies = {body.body for body in reanalysed.bodies}
     others = set(old["bodies"]) - bodies
-    assert new["statuses"] == {what: status for what, status in old["statuses"].items() if not any(other in what for other in others)}
-    bare, shown = reanalysis_report(reanalysed, figures=False), re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode())
+    assert new["statuses"] == {
+        what: status
+        for what, status in old["statuses"].items()
+        if not any(other in what for other in others)
+    }
+    bare, shown = (
+        reanalysis_report(reanalysed, figures=False),
+        re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode()),
+    )
     assert bare == {"report.md": bare["report.md"], "result.json": files["result.json"]}
     assert sorted(shown) == sorted(path for path in files if path.endswith(".png"))
     assert b"figures/" not in bare["report.md"]
@@ -255,21 +359,33 @@ def test_committed_report_is_what_the_code_finds(project: Path, replica: Path, r
             assert new["line"]["methods"][method]["slope"] == pytest.approx(row["slope"], rel=1e-9)
     text = (committed / "report.md").read_text()
     shown = {line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")}
-    assert {name for name in shown if not any(other in name for other in others)} == {name for name in files if name.startswith("figures/")}
+    assert {name for name in shown if not any(other in name for other in others)} == {
+        name for name in files if name.startswith("figures/")
+    }
     for figure in shown:
         assert (committed / figure).exists(), figure
 
 
 FLAT = "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,50,0.4,2\n2,45,0.4,2\n3,50,0.4,2\n"
-FALLING = "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n1,60,0.2,1\n3,40,0.2,1\n5,25,0.2,1\n7,10,0.2,1\n"
+FALLING = (
+    "phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg\n"
+    "1,60,0.2,1\n3,40,0.2,1\n5,25,0.2,1\n7,10,0.2,1\n"
+)
 
 
 @pytest.mark.parametrize("rows", [FLAT, FALLING])
-def test_points_that_hold_no_rising_line_give_no_gamma(replica: Path, tmp_path: Path, rows: str) -> None:
+def test_points_that_hold_no_rising_line_give_no_gamma(
+    replica: Path, tmp_path: Path, rows: str
+) -> None:
     (tmp_path / "runs").symlink_to(replica / "runs")
     (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
     (tmp_path / "theta_min.csv").write_text(rows)
-    line = analyse_line(read_theta_min(load_campaign(tmp_path / "campaign.toml").source), gamma_masses=None, seed=1, target=Target(ess=300))
+    line = analyse_line(
+        read_theta_min(load_campaign(tmp_path / "campaign.toml").source),
+        gamma_masses=None,
+        seed=1,
+        target=Target(ess=300),
+    )
     assert line.status == "not-identified"
 
 
@@ -283,28 +399,52 @@ def test_uncertainty_of_a_sine_holds_up_to_ninety_degrees(rng: np.random.Generat
 
 
 SYMBOLS = {
-    "gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr", "radius": "R", "scale_x": "δ_x", "scale_t": "δ_t",
+    "gamma": "γ",
+    "kappa": "κ",
+    "theta0": "θ₀",
+    "phi": "φ",
+    "rolling_resistance": "c_rr",
+    "radius": "R",
+    "scale_x": "δ_x",
+    "scale_t": "δ_t",
 }
 
 
 def says(cell: str, *values: float) -> bool:
     """Whether the numbers of a cell are `values`, rounded as they are written."""
     written = re.findall(r"-?\d+(?:\.\d+)?", cell.replace("−", "-"))
-    return all(abs(float(a) - b) <= 0.5001 * 10.0 ** -len(a.partition(".")[2]) for a, b in zip(written, values, strict=True))
+    return all(
+        abs(float(a) - b) <= 0.5001 * 10.0 ** -len(a.partition(".")[2])
+        for a, b in zip(written, values, strict=True)
+    )
 
 
 def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path) -> None:
     """Of both bodies: one that is not computed again is not written by hand either."""
     committed = project / "reports" / "replica"
-    result, text = json.loads((committed / "result.json").read_text()), (committed / "report.md").read_text().replace("\xa0", " ")
-    rows = [[cell.strip() for cell in line.strip("|").split(" | ")] for line in text.splitlines() if line.startswith("| ")]
+    result, text = (
+        json.loads((committed / "result.json").read_text()),
+        (committed / "report.md").read_text().replace("\xa0", " "),
+    )
+    rows = [
+        [cell.strip() for cell in line.strip("|").split(" | ")]
+        for line in text.splitlines()
+        if line.startswith("| ")
+    ]
     tables = text.split("| parameter | stated before | posterior |")
-    copied = {row["quantity"]: row for row in csv.DictReader(text.partition("```csv\n")[2].partition("```")[0].splitlines())}
+    copied = {
+        row["quantity"]: row
+        for row in csv.DictReader(text.partition("```csv\n")[2].partition("```")[0].splitlines())
+    }
     assert list(result["bodies"]) == ["heavy", "light"]
     for (body, found), table in zip(result["bodies"].items(), tables[1:], strict=True):
         posterior = found["joint"]["parameters"]
-        shown = [line.strip("|").split(" | ") for line in table.splitlines()[2 : 2 + len(posterior)]]
-        for (name, one), (label, _, mean_sd, interval, unit, _) in zip(posterior.items(), shown, strict=True):
+        shown = [
+            line.strip("|").split(" | ") for line in table.splitlines()[2 : 2 + len(posterior)]
+        ]
+        for (name, one), (label, _, mean_sd, interval, unit, _) in zip(
+            posterior.items(), shown, strict=True
+        ):
             factor = 180.0 / math.pi if unit == "°" else 1.0
             mean, sd, low, high = (factor * one[key] for key in ("mean", "sd", "q025", "q975"))
             symbol, _, place = name.partition("[")
@@ -315,18 +455,30 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path)
             if place == f"{body}]":
                 first = [row for row in rows if row[0] == f"{label.strip()}, 4 runs"]
                 assert [says(row[1], mean, sd) for row in first] == [True], name
-                numbers = [float(copied[label.strip()][column]) for column in ("value", "u", "low_95", "high_95")]
+                numbers = [
+                    float(copied[label.strip()][column])
+                    for column in ("value", "u", "low_95", "high_95")
+                ]
                 assert numbers == pytest.approx([mean, sd, low, high], rel=1e-5)
     runs = {row[0]: row[1:6] for row in rows if row[0] in result["runs"] and len(row) == 6}
     assert runs.keys() == result["runs"].keys()
     for run, (status, *cells) in runs.items():
         assert status == result["runs"][run]["status"]
-        alone = {name.partition("[")[0]: one for name, one in result["runs"][run]["parameters"].items()}
+        alone = {
+            name.partition("[")[0]: one for name, one in result["runs"][run]["parameters"].items()
+        }
         for name, cell in zip(("gamma", "kappa", "theta0", "phi"), cells, strict=True):
             factor = 180.0 / math.pi if name in ("theta0", "phi") else 1.0
             if "±" in cell:
-                assert says(cell, factor * alone[name]["mean"], factor * alone[name]["sd"]), (run, name)
-    compared = [row for row in rows if len(row) == 6 and row[0] in {one["name"] for one in result["published"]}]
+                assert says(cell, factor * alone[name]["mean"], factor * alone[name]["sd"]), (
+                    run,
+                    name,
+                )
+    compared = [
+        row
+        for row in rows
+        if len(row) == 6 and row[0] in {one["name"] for one in result["published"]}
+    ]
     for row, one in zip(compared, result["published"], strict=True):
         assert says(row[3], one["reanalysed"]["value"], one["reanalysed"]["u"]), row
         assert says(row[5], one["e_n"]), row

@@ -1,4 +1,6 @@
-"""docs/reference is what the code says, and a campaign's schema tells a good file from a misspelt one."""
+"""docs/reference is what the code says, and a campaign's schema tells a good file from a misspelt
+one.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ jsonschema = pytest.importorskip("jsonschema")
 
 @pytest.fixture(scope="module")
 def schema() -> Any:
-    text = (Path(__file__).parents[1] / "docs" / "reference" / "estim-campaign-1.schema.json").read_text(encoding="utf-8")
+    text = (
+        Path(__file__).parents[1] / "docs" / "reference" / "estim-campaign-1.schema.json"
+    ).read_text(encoding="utf-8")
     jsonschema.Draft7Validator.check_schema(json.loads(text))
     return jsonschema.Draft7Validator(json.loads(text))
 
@@ -26,12 +30,24 @@ def campaigns() -> list[Path]:
     """Every campaign of data/, told from other TOML files by what it must have."""
     files = sorted((Path(__file__).parents[1] / "data").rglob("*.toml"))
     trees = {file: tomllib.loads(file.read_text(encoding="utf-8")) for file in files}
-    return [file for file, tree in trees.items() if {"title", "kind"} <= tree.keys() and {"runs", "trials"} & tree.keys()]
+    return [
+        file
+        for file, tree in trees.items()
+        if {"title", "kind"} <= tree.keys() and {"runs", "trials"} & tree.keys()
+    ]
 
 
 def test_the_reference_is_not_stale_and_explains_every_key(project: Path) -> None:
-    """A failure here is mended by `make docs`, and by a line in docs/generate/key_words.toml for a new key."""
-    done = subprocess.run([sys.executable, str(project / "docs" / "generate"), "--check"], capture_output=True, text=True, check=False, cwd=project)
+    """A failure here is mended by `make docs`, and by a line in docs/generate/key_words.toml for a
+    new key.
+    """
+    done = subprocess.run(
+        [sys.executable, str(project / "docs" / "generate"), "--check"],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=project,
+    )
     assert done.stderr == ""
     assert done.returncode == 0
 
@@ -81,14 +97,19 @@ file = "r.csv"
 @pytest.mark.parametrize(
     ("text", "written", "instead"),
     [
-        (ROLLING, "phi_deg", "phi_degree"), (ROLLING, "sigma_x_m", "sigma_x"), (ROLLING, 'prior = "uniform"', 'prior = "flat"'),
-        (ROLLING, "gamma", "gama"), (ROLLING, 'kind = "measured"', 'kind = "real"'), (ROLLING, 'body = "heavy"\n', ""),
+        (ROLLING, "phi_deg", "phi_degree"), (ROLLING, "sigma_x_m", "sigma_x"),
+        (ROLLING, 'prior = "uniform"', 'prior = "flat"'),
+        (ROLLING, "gamma", "gama"), (ROLLING, 'kind = "measured"', 'kind = "real"'),
+        (ROLLING, 'body = "heavy"\n', ""),
         (ROLLING, "[shared]", "[share]"), (ROLLING, "0.187", "true"),
-        (OWN, "u_y", "sigma_y"), (OWN, "start", "begin"), (OWN, "unit", "units"), (OWN, "0.2", '["0.2"]'), (OWN, 'file = "r.csv"\n', ""),
+        (OWN, "u_y", "sigma_y"), (OWN, "start", "begin"), (OWN, "unit", "units"),
+        (OWN, "0.2", '["0.2"]'), (OWN, 'file = "r.csv"\n', ""),
         (OWN, "[curve.parameters]", "[curve.parameter]"),
     ],
 )  # fmt: skip
-def test_a_slip_does_not_pass_the_schema_nor_the_reader(schema: Any, tmp_path: Path, text: str, written: str, instead: str) -> None:
+def test_a_slip_does_not_pass_the_schema_nor_the_reader(
+    schema: Any, tmp_path: Path, text: str, written: str, instead: str
+) -> None:
     """The reader of campaigns is the judge: what it refuses by its form the schema refuses too."""
     from estim import InputError, load_campaign
 
@@ -96,7 +117,10 @@ def test_a_slip_does_not_pass_the_schema_nor_the_reader(schema: Any, tmp_path: P
     slipped = text.replace(written, instead, 1)
     assert not schema.is_valid(tomllib.loads(slipped))
     (tmp_path / "c.toml").write_text(slipped, encoding="utf-8")
-    (tmp_path / "r.csv").write_text("t_s,x_m,U\n" + "".join(f"{0.1 * n:.1f},{0.01 * n * n:.2f},{n}\n" for n in range(9)), encoding="utf-8")
+    (tmp_path / "r.csv").write_text(
+        "t_s,x_m,U\n" + "".join(f"{0.1 * n:.1f},{0.01 * n * n:.2f},{n}\n" for n in range(9)),
+        encoding="utf-8",
+    )
     with pytest.raises(InputError, match=r"c\.toml"):
         load_campaign(tmp_path / "c.toml")
 
@@ -104,7 +128,9 @@ def test_a_slip_does_not_pass_the_schema_nor_the_reader(schema: Any, tmp_path: P
 def test_campaigns_that_the_guides_print_keep_to_the_schema(schema: Any, project: Path) -> None:
     """The whole campaigns that the guides print."""
     texts = [page.read_text(encoding="utf-8") for page in sorted(project.glob("docs/**/*.md"))]
-    blocks = [block for text in texts for block in re.findall(r"```toml\n(.*?)```", text, flags=re.S)]
+    blocks = [
+        block for text in texts for block in re.findall(r"```toml\n(.*?)```", text, flags=re.S)
+    ]
     whole = [block for block in blocks if block.startswith("title") and "[[runs]]" in block]
     assert len(whole) >= 5
     for text in whole:

@@ -1,4 +1,6 @@
-"""The map of motions: borders against brute force and closed forms, the places of runs, and `estim map` from the command line."""
+"""The map of motions: borders against brute force and closed forms, the places of runs, and `estim
+map` from the command line.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def few_draws_of_the_farthest(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.studies.regimes._FAR_DRAWS", 40)
 
 
-def stops_after(gamma: float, slope: float, theta0: float, *, far: float = 40.0, step: float = 2e-3) -> float:
+def stops_after(
+    gamma: float, slope: float, theta0: float, *, far: float = 40.0, step: float = 2e-3
+) -> float:
     """Where W first falls to 0, by walking; 0 where it does not set off, inf where it goes on."""
     if gamma * math.sin(theta0) <= slope:
         return 0.0
@@ -49,14 +53,24 @@ def test_borders_are_those_of_a_walk_along_the_energy(rng: np.random.Generator) 
     """Releases on either side of each border do what the border says."""
     seen = {"starts": 0, "turns": 0, "on": 0}
     for _ in range(60):
-        gamma, phi, resistance, angle = rng.uniform(0.05, 0.5), rng.uniform(-0.15, 0.25), rng.uniform(0.0, 0.01), rng.uniform(0.5, 5.5)
+        gamma, phi, resistance, angle = (
+            rng.uniform(0.05, 0.5),
+            rng.uniform(-0.15, 0.25),
+            rng.uniform(0.0, 0.01),
+            rng.uniform(0.5, 5.5),
+        )
         slope = math.sin(phi) + resistance * math.cos(phi)
-        low, high = (float(end) for end in range_of_release(gamma, phi, rolling_resistance=resistance))
+        low, high = (
+            float(end) for end in range_of_release(gamma, phi, rolling_resistance=resistance)
+        )
         release = float(release_for_turn(angle, gamma, phi, rolling_resistance=resistance))
         on = float(release_that_rolls_on(gamma, phi, rolling_resistance=resistance))
         if abs(slope) < gamma:
             seen["starts"] += 1
-            moves = [stops_after(gamma, slope, a, far=0.01) > 0.0 for a in (low - 0.01, low + 0.01, high - 0.01, high + 0.01)]
+            moves = [
+                stops_after(gamma, slope, a, far=0.01) > 0.0
+                for a in (low - 0.01, low + 0.01, high - 0.01, high + 0.01)
+            ]
             assert moves == [False, True, True, False]
         if not math.isnan(release):
             seen["turns"] += 1
@@ -70,11 +84,17 @@ def test_borders_are_those_of_a_walk_along_the_energy(rng: np.random.Generator) 
 
 def test_no_release_turns_after_a_distance_that_the_border_denies(rng: np.random.Generator) -> None:
     """The converse: every turning point is on the border of its own distance, and none is lost."""
-    gamma, phi, theta0 = rng.uniform(0.05, 0.5, 500), rng.uniform(-0.2, 0.3, 500), rng.uniform(-1.5, 4.6, 500)
+    gamma, phi, theta0 = (
+        rng.uniform(0.05, 0.5, 500),
+        rng.uniform(-0.2, 0.3, 500),
+        rng.uniform(-1.5, 4.6, 500),
+    )
     angle = turning_angle(Body(0.15, gamma, 0.45), phi=phi, theta0=theta0)
     turns = np.isfinite(angle) & (angle > 0.0)
     assert np.sum(turns) > 100
-    assert release_for_turn(angle[turns], gamma[turns], phi[turns]) == pytest.approx(theta0[turns], abs=1e-12)
+    assert release_for_turn(angle[turns], gamma[turns], phi[turns]) == pytest.approx(
+        theta0[turns], abs=1e-12
+    )
     assert np.isnan(release_for_turn(2.0 * np.pi, 0.2, 0.05))
 
 
@@ -84,7 +104,10 @@ def test_the_range_of_release_is_theta_min_and_theta_max_of_the_paper() -> None:
     assert low == pytest.approx(theta_min(gamma, phi, rolling_resistance=0.002), abs=1e-15)
     assert high == pytest.approx(theta_max(gamma, phi, rolling_resistance=0.002), abs=1e-15)
     assert [float(end) for end in range_of_release(0.0, 0.1)] == [pytest.approx(np.pi / 2)] * 2
-    assert [float(end) for end in range_of_release(0.1, -0.2)] == [pytest.approx(-np.pi / 2), pytest.approx(1.5 * np.pi)]
+    assert [float(end) for end in range_of_release(0.1, -0.2)] == [
+        pytest.approx(-np.pi / 2),
+        pytest.approx(1.5 * np.pi),
+    ]
 
 
 TEXT = """\
@@ -108,13 +131,26 @@ theta0_deg = "{theta0}"
 
 
 def campaign_of(
-    folder: Path, *, shared: str = "", noise: str = "", gamma: str = "0.187(10)", phi: str = "4.0(4)", theta0: str = "60.0(15)", n: int = 38
+    folder: Path,
+    *,
+    shared: str = "",
+    noise: str = "",
+    gamma: str = "0.187(10)",
+    phi: str = "4.0(4)",
+    theta0: str = "60.0(15)",
+    n: int = 38,
 ) -> Path:
     t = np.arange(n) / 30
-    x = trajectory(t, Body(0.15, 0.187, 0.45), phi=math.radians(4), theta0=math.radians(60), g=9.81)[0][0]
+    x = trajectory(
+        t, Body(0.15, 0.187, 0.45), phi=math.radians(4), theta0=math.radians(60), g=9.81
+    )[0][0]
     x = x + np.random.default_rng(3).normal(0.0, 0.001, t.size)
-    (folder / "a.csv").write_text("t_s,x_m\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True)))
-    (folder / "campaign.toml").write_text(TEXT.format(shared=shared, noise=noise, gamma=gamma, phi=phi, theta0=theta0))
+    (folder / "a.csv").write_text(
+        "t_s,x_m\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True))
+    )
+    (folder / "campaign.toml").write_text(
+        TEXT.format(shared=shared, noise=noise, gamma=gamma, phi=phi, theta0=theta0)
+    )
     return folder / "campaign.toml"
 
 
@@ -122,18 +158,33 @@ def mapped(path: Path, **choices: object) -> BodyMap:
     return map_bodies(load_campaign(path), seed=1, **choices)[0]  # type: ignore[arg-type]
 
 
-def test_a_run_turns_where_a_simulation_of_its_own_does(tmp_path: Path, rng: np.random.Generator) -> None:
-    """Stated values drawn here, each draw walked to its turning point; three Monte-Carlo standard deviations."""
+def test_a_run_turns_where_a_simulation_of_its_own_does(
+    tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Stated values drawn here, each draw walked to its turning point; three Monte-Carlo standard
+    deviations.
+    """
     found = mapped(campaign_of(tmp_path))
     (run,) = found.runs
     n = 800
-    draws = zip(rng.normal(0.187, 0.01, n), np.radians(rng.normal(4.0, 0.4, n)), np.radians(rng.normal(60.0, 1.5, n)), strict=True)
-    stops = 0.15 * np.array([stops_after(gamma, math.sin(phi), theta0, far=7.0) for gamma, phi, theta0 in draws])
+    draws = zip(
+        rng.normal(0.187, 0.01, n),
+        np.radians(rng.normal(4.0, 0.4, n)),
+        np.radians(rng.normal(60.0, 1.5, n)),
+        strict=True,
+    )
+    stops = 0.15 * np.array(
+        [stops_after(gamma, math.sin(phi), theta0, far=7.0) for gamma, phi, theta0 in draws]
+    )
     assert run.sets_off == pytest.approx(1.0)
     sd = float(np.std(stops))
-    assert run.stop[2] == pytest.approx(float(np.median(stops)), abs=3.0 * 1.25 * sd * math.sqrt(1 / n + 1 / 2000))
+    assert run.stop[2] == pytest.approx(
+        float(np.median(stops)), abs=3.0 * 1.25 * sd * math.sqrt(1 / n + 1 / 2000)
+    )
     assert 0.5 * (run.stop[3] - run.stop[1]) == pytest.approx(sd, rel=0.12)
-    assert run.farthest == max(float(row.split(",")[1]) for row in (tmp_path / "a.csv").read_text().splitlines()[1:])
+    assert run.farthest == max(
+        float(row.split(",")[1]) for row in (tmp_path / "a.csv").read_text().splitlines()[1:]
+    )
 
 
 def test_bands_of_the_borders_are_those_of_linear_propagation(tmp_path: Path) -> None:
@@ -142,10 +193,14 @@ def test_bands_of_the_borders_are_those_of_linear_propagation(tmp_path: Path) ->
     at = int(np.argmin(np.abs(found.phi - math.radians(4.0))))
     least = math.asin(math.sin(found.phi[at]) / 0.187)
     assert found.lowest[2, at] == pytest.approx(least, abs=0.004)
-    assert 0.5 * (found.lowest[3, at] - found.lowest[1, at]) == pytest.approx(math.tan(least) * 0.01 / 0.187, rel=0.1)
+    assert 0.5 * (found.lowest[3, at] - found.lowest[1, at]) == pytest.approx(
+        math.tan(least) * 0.01 / 0.187, rel=0.1
+    )
     assert found.highest == pytest.approx(np.pi - found.lowest[::-1])
     assert found.steepest[2] == pytest.approx(math.asin(0.187), abs=0.001)
-    assert 0.5 * (found.steepest[3] - found.steepest[1]) == pytest.approx(0.01 / math.cos(math.asin(0.187)), rel=0.1)
+    assert 0.5 * (found.steepest[3] - found.steepest[1]) == pytest.approx(
+        0.01 / math.cos(math.asin(0.187)), rel=0.1
+    )
 
 
 def test_values_that_are_exact_have_borders_without_a_band(tmp_path: Path) -> None:
@@ -155,7 +210,9 @@ def test_values_that_are_exact_have_borders_without_a_band(tmp_path: Path) -> No
     assert np.ptp(found.lowest, axis=0) == pytest.approx(0.0)
     (run,) = found.runs
     body = Body(0.15, 0.187, 0.45)
-    assert run.stop == pytest.approx(np.full(5, 0.15 * float(turning_angle(body, phi=math.radians(4), theta0=math.radians(60)))))
+    assert run.stop == pytest.approx(
+        np.full(5, 0.15 * float(turning_angle(body, phi=math.radians(4), theta0=math.radians(60))))
+    )
     assert (run.sets_off, run.phi[1]) == (1.0, 0.0)
 
 
@@ -168,7 +225,13 @@ def test_the_end_of_the_ramp_is_asked_for_or_stated_or_recorded(tmp_path: Path) 
 
 def command(*words: object) -> tuple[int, str]:
     done = runner().invoke(cli, [str(word) for word in words], standalone_mode=False)
-    code = done.exception.code if isinstance(done.exception, SystemExit) else 2 if done.exception else 0
+    code = (
+        done.exception.code
+        if isinstance(done.exception, SystemExit)
+        else 2
+        if done.exception
+        else 0
+    )
     return int(code or 0), done.stdout + str(done.exception or "")
 
 
@@ -181,7 +244,10 @@ def test_the_command_maps_what_a_run_should_do(tmp_path: Path) -> None:
     assert result["status"] == "ok"
     report = (tmp_path / "out" / "report.md").read_text().replace("\u00a0", " ")
     names = {"figures/map-heavy.png"}
-    assert all(f"]({name})" in report and (tmp_path / "out" / name).stat().st_size > 10_000 for name in names)
+    assert all(
+        f"]({name})" in report and (tmp_path / "out" / name).stat().st_size > 10_000
+        for name in names
+    )
     first = first_screen(report)
     assert "figures/map-heavy.png" in first
     assert len(words(first)) < 120
@@ -189,15 +255,23 @@ def test_the_command_maps_what_a_run_should_do(tmp_path: Path) -> None:
     assert run["words"] in said
     assert run["words"] in report
     tilts = {round(math.degrees(tilt["phi"])): tilt for tilt in result["bodies"]["heavy"]["tilts"]}
-    assert tilts[4]["least"]["median"] == pytest.approx(math.asin(math.sin(math.radians(4.0)) / 0.187), abs=0.01)
+    assert tilts[4]["least"]["median"] == pytest.approx(
+        math.asin(math.sin(math.radians(4.0)) / 0.187), abs=0.01
+    )
     assert "SYNTHETIC" in report
 
 
 @pytest.mark.parametrize(
     ("choices", "reason"),
-    [({"gamma": "0.100(5)"}, "should turn back at"), ({"theta0": "5(2)"}, "should not start"), ({"phi": "9.0(4)"}, "should turn back at")],
+    [
+        ({"gamma": "0.100(5)"}, "should turn back at"),
+        ({"theta0": "5(2)"}, "should not start"),
+        ({"phi": "9.0(4)"}, "should turn back at"),
+    ],
 )
-def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(tmp_path: Path, choices: dict[str, str], reason: str) -> None:
+def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(
+    tmp_path: Path, choices: dict[str, str], reason: str
+) -> None:
     path = campaign_of(tmp_path, **choices)
     code, said = command("map", path, "--out", tmp_path / "out", "--no-figures")
     assert code == 3
@@ -208,11 +282,15 @@ def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(tmp_
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--body", "none"], "'--body' must name one of the bodies (heavy)"), (["--ramp-length", "-1"], "'--ramp-length' must be > 0"),
-        (["--fit", "nowhere"], "cannot be read"), (["--fit", "a.csv"], "must be the result.json of `estim fit`"),
+        (["--body", "none"], "'--body' must name one of the bodies (heavy)"),
+        (["--ramp-length", "-1"], "'--ramp-length' must be > 0"),
+        (["--fit", "nowhere"], "cannot be read"),
+        (["--fit", "a.csv"], "must be the result.json of `estim fit`"),
     ],
 )
-def test_choices_that_are_wrong_are_refused(tmp_path: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_choices_that_are_wrong_are_refused(
+    tmp_path: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = campaign_of(tmp_path)
     monkeypatch.chdir(tmp_path)
     code, found = command("map", path, "--out", tmp_path / "out", *words)
@@ -220,16 +298,29 @@ def test_choices_that_are_wrong_are_refused(tmp_path: Path, words: list[str], sa
     assert said in found
 
 
-def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(tmp_path: Path, few_draws: None) -> None:
+def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
+    tmp_path: Path, few_draws: None
+) -> None:
     path = campaign_of(tmp_path, shared="unmodelled_force = 0")
     assert command("fit", path, "--out", tmp_path / "fit", "--no-figures")[0] == 0
-    assert command("map", path, "--out", tmp_path / "map", "--fit", tmp_path / "fit", "--no-figures")[0] == 0
-    fitted, stated = json.loads((tmp_path / "fit" / "result.json").read_text()), mapped(path).runs[0]
-    run = json.loads((tmp_path / "map" / "result.json").read_text())["bodies"]["heavy"]["runs"]["a"]["turning_point"]
+    assert (
+        command("map", path, "--out", tmp_path / "map", "--fit", tmp_path / "fit", "--no-figures")[
+            0
+        ]
+        == 0
+    )
+    fitted, stated = (
+        json.loads((tmp_path / "fit" / "result.json").read_text()),
+        mapped(path).runs[0],
+    )
+    run = json.loads((tmp_path / "map" / "result.json").read_text())["bodies"]["heavy"]["runs"][
+        "a"
+    ]["turning_point"]
     width = 0.5 * (run["high_68"] - run["low_68"])
     turning = fitted["turning_point"]["a"]
     assert run["median"] == pytest.approx(turning["median"], abs=0.3 * turning["sd"])
-    assert width == pytest.approx(turning["sd"], rel=0.2)  # without the correlations it would be that of the stated values
+    # without the correlations it would be that of the stated values
+    assert width == pytest.approx(turning["sd"], rel=0.2)
     assert width < 0.3 * 0.5 * (stated.stop[3] - stated.stop[1])
     path.write_text(path.read_text() + "# changed\n")
     code, said = command("map", path, "--fit", tmp_path / "fit", "--no-figures")
@@ -237,11 +328,18 @@ def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(tmp_path: Path, 
 
 
 def test_the_wheel_rolls_down_and_a_body_without_a_heavy_side_has_no_angle(project: Path) -> None:
-    """Downhill: on for ever or rocking.  Balanced: it sets off beyond the tilt at which the weight beats the rolling resistance, from any angle."""
-    balanced, unbalanced = map_bodies(load_campaign(project / "data" / "wheel" / "campaign.toml"), seed=1)
+    """Downhill: on for ever or rocking.  Balanced: it sets off beyond the tilt at which the weight
+    beats the rolling resistance, from any angle.
+    """
+    balanced, unbalanced = map_bodies(
+        load_campaign(project / "data" / "wheel" / "campaign.toml"), seed=1
+    )
     assert unbalanced.downhill
     assert not unbalanced.uphill
-    assert all(place.sets_off > 0.8 and np.isnan(place.stop[2]) and not place.findings for place in (*balanced.runs, *unbalanced.runs))
+    assert all(
+        place.sets_off > 0.8 and np.isnan(place.stop[2]) and not place.findings
+        for place in (*balanced.runs, *unbalanced.runs)
+    )
     resistance = 0.6745 * 0.05  # median of the half-normal prior
     first = balanced.phi[np.flatnonzero(balanced.highest[2] - balanced.lowest[2] > 1.0)[-1]]
     assert -math.tan(first) == pytest.approx(resistance, rel=0.06)

@@ -30,15 +30,25 @@ def test_every_run_recovers_its_true_parameters(replica: Path, reanalysed: Reana
 
 
 def test_rolling_resistance_costs_about_five_percent_of_the_energy(replica: Path) -> None:
-    """As the paper saw: relative to E0 = M g R (theta0 sin phi + gamma cos theta0), up to the turning point."""
+    """As the paper saw: relative to E0 = M g R (theta0 sin phi + gamma cos theta0), up to the
+    turning point.
+    """
     from model import Body, turning_angle
 
     truth = tomllib.loads((replica / "truth.toml").read_text())
     losses = []
     for run in RUNS:
         gamma, kappa = truth[f"gamma[{run[:5]}]"], truth[f"kappa[{run[:5]}]"]
-        phi, theta0, c_rr = truth[f"phi[{run}]"], truth[f"theta0[{run}]"], truth["rolling_resistance"]
-        turned = float(turning_angle(Body(truth["radius"], gamma, kappa), phi=phi, theta0=theta0, rolling_resistance=c_rr))
+        phi, theta0, c_rr = (
+            truth[f"phi[{run}]"],
+            truth[f"theta0[{run}]"],
+            truth["rolling_resistance"],
+        )
+        turned = float(
+            turning_angle(
+                Body(truth["radius"], gamma, kappa), phi=phi, theta0=theta0, rolling_resistance=c_rr
+            )
+        )
         losses.append(c_rr * np.cos(phi) * turned / (theta0 * np.sin(phi) + gamma * np.cos(theta0)))
     assert np.mean(losses) == pytest.approx(0.05, abs=0.025)
     assert max(losses) < 0.10

@@ -45,8 +45,17 @@ def test_halves_of_the_interval_decide_at_three_to_two() -> None:
 
 @pytest.mark.parametrize(
     ("text", "shown"),
-    [("-0.42", "−0.42"), ("-0.00", "0.00"), ("+0.00", "0.00"), ("+0.97", "+0.97"), ("-0.05", "−0.05"), ("-0", "0"), ("-1.5e-07", "−1.5e-07"),
-     ("(-0.0 ± 1.0)×10⁻⁷", "(0.0 ± 1.0)×10⁻⁷"), ("-10 ± 3", "−10 ± 3")],
+    [
+        ("-0.42", "−0.42"),
+        ("-0.00", "0.00"),
+        ("+0.00", "0.00"),
+        ("+0.97", "+0.97"),
+        ("-0.05", "−0.05"),
+        ("-0", "0"),
+        ("-1.5e-07", "−1.5e-07"),
+        ("(-0.0 ± 1.0)×10⁻⁷", "(0.0 ± 1.0)×10⁻⁷"),
+        ("-10 ± 3", "−10 ± 3"),
+    ],
 )
 def test_a_rounded_zero_has_no_sign_and_minus_is_no_hyphen(text: str, shown: str) -> None:
     assert signed(text) == shown
@@ -60,11 +69,21 @@ def test_numbers_are_formatted_with_such_signs() -> None:
 
 
 def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator) -> None:
-    j, slopes = summary(rng.standard_normal(1000)), [summary(rng.standard_normal(1000)) for _ in range(2)]
+    j, slopes = (
+        summary(rng.standard_normal(1000)),
+        [summary(rng.standard_normal(1000)) for _ in range(2)],
+    )
     blank = dict.fromkeys(RunSummary.__struct_fields__)
-    runs = {name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}})) for name, s in zip(("a", "b"), slopes, strict=True)}
+    runs = {
+        name: RunSummary(**(blank | {"derived": {"inertia_ratio": j, "slope": s}}))
+        for name, s in zip(("a", "b"), slopes, strict=True)
+    }
     shown = {"inertia_ratio": Notation("j").label("1"), "slope": Notation("s").label("1")}
-    assert [row[0] for row in derived_rows(runs, Labels({}, {}, dict.fromkeys(runs, shown)))] == ["j", "s[a]", "s[b]"]
+    assert [row[0] for row in derived_rows(runs, Labels({}, {}, dict.fromkeys(runs, shown)))] == [
+        "j",
+        "s[a]",
+        "s[b]",
+    ]
 
 
 def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:

@@ -14,7 +14,13 @@ from estim.campaign import load_campaign
 from estim.fitting import fit_least_squares
 from estim.problem import folded
 from estim.sampling.protocol import Density, Support
-from estim.sampling.ridges import coordinates_at_modes, expanded, path_proposal, profile_paths, ridge_proposal
+from estim.sampling.ridges import (
+    coordinates_at_modes,
+    expanded,
+    path_proposal,
+    profile_paths,
+    ridge_proposal,
+)
 
 ROUNDING = 1e-8  # standard deviations, and of log densities
 
@@ -24,15 +30,33 @@ Case = tuple[Density, np.ndarray, np.ndarray, Sequence[np.ndarray], Support | No
 def real(replica: Path) -> Case:
     problem = load_campaign(replica / "campaign.toml").problem(["heavy-04"])
     fit = fit_least_squares(problem, rng=np.random.default_rng(1))
-    return folded(fit.posterior, fit.symmetry, fit.values), fit.values, fit.cov, (), problem.support()
+    return (
+        folded(fit.posterior, fit.symmetry, fit.values),
+        fit.values,
+        fit.cov,
+        (),
+        problem.support(),
+    )
 
 
 CASES: dict[str, Callable[[Path], Case]] = {
     "normal": lambda _: (normal(COV), np.zeros(4), COV, (), None),
     "banana": lambda _: (banana(1.5), np.array([0.0, -1.5]), np.eye(2), (), None),
-    "half-normal": lambda _: (half_normal(3), np.zeros(3), 0.4 * np.eye(3), (), (np.zeros(3), np.full(3, np.inf))),
+    "half-normal": lambda _: (
+        half_normal(3),
+        np.zeros(3),
+        0.4 * np.eye(3),
+        (),
+        (np.zeros(3), np.full(3, np.inf)),
+    ),
     "limits not stated": lambda _: (half_normal(3), np.full(3, 0.1), 0.4 * np.eye(3), (), None),
-    "two modes": lambda _: (bimodal(3), np.full(3, 4.0), 1.05 * np.eye(3), (np.full(3, -4.0),), None),
+    "two modes": lambda _: (
+        bimodal(3),
+        np.full(3, 4.0),
+        1.05 * np.eye(3),
+        (np.full(3, -4.0),),
+        None,
+    ),
     "one parameter": lambda _: (normal(np.eye(1)), np.zeros(1), np.eye(1), (), None),
     "heavy-04": real,
 }
@@ -52,16 +76,28 @@ def test_ridges_followed_together_are_those_followed_one_by_one(name: str, repli
         assert np.sum(of_ridge) > 2
         _, alone, masses = profile_paths(one, centres[only])
         scale = sds[coordinates.order[i]]
-        np.testing.assert_allclose(expansions.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING)
-        slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))  # of a normal log density where it lies so deep, per standard deviation
+        np.testing.assert_allclose(
+            expansions.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING
+        )
+        # of a normal log density where it lies so deep, per standard deviation
+        slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))
         assert np.all(np.abs(log_marginals[of_ridge] - masses) < ROUNDING * slope)
         of_one = path_proposal(one, centres[only])
-        np.testing.assert_allclose(together.means[of_ridge] / sds, of_one.means / sds, rtol=0.0, atol=10.0 * ROUNDING)
-        np.testing.assert_allclose(together.factors[of_ridge] / sds[:, None], of_one.factors / sds[:, None], rtol=0.0, atol=10.0 * ROUNDING)
+        np.testing.assert_allclose(
+            together.means[of_ridge] / sds, of_one.means / sds, rtol=0.0, atol=10.0 * ROUNDING
+        )
+        np.testing.assert_allclose(
+            together.factors[of_ridge] / sds[:, None],
+            of_one.factors / sds[:, None],
+            rtol=0.0,
+            atol=10.0 * ROUNDING,
+        )
 
 
 def test_a_way_along_a_normal_density_is_its_regression() -> None:
-    """The others are where they are expected given the first, and the density falls by half the square of its standard deviations."""
+    """The others are where they are expected given the first, and the density falls by half the
+    square of its standard deviations.
+    """
     coordinates, centres = coordinates_at_modes(normal(COV), np.zeros((1, 4)), COV, None)
     row, expansions, log_marginals = profile_paths(coordinates, centres)
     for axis in range(4):
@@ -69,13 +105,17 @@ def test_a_way_along_a_normal_density_is_its_regression() -> None:
         order = coordinates.order[axis]
         expected = points[:, :1] * COV[axis, order] / COV[axis, axis]
         np.testing.assert_allclose(points, expected, atol=1e-6)
-        np.testing.assert_allclose(log_marginals[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6)
+        np.testing.assert_allclose(
+            log_marginals[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6
+        )
         assert np.max(np.abs(points[:, 0])) > 4.0 * np.sqrt(COV[axis, axis])
 
 
 def test_a_ridge_that_bends_is_followed() -> None:
     """Given x, y is most probable at bend (x^2 - 1)."""
-    coordinates, centres = coordinates_at_modes(banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None)
+    coordinates, centres = coordinates_at_modes(
+        banana(2.0), np.array([[0.0, -2.0]]), np.eye(2), None
+    )
     row, expansions, _ = profile_paths(coordinates, centres)
     x, y = expansions.points[row == 0].T
     np.testing.assert_allclose(y, 2.0 * (x**2 - 1.0), atol=1e-5)
@@ -84,8 +124,13 @@ def test_a_ridge_that_bends_is_followed() -> None:
 
 def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> None:
     """exp(-3 x - y^2/2), x > 0: an exponential distribution of standard deviation 1/3."""
-    falling = dataclasses.replace(normal(np.eye(2)), function=lambda x: np.where(x[:, 0] >= 0.0, -3.0 * x[:, 0] - 0.5 * x[:, 1] ** 2, -np.inf))
-    coordinates, centres = coordinates_at_modes(falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf)))
+    falling = dataclasses.replace(
+        normal(np.eye(2)),
+        function=lambda x: np.where(x[:, 0] >= 0.0, -3.0 * x[:, 0] - 0.5 * x[:, 1] ** 2, -np.inf),
+    )
+    coordinates, centres = coordinates_at_modes(
+        falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf))
+    )
     np.testing.assert_allclose(centres, 0.0, atol=1e-6)
     expansions = expanded(coordinates, centres, 0)
     assert expansions.at_bound[0].tolist() == [True, False]
@@ -94,12 +139,16 @@ def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> No
 
 
 def test_ridges_are_weighted_alike_in_any_units() -> None:
-    """Two parameters that do not know of each other, in other units: ridges of the same shape weigh the same."""
+    """Two parameters that do not know of each other, in other units: ridges of the same shape weigh
+    the same.
+    """
     together = ridge_proposal(normal(np.diag([1.0, 1e-6])), np.zeros(2), np.diag([1.0, 1e-6]))
     first = np.isclose(together.means[:, 1], 0.0, atol=1e-9) & (together.means[:, 0] != 0.0)
     second = np.isclose(together.means[:, 0], 0.0, atol=1e-6) & (together.means[:, 1] != 0.0)
     assert np.sum(first) == np.sum(second) > 3
-    np.testing.assert_allclose(np.sum(together.weights[first]), np.sum(together.weights[second]), rtol=1e-6)
+    np.testing.assert_allclose(
+        np.sum(together.weights[first]), np.sum(together.weights[second]), rtol=1e-6
+    )
 
 
 def test_more_ridges_need_hardly_more_calls_of_the_density() -> None:
@@ -111,7 +160,9 @@ def test_more_ridges_need_hardly_more_calls_of_the_density() -> None:
             sizes.append(len(x))
             return plain.log_density(x)
 
-        ridge_proposal(dataclasses.replace(plain, function=log_density), np.zeros(n_par), np.eye(n_par))
+        ridge_proposal(
+            dataclasses.replace(plain, function=log_density), np.zeros(n_par), np.eye(n_par)
+        )
         return len(sizes)
 
     assert n_call(6) < 1.5 * n_call(2)

@@ -1,4 +1,6 @@
-"""Whether the body rolled: the friction that the fitted motion needs, its probability for a stated one, and what the report says of it."""
+"""Whether the body rolled: the friction that the fitted motion needs, its probability for a stated
+one, and what the report says of it.
+"""
 
 from __future__ import annotations
 
@@ -24,8 +26,16 @@ from estim.words import tell
 from model import Body, trajectory
 
 BODY = {
-    "radius": 0.15, "gamma": 0.187, "kappa": 0.45, "rho": 1.0, "trailing_fraction": 0.0, "particle_gyration": 0.0, "phi": 0.07, "theta0": 1.05,
-    "rolling_resistance": 0.0, "g": 9.81,
+    "radius": 0.15,
+    "gamma": 0.187,
+    "kappa": 0.45,
+    "rho": 1.0,
+    "trailing_fraction": 0.0,
+    "particle_gyration": 0.0,
+    "phi": 0.07,
+    "theta0": 1.05,
+    "rolling_resistance": 0.0,
+    "g": 9.81,
 }
 TEXT = """\
 title = "one run"
@@ -51,9 +61,13 @@ COMPLETE = "unmodelled_force = 0"  # where no force is asked about
 
 def campaign_of(tmp_path, shared="", noise=""):
     t = 0.02 + np.arange(40) / 30
-    x = trajectory(t, Body(0.15, 0.187, 0.45), phi=math.radians(4), theta0=math.radians(60), g=9.81)[0][0]
+    x = trajectory(
+        t, Body(0.15, 0.187, 0.45), phi=math.radians(4), theta0=math.radians(60), g=9.81
+    )[0][0]
     x = x + np.random.default_rng(3).normal(0.0, 0.001, t.size)
-    (tmp_path / "a.csv").write_text("t_s,x_m\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True)))
+    (tmp_path / "a.csv").write_text(
+        "t_s,x_m\n" + "\n".join(f"{a:.6f},{b:.6f}" for a, b in zip(t, x, strict=True))
+    )
     (tmp_path / "campaign.toml").write_text(TEXT.format(shared=shared, noise=noise))
     return load_campaign(tmp_path / "campaign.toml")
 
@@ -67,7 +81,9 @@ def rolled(campaign, rng, n_draw=4000):
 
 
 def needed_by_hand(draw):
-    """Largest |F|/N from rest to the turn, for one draw: energy and Newton's law for the centre of mass by second differences in time."""
+    """Largest |F|/N from rest to the turn, for one draw: energy and Newton's law for the centre of
+    mass by second differences in time.
+    """
     gamma, phi, theta0 = draw["gamma[heavy]"], draw["phi[a]"], draw["theta0[a]"]
     body, h = Body(0.15, gamma, draw["kappa[heavy]"]), 1e-3
     t = np.linspace(0.005, 1.38, 400)
@@ -78,7 +94,9 @@ def needed_by_hand(draw):
         return np.array([x + gamma * 0.15 * np.sin(across), gamma * 0.15 * np.cos(across)])
 
     acceleration = (centre(t - h) - 2 * centre(t) + centre(t + h)) / h**2
-    return np.max(np.abs(acceleration[0] + 9.81 * math.sin(phi)) / (acceleration[1] + 9.81 * math.cos(phi)))
+    return np.max(
+        np.abs(acceleration[0] + 9.81 * math.sin(phi)) / (acceleration[1] + 9.81 * math.cos(phi))
+    )
 
 
 def test_needed_friction_is_that_of_the_motion_draw_by_draw(tmp_path, rng):
@@ -96,7 +114,9 @@ def test_probability_is_that_of_two_normal_quantities(tmp_path, rng):
     """P(mu > needed) with mu normal and the need nearly so: Phi(distance / both uncertainties)."""
     campaign = campaign_of(tmp_path, 'friction = "0.150(10)"')
     found, _ = rolled(campaign, rng, 40_000)
-    expected = float(normal_tail((np.mean(found.needed) - 0.15) / math.hypot(0.01, np.std(found.needed))))
+    expected = float(
+        normal_tail((np.mean(found.needed) - 0.15) / math.hypot(0.01, np.std(found.needed)))
+    )
     assert 0.05 < expected < 0.95
     assert found.holds == pytest.approx(expected, abs=0.01)
     assert found.finding.kind is Kind.ROLLING_DOUBTFUL
@@ -104,21 +124,31 @@ def test_probability_is_that_of_two_normal_quantities(tmp_path, rng):
     assert (remark.kind, remark.run, remark.p) == (Kind.ROLLING_DOUBTFUL, "a", found.holds)
 
 
-TOLD = [("0.5", Kind.ROLLING_SURE, 0), ("0.02", Kind.ROLLING_DOUBTFUL, 1), (None, Kind.FRICTION_NEEDED, 0)]
+TOLD = [
+    ("0.5", Kind.ROLLING_SURE, 0),
+    ("0.02", Kind.ROLLING_DOUBTFUL, 1),
+    (None, Kind.FRICTION_NEEDED, 0),
+]
 
 
 @pytest.mark.parametrize(("friction", "kind", "remarks"), TOLD)
 def test_what_is_told(tmp_path, rng, friction, kind, remarks):
-    found, _ = rolled(campaign_of(tmp_path, "" if friction is None else f"friction = {friction}"), rng, 300)
+    found, _ = rolled(
+        campaign_of(tmp_path, "" if friction is None else f"friction = {friction}"), rng, 300
+    )
     assert found.finding.kind is kind
     assert len(rolling_remarks([found])) == remarks
-    assert found.holds == {"0.5": 1.0, "0.02": 0.0}.get(friction, pytest.approx(math.nan, nan_ok=True))
+    assert found.holds == {"0.5": 1.0, "0.02": 0.0}.get(
+        friction, pytest.approx(math.nan, nan_ok=True)
+    )
     assert f"{found.typical:.2g}" in tell(found.finding)
 
 
 def test_positions_speak_of_the_same_motion(tmp_path, rng):
     speeds, _ = rolled(campaign_of(tmp_path, shared=COMPLETE), rng)
-    positions, _ = rolled(campaign_of(tmp_path, shared=COMPLETE, noise=', model = "positions"'), rng)
+    positions, _ = rolled(
+        campaign_of(tmp_path, shared=COMPLETE, noise=', model = "positions"'), rng
+    )
     assert np.median(positions.needed) == pytest.approx(np.median(speeds.needed), rel=0.02)
     assert positions.unit == "m"
 
@@ -148,11 +178,15 @@ def test_littlewoods_hoop_leaves_the_ramp():
 def test_a_disturbed_motion_presses_as_the_plain_one_where_nothing_disturbs(angular):
     farthest = 2.0 if angular else 0.3
     plain = RollingMotion(angular).footing(farthest, BODY | {"offset": 0.01})
-    other = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(farthest, BODY | {"offset": 0.01, "moment_once_cos": 0.0, "scale_x": 0.0})
+    other = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(
+        farthest, BODY | {"offset": 0.01, "moment_once_cos": 0.0, "scale_x": 0.0}
+    )
     assert other.normal == pytest.approx(plain.normal, rel=1e-12)
     assert other.needed == pytest.approx(plain.needed, rel=1e-12)
     assert other.along == pytest.approx(plain.along)
-    pushed = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(farthest, BODY | {"offset": 0.01, "release_energy": 0.1})
+    pushed = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(
+        farthest, BODY | {"offset": 0.01, "release_energy": 0.1}
+    )
     assert np.nanmax(np.abs(pushed.normal - plain.normal)) > 0.01
 
 
@@ -163,7 +197,10 @@ def test_what_comes_after_the_readings_that_are_fit_does_not_count(tmp_path, rng
     (tmp_path / "campaign.toml").write_text(text + "window = {x_max_m = 0.03}\n")
     start, _ = rolled(load_campaign(tmp_path / "campaign.toml"), rng, 300)
     assert start.where < 0.031 < whole.where
-    in_time = text.replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"') + "window = {t_max_s = 0.31}\n"
+    in_time = (
+        text.replace("sigma_x_m = 0.001", 'sigma_x_m = 0.001, model = "positions"')
+        + "window = {t_max_s = 0.31}\n"
+    )
     (tmp_path / "campaign.toml").write_text(in_time)
     campaign = load_campaign(tmp_path / "campaign.toml")
     assert way_of(campaign.problem(["a"]).runs[0]) < 0.04
@@ -184,7 +221,10 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     assert analysis.diagnosis.ok
     summary = result_of(campaign, analysis).rolling["a"]
     assert 0.05 < summary.probability < 0.95
-    assert any("the probability of rolling without slipping is" in note for note in analysis.diagnosis.notes)
+    assert any(
+        "the probability of rolling without slipping is" in note
+        for note in analysis.diagnosis.notes
+    )
     files = analysis_report(campaign, analysis)
     assert "## Rolling without slipping" in files["report.md"].decode()
     assert "(figures/rolling.png)" in files["report.md"].decode()
@@ -213,12 +253,20 @@ def test_the_figure_shows_both_forces_and_the_stated_friction(tmp_path, rng):
 
 
 def test_a_curve_of_the_users_own_has_no_ramp(tmp_path):
-    (tmp_path / "a.csv").write_text("x,y\n" + "\n".join(f"{x},{2 * x + 0.1 * (-1) ** x}" for x in range(12)))
-    text = 'title = "line"\nkind = "measured"\n[curve]\nexpression = "a*x"\nu_y = 0.1\nx = {column = "x"}\ny = {column = "y"}\n'
+    (tmp_path / "a.csv").write_text(
+        "x,y\n" + "\n".join(f"{x},{2 * x + 0.1 * (-1) ** x}" for x in range(12))
+    )
+    text = (
+        'title = "line"\nkind = "measured"\n[curve]\nexpression = "a*x"\nu_y = 0.1\nx = '
+        '{column = "x"}\ny = {column = "y"}\n'
+    )
     text += '[curve.parameters]\na = {start = 1.0}\n[[runs]]\nname = "r"\nfile = "a.csv"\n'
     (tmp_path / "campaign.toml").write_text(text)
     campaign = load_campaign(tmp_path / "campaign.toml")
-    assert check_rolling(campaign.problem(["r"]), np.full((5, 1), 2.0), rng=np.random.default_rng(0)) == ()
+    assert (
+        check_rolling(campaign.problem(["r"]), np.full((5, 1), 2.0), rng=np.random.default_rng(0))
+        == ()
+    )
 
 
 def test_friction_is_looked_up_as_other_quantities_are(tmp_path):
@@ -229,7 +277,10 @@ def test_friction_is_looked_up_as_other_quantities_are(tmp_path):
     assert grip_of(campaign.source, campaign.study.levels("a")) is not None
 
 
-@pytest.mark.parametrize(("said", "rule"), [("-0.1", "must be >= 0"), ("12.0", "must be at most 10"), ('"some"', "or read like")])
+@pytest.mark.parametrize(
+    ("said", "rule"),
+    [("-0.1", "must be >= 0"), ("12.0", "must be at most 10"), ('"some"', "or read like")],
+)
 def test_a_wrong_friction_is_refused(tmp_path, said, rule):
     with pytest.raises(InputError, match=rule) as told:
         campaign_of(tmp_path, f"friction = {said}")

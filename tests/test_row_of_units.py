@@ -1,4 +1,6 @@
-"""The line below the names: units, a row without a value, or half a row of numbers, which is refused."""
+"""The line below the names: units, a row without a value, or half a row of numbers, which is
+refused.
+"""
 
 from __future__ import annotations
 
@@ -23,16 +25,28 @@ def read(path: Path, text: str, *, needed: tuple[str, ...] = ("t", "n")) -> Tabl
 @pytest.mark.parametrize(
     ("row", "units"),
     [
-        ("s;1/s", ("s", "1/s")), ("1/s;s", ("1/s", "s")), ("s;1", ("s", "1")), ("s;-", ("s", "1")), ("s;dimensionless", ("s", "1")),
-        ("s;", ("s", "")), (";V", ("", "V")), ("[s];[-]", ("s", "1")), ("(s);(1/s)", ("s", "1/s")), ("ms;10^-3 N", ("ms", "10^-3 N")),
-        ("s;m/s²", ("s", "m/s²")), ("µs;None", ("µs", "1")), ("s;10⁻³ m", ("s", "10⁻³ m")), ("1;V", ("1", "V")),
+        ("s;1/s", ("s", "1/s")),
+        ("1/s;s", ("1/s", "s")),
+        ("s;1", ("s", "1")),
+        ("s;-", ("s", "1")),
+        ("s;dimensionless", ("s", "1")),
+        ("s;", ("s", "")),
+        (";V", ("", "V")),
+        ("[s];[-]", ("s", "1")),
+        ("(s);(1/s)", ("s", "1/s")),
+        ("ms;10^-3 N", ("ms", "10^-3 N")),
+        ("s;m/s²", ("s", "m/s²")),
+        ("µs;None", ("µs", "1")),
+        ("s;10⁻³ m", ("s", "10⁻³ m")),
+        ("1;V", ("1", "V")),
     ],
 )
 def test_units_below_the_names(tmp_path: Path, row: str, units: tuple[str, str]) -> None:
     table = read(tmp_path / "a.csv", f"t;n\n{row}\n{ROWS}")
     assert (table.units["t"], table.units["n"]) == units
     assert table.columns["t"].tolist() == [0.1, 0.2, 0.3]
-    layout = read_layout(tmp_path / "a.csv", Dialect(), shown_as="a.csv")  # nobody says which columns are needed
+    # nobody says which columns are needed
+    layout = read_layout(tmp_path / "a.csv", Dialect(), shown_as="a.csv")
     assert (layout.names, layout.units) == (("t", "n"), units)
 
 

@@ -20,7 +20,10 @@ def walk_that_ends(coords: float) -> EnsembleRun:
 
 
 def test_walkers_that_run_away_are_told_in_one_sentence() -> None:
-    with pytest.raises(NumericalError, match=r"no posterior exists to draw from; give limits \(low, high\) or a prior$"):
+    with pytest.raises(
+        NumericalError,
+        match=r"no posterior exists to draw from; give limits \(low, high\) or a prior$",
+    ):
         walk_that_ends(-1e200).advance(1)
     with pytest.raises(ValueError):
         walk_that_ends(3.0).advance(1)

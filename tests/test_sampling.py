@@ -1,4 +1,6 @@
-"""The sampler on targets whose moments are known, and its refusal to call an unfinished chain finished."""
+"""The sampler on targets whose moments are known, and its refusal to call an unfinished chain
+finished.
+"""
 
 from __future__ import annotations
 
@@ -28,17 +30,23 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class Wedge:
-    """exp(-x) for x > 0 times a normal of width exp(x/2): skewed, bounded and with a changing scale."""
+    """exp(-x) for x > 0 times a normal of width exp(x/2): skewed, bounded and with a changing
+    scale.
+    """
 
     names: tuple[str, ...] = ("x", "y")
 
     def log_density(self, draws: np.ndarray) -> np.ndarray:
         x, y = draws.T
         inside = x > 0.0
-        return np.where(inside, -x - 0.5 * y**2 * np.exp(-np.where(inside, x, 0.0)) - 0.5 * x, -np.inf)
+        return np.where(
+            inside, -x - 0.5 * y**2 * np.exp(-np.where(inside, x, 0.0)) - 0.5 * x, -np.inf
+        )
 
 
-COV = np.array([[1.0, 0.9, 0.0, 0.0], [0.9, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.0], [0.0, 0.0, -1.0, 0.5]])
+COV = np.array(
+    [[1.0, 0.9, 0.0, 0.0], [0.9, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.0], [0.0, 0.0, -1.0, 0.5]]
+)
 
 
 def test_sampler_reproduces_a_correlated_normal(rng: np.random.Generator) -> None:
@@ -54,7 +62,9 @@ def test_sampler_reproduces_a_correlated_normal(rng: np.random.Generator) -> Non
 @pytest.mark.slow
 def test_snooker_move_would_fail_the_same_check() -> None:
     """The wrong move that DESIGN warns of: the check above must be able to see it."""
-    sampler = emcee.EnsembleSampler(64, 4, Gaussian(np.eye(4)).log_density, vectorize=True, moves=emcee.moves.DESnookerMove())
+    sampler = emcee.EnsembleSampler(
+        64, 4, Gaussian(np.eye(4)).log_density, vectorize=True, moves=emcee.moves.DESnookerMove()
+    )
     sampler.random_state = np.random.RandomState(5).get_state()
     sampler.run_mcmc(np.random.default_rng(5).standard_normal((64, 4)), 1500)
     draws = sampler.get_chain(discard=500)[None]
@@ -64,7 +74,9 @@ def test_snooker_move_would_fail_the_same_check() -> None:
 
 @pytest.mark.slow
 def test_sampler_reproduces_a_bounded_skewed_target(rng: np.random.Generator) -> None:
-    chain = sample_posterior(Wedge(), np.array([0.5, 0.0]), np.diag([0.5, 1.0]), target=Target(ess=4000), rng=rng)
+    chain = sample_posterior(
+        Wedge(), np.array([0.5, 0.0]), np.diag([0.5, 1.0]), target=Target(ess=4000), rng=rng
+    )
     assert chain.convergence.met
     x = chain.flat[:, 0]
     error = 1.0 / np.sqrt(effective_size(chain.draws, "bulk")[0])
@@ -78,14 +90,22 @@ def test_sampler_reproduces_a_bounded_skewed_target(rng: np.random.Generator) ->
 def test_same_seed_same_draws_and_numpy_global_state_has_no_say() -> None:
     def draws(seed: int) -> np.ndarray:
         np.random.seed(seed)  # noqa: NPY002  (the state that must not matter)
-        chain = sample_posterior(Gaussian(COV), np.zeros(4), COV, target=Target(ess=100, max_step=100), rng=np.random.default_rng(7))
+        chain = sample_posterior(
+            Gaussian(COV),
+            np.zeros(4),
+            COV,
+            target=Target(ess=100, max_step=100),
+            rng=np.random.default_rng(7),
+        )
         return chain.draws
 
     assert np.array_equal(draws(1), draws(2))
 
 
 def test_capped_chain_says_that_it_did_not_converge(rng: np.random.Generator) -> None:
-    chain = sample_posterior(Gaussian(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=400), rng=rng)
+    chain = sample_posterior(
+        Gaussian(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=400), rng=rng
+    )
     assert not chain.convergence.met
     assert chain.convergence.n_step == 400
     assert "ESS" in chain.convergence.message
@@ -104,6 +124,8 @@ def test_mcse_is_that_of_independent_draws(rng: np.random.Generator) -> None:
 
 
 def test_no_walker_starts_outside_the_support(rng: np.random.Generator) -> None:
-    chain = sample_posterior(Wedge(), np.array([1e-6, 0.0]), np.eye(2), target=Target(ess=100, max_step=400), rng=rng)
+    chain = sample_posterior(
+        Wedge(), np.array([1e-6, 0.0]), np.eye(2), target=Target(ess=100, max_step=400), rng=rng
+    )
     assert np.all(np.isfinite(chain.log_density))
     assert chain.stuck == 0

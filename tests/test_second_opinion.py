@@ -1,7 +1,9 @@
-"""The second opinion against closed forms and against a grid that shares no code with it; a long tail that an adapted proposal leaves out.
+"""The second opinion against closed forms and against a grid that shares no code with it; a long
+tail that an adapted proposal leaves out.
 
-The curve is a sum of two exponentials, one slower than 1.25 and one faster, whose rates the data hardly tell apart: the slower one has a
-long tail to 0.  `grid` integrates it over k, q and a by the midpoint rule, over b by the normal distribution function.
+The curve is a sum of two exponentials, one slower than 1.25 and one faster, whose rates the data
+hardly tell apart: the slower one has a long tail to 0.  `grid` integrates it over k, q and a by the
+midpoint rule, over b by the normal distribution function.
 """
 
 from __future__ import annotations
@@ -20,7 +22,13 @@ from estim.curve_fitting.single import fit_curve
 from estim.fitting.least_squares import Fit
 from estim.pipeline import Analysis, analyse_fit
 from estim.sampling import certificate, certified
-from estim.sampling.certificate import Agreement, Certificate, certify, chain_errors, compare_with_chain
+from estim.sampling.certificate import (
+    Agreement,
+    Certificate,
+    certify,
+    chain_errors,
+    compare_with_chain,
+)
 from estim.sampling.chain import Chain, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.independent_check import both, second_opinion
@@ -33,14 +41,18 @@ U_Y, SLOWEST, FASTEST, MOST = 0.02, 1.25, 20.0, 3.0
 @cache
 def points() -> tuple[np.ndarray, np.ndarray]:
     x = np.linspace(0.0, 4.0, 30)
-    return x, np.exp(-1.1 * x) + np.exp(-2.0 * x) + U_Y * np.random.default_rng(2).standard_normal(x.size)
+    return x, np.exp(-1.1 * x) + np.exp(-2.0 * x) + U_Y * np.random.default_rng(2).standard_normal(
+        x.size
+    )
 
 
 @cache
 def two_exponentials() -> Fit:
     bounds = {"k": (0.0, SLOWEST), "q": (SLOWEST, FASTEST), "a": (0.0, MOST), "b": (0.0, MOST)}
     start = {"a": 1.0, "k": 1.0, "b": 1.0, "q": 2.5}
-    return fit_curve("a*exp(-k*x) + b*exp(-q*x)", *points(), u_y=U_Y, start=start, bounds=bounds).fit
+    return fit_curve(
+        "a*exp(-k*x) + b*exp(-q*x)", *points(), u_y=U_Y, start=start, bounds=bounds
+    ).fit
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,7 +69,8 @@ def grid(n: int = 200) -> Truth:
     middles = (np.arange(n) + 0.5) / n
     k, a = SLOWEST * middles, MOST * middles
     stretch = np.log(FASTEST / SLOWEST)
-    q = SLOWEST * np.exp(stretch * middles**2)  # dq = 2 q stretch t dt: fine where q is near its limit
+    # dq = 2 q stretch t dt: fine where q is near its limit
+    q = SLOWEST * np.exp(stretch * middles**2)
     slow, fast, data = np.exp(-np.outer(k, x)) / U_Y, np.exp(-np.outer(q, x)) / U_Y, y / U_Y
     ss, ff, sf = np.sum(slow**2, axis=1)[:, None], np.sum(fast**2, axis=1), slow @ fast.T
     sy, fy = (slow @ data)[:, None], fast @ data
@@ -65,14 +78,18 @@ def grid(n: int = 200) -> Truth:
     of_kq, of_a = np.zeros((n, n)), np.zeros(n)
     for i, height in enumerate(a):
         centre, sd = (fy - height * sf) / ff, ff**-0.5
-        weight = np.exp(height * sy - 0.5 * height**2 * ss + 0.5 * ff * centre**2 - best) * q * middles
+        weight = (
+            np.exp(height * sy - 0.5 * height**2 * ss + 0.5 * ff * centre**2 - best) * q * middles
+        )
         weight = weight * sd * (ndtr((MOST - centre) / sd) - ndtr(-centre / sd))
         of_kq += weight
         of_a[i] = np.sum(weight)
     of_k, of_a = np.sum(of_kq, axis=1) / np.sum(of_kq), of_a / np.sum(of_a)
     edges, below = SLOWEST * np.arange(1, n + 1) / n, np.cumsum(of_k)
     return Truth(
-        float(np.sqrt(of_k @ k**2 - (of_k @ k) ** 2)), float(np.interp(0.7, edges, below)), float(np.interp(0.025, below, edges)),
+        float(np.sqrt(of_k @ k**2 - (of_k @ k) ** 2)),
+        float(np.interp(0.7, edges, below)),
+        float(np.interp(0.025, below, edges)),
         float(np.sqrt(of_a @ a**2 - (of_a @ a) ** 2)),
     )
 
@@ -96,33 +113,44 @@ def test_chain_has_the_long_tail_of_two_exponentials(seed: int) -> None:
     chain = analysis.chain
     assert chain.names == ("a", "k", "b", "q")
     assert chain.convergence.met
-    assert abs(chain.flat[:, 1].std() - truth.sd) < 4.0 * chain_errors(chain)[1][1] < 0.06 * truth.sd
+    assert (
+        abs(chain.flat[:, 1].std() - truth.sd) < 4.0 * chain_errors(chain)[1][1] < 0.06 * truth.sd
+    )
     share, u = share_below(chain, 0.7)
     assert abs(share - truth.below) < 4.0 * u
     assert u < 0.25 * truth.below
     assert analysis.comparison.verdict == "agree", analysis.comparison.reason
 
 
-def test_adapted_proposal_alone_leaves_it_out_and_its_own_importance_sampling_does_not_see_that() -> None:
+def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_that() -> None:
     """What the second opinion was before: the wrong model beside the test above."""
     fit, rng = two_exponentials(), np.random.default_rng(3).spawn(2)
     alone = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng[0], starts=tuple(fit.others))
     same = certify(fit.posterior, alone, rng=rng[0])
     assert same.reliable
     assert same.sd[1] < 0.94 * grid().sd
-    chains = [sample_posterior(fit.posterior, fit.values, fit.cov, target=Target(ess=1500.0), rng=one, proposal=alone) for one in rng[1].spawn(4)]
+    chains = [
+        sample_posterior(
+            fit.posterior, fit.values, fit.cov, target=Target(ess=1500.0), rng=one, proposal=alone
+        )
+        for one in rng[1].spawn(4)
+    ]
     assert all(chain.convergence.met for chain in chains)
     assert np.mean([share_below(chain, 0.7)[0] for chain in chains]) < 0.75 * grid().below
     # along the ridges it is seen, by importance sampling as well
     ridges = ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
-    other = certify(fit.posterior, both(alone, ridges), rng=np.random.default_rng(3), least_ess=20_000.0)
+    other = certify(
+        fit.posterior, both(alone, ridges), rng=np.random.default_rng(3), least_ess=20_000.0
+    )
     assert other.reliable
     assert abs(other.sd[1] - grid().sd) < 4.0 * other.mcse_sd[1] < 0.04 * grid().sd
 
 
 def test_second_opinion_agrees_with_the_grid() -> None:
     fit, truth = two_exponentials(), grid()
-    certificate = certify(fit.posterior, second_proposal(fit), rng=np.random.default_rng(1), least_ess=40_000.0)
+    certificate = certify(
+        fit.posterior, second_proposal(fit), rng=np.random.default_rng(1), least_ess=40_000.0
+    )
     assert abs(certificate.sd[1] - truth.sd) < 4.0 * certificate.mcse_sd[1] < 0.06 * truth.sd
     assert abs(certificate.sd[0] - truth.sd_a) < 4.0 * certificate.mcse_sd[0] < 0.04 * truth.sd_a
     assert certificate.quantiles[0.025][1] == pytest.approx(truth.q025, abs=0.1 * truth.sd)
@@ -130,19 +158,36 @@ def test_second_opinion_agrees_with_the_grid() -> None:
 
 def second_proposal(fit: Fit) -> Proposal:
     """What the second opinion draws from."""
-    adapted = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=np.random.default_rng(2), starts=tuple(fit.others))
-    return both(adapted, ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support()))
+    adapted = adapt_proposal(
+        fit.posterior, fit.values, fit.cov, rng=np.random.default_rng(2), starts=tuple(fit.others)
+    )
+    return both(
+        adapted, ridge_proposal(fit.posterior, fit.values, fit.cov, support=fit.problem.support())
+    )
 
 
-def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Student's t with 3 degrees of freedom: its mean is known long before its 2.5 % quantile, -3.182."""
-    known = Known(lambda x: -2.0 * np.log1p(x[:, 0] ** 2 / 3.0), float(np.log(np.sqrt(3.0) * np.pi / 2.0)), np.zeros(1), np.full(1, np.sqrt(3.0)))
+def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Student's t with 3 degrees of freedom: its mean is known long before its 2.5 % quantile,
+    -3.182.
+    """
+    known = Known(
+        lambda x: -2.0 * np.log1p(x[:, 0] ** 2 / 3.0),
+        float(np.log(np.sqrt(3.0) * np.pi / 2.0)),
+        np.zeros(1),
+        np.full(1, np.sqrt(3.0)),
+    )
 
     def error(found: Certificate) -> float:
         height = 2.0 / (np.pi * np.sqrt(3.0)) / (1.0 + 3.18245**2 / 3.0) ** 2
         return float(found.mcse_shares[0.025][0] / height / np.sqrt(3.0))
 
-    wide, few, limit = Proposal.single(np.zeros(1), np.eye(1)), {"n_draw": 1000, "least_ess": 500.0}, certificate._UNSURE_END
+    wide, few, limit = (
+        Proposal.single(np.zeros(1), np.eye(1)),
+        {"n_draw": 1000, "least_ess": 500.0},
+        certificate._UNSURE_END,
+    )
     found = certify(known, wide, rng=np.random.default_rng(5), **few)
     assert found.n_draw > 1000
     assert error(found) < 1.2 * limit  # it takes the density there from the draws
@@ -155,7 +200,9 @@ def test_importance_sampling_goes_on_until_the_ends_of_a_heavy_tail_are_known(mo
 
 def test_heights_of_thinned_draws_are_their_log_densities() -> None:
     chain, posterior = analysed(1).chain, two_exponentials().posterior
-    assert chain.thinned_heights(50) == pytest.approx(posterior.log_density(chain.thinned(50)), abs=1e-9)
+    assert chain.thinned_heights(50) == pytest.approx(
+        posterior.log_density(chain.thinned(50)), abs=1e-9
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -182,14 +229,19 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr(certified, "sample_posterior", sample_cut)
     analysis = analyse_fit(two_exponentials(), seed=1)
     assert analysis.comparison.verdict == "disagree"
-    assert "chain and importance sampling differ (as they did before, with other random numbers) in" in analysis.comparison.reason
+    assert (
+        "chain and importance sampling differ (as they did before, with other random numbers) in"
+        in analysis.comparison.reason
+    )
     assert "of k by" in analysis.comparison.reason
     assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 
 def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first pair is made to differ; the second, with other random numbers, is the result and says that there was a first."""
+    """The first pair is made to differ; the second, with other random numbers, is the result and
+    says that there was a first.
+    """
     compared: list[Chain] = []
 
     def compare(certificate: Certificate, chain: Chain, *, most: int) -> Agreement:
@@ -203,12 +255,17 @@ def test_difference_that_does_not_come_back_was_chance(monkeypatch: pytest.Monke
     assert not np.array_equal(first.draws[0, :20], second.draws[0, :20])
     assert analysis.chain is second
     assert analysis.comparison.verdict == "agree"
-    chance = r"; both were computed twice, because the first pair differed by \d+\.\d Monte-Carlo errors, by chance$"
+    chance = (
+        r"; both were computed twice, because the first pair differed by \d+\.\d Monte-Carlo "
+        r"errors, by chance$"
+    )
     assert re.search(chance, analysis.comparison.reason)
     assert not any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 
-def test_tail_that_changes_no_moment_is_called_by_the_ends_of_the_interval(rng: np.random.Generator) -> None:
+def test_tail_that_changes_no_moment_is_called_by_the_ends_of_the_interval(
+    rng: np.random.Generator,
+) -> None:
     """Draws with the mean and the standard deviation of a normal distribution and other tails."""
     from test_certify import chain_of
 
@@ -225,9 +282,13 @@ def test_tail_that_changes_no_moment_is_called_by_the_ends_of_the_interval(rng: 
     assert "the mean" not in comparison.reason
 
 
-def opinion(known: Known, start: np.ndarray, cov: np.ndarray, **choices: object) -> tuple[Certificate, object]:
+def opinion(
+    known: Known, start: np.ndarray, cov: np.ndarray, **choices: object
+) -> tuple[Certificate, object]:
     rng = np.random.default_rng(4)
-    return second_opinion(known, start, cov, adapt_proposal(known, start, cov, rng=rng), rng=rng, **choices)
+    return second_opinion(
+        known, start, cov, adapt_proposal(known, start, cov, rng=rng), rng=rng, **choices
+    )
 
 
 def inside(low: float, high: float) -> Callable[[int], tuple[np.ndarray, np.ndarray]]:
@@ -235,13 +296,36 @@ def inside(low: float, high: float) -> Callable[[int], tuple[np.ndarray, np.ndar
 
 
 FREE = inside(-np.inf, np.inf)
-CLOSED = {f"normal {n}": (normal(COV[:n, :n]), np.zeros(n), COV[:n, :n], FREE(n), ()) for n in (1, 2, 3, 4)}
-CLOSED |= {f"half-normal {n}": (half_normal(n), np.full(n, 1e-6), np.eye(n), inside(0.0, np.inf)(n), ()) for n in (1, 2, 3, 4)}
-CLOSED |= {f"exponential {n}": (exponential(n), np.full(n, 1e-6), 1e4 * np.eye(n), inside(0.0, np.inf)(n), ()) for n in (1, 3, 4)}
-CLOSED |= {f"box {n}": (box(n), np.zeros(n), 0.3 * np.eye(n), inside(-1.0, 1.0)(n), ()) for n in (1, 4)}
-CLOSED |= {f"two modes {n}": (bimodal(n), np.full(n, -4.0), 0.25 * np.eye(n), FREE(n), (np.full(n, 4.0),)) for n in (1, 2, 3)}
+CLOSED = {
+    f"normal {n}": (normal(COV[:n, :n]), np.zeros(n), COV[:n, :n], FREE(n), ())
+    for n in (1, 2, 3, 4)
+}
+CLOSED |= {
+    f"half-normal {n}": (half_normal(n), np.full(n, 1e-6), np.eye(n), inside(0.0, np.inf)(n), ())
+    for n in (1, 2, 3, 4)
+}
+CLOSED |= {
+    f"exponential {n}": (
+        exponential(n),
+        np.full(n, 1e-6),
+        1e4 * np.eye(n),
+        inside(0.0, np.inf)(n),
+        (),
+    )
+    for n in (1, 3, 4)
+}
+CLOSED |= {
+    f"box {n}": (box(n), np.zeros(n), 0.3 * np.eye(n), inside(-1.0, 1.0)(n), ()) for n in (1, 4)
+}
+CLOSED |= {
+    f"two modes {n}": (bimodal(n), np.full(n, -4.0), 0.25 * np.eye(n), FREE(n), (np.full(n, 4.0),))
+    for n in (1, 2, 3)
+}
 CLOSED |= {"limit not told": (half_normal(2), np.full(2, 1e-6), np.eye(2), FREE(2), ())}
-CLOSED |= {f"banana {bend}": (banana(bend), np.array([0.0, -bend]), np.eye(2), FREE(2), ()) for bend in (0.4, 2.0)}
+CLOSED |= {
+    f"banana {bend}": (banana(bend), np.array([0.0, -bend]), np.eye(2), FREE(2), ())
+    for bend in (0.4, 2.0)
+}
 
 
 @pytest.mark.parametrize("name", CLOSED)
@@ -249,23 +333,33 @@ def test_it_gives_closed_forms_within_the_error_that_it_states(name: str) -> Non
     known, start, cov, support, starts = CLOSED[name]
     certificate, _ = opinion(known, start, cov, support=support, starts=starts)
     assert certificate.reliable
-    for found, true, stated in ((certificate.mean, known.mean, certificate.mcse_mean), (certificate.sd, known.sd, certificate.mcse_sd)):
+    for found, true, stated in (
+        (certificate.mean, known.mean, certificate.mcse_mean),
+        (certificate.sd, known.sd, certificate.mcse_sd),
+    ):
         assert np.all(np.abs(found - true) < 4.5 * stated)
         assert np.all(stated < 0.03 * known.sd)
-    assert abs(certificate.log_evidence - known.log_evidence) < 4.0 * certificate.u_log_evidence < 0.08
+    assert (
+        abs(certificate.log_evidence - known.log_evidence) < 4.0 * certificate.u_log_evidence < 0.08
+    )
 
 
 def test_quantiles_are_those_of_a_truncated_correlated_normal_distribution() -> None:
-    """x0 > 0 and correlation 0.9: x0 is half-normal, x1 skew-normal (Azzalini 1985) with shape 0.9/sqrt(1 - 0.81)."""
+    """x0 > 0 and correlation 0.9: x0 is half-normal, x1 skew-normal (Azzalini 1985) with shape
+    0.9/sqrt(1 - 0.81).
+    """
     from scipy.stats import halfnorm, skewnorm
 
     cut = dataclasses.replace(
-        normal(COV[:2, :2]), function=lambda x: np.where(x[:, 0] >= 0.0, normal(COV[:2, :2]).log_density(x), -np.inf)
+        normal(COV[:2, :2]),
+        function=lambda x: np.where(x[:, 0] >= 0.0, normal(COV[:2, :2]).log_density(x), -np.inf),
     )
     support = (np.array([0.0, -np.inf]), np.full(2, np.inf))
     certificate, _ = opinion(cut, np.array([0.0, 0.0]), COV[:2, :2], support=support)
     for p, quantile in certificate.quantiles.items():
-        shares = np.array([halfnorm.cdf(quantile[0]), skewnorm.cdf(quantile[1], 0.9 / np.sqrt(0.19))])
+        shares = np.array(
+            [halfnorm.cdf(quantile[0]), skewnorm.cdf(quantile[1], 0.9 / np.sqrt(0.19))]
+        )
         assert np.all(np.abs(shares - p) < 4.0 * certificate.mcse_shares[p])
         assert np.all(certificate.mcse_shares[p] < 0.01)
 
@@ -276,11 +370,19 @@ def test_good_proposal_stays_as_it_is_and_a_deficient_one_is_mended() -> None:
     good = adapt_proposal(known, start, cov, rng=rng)
     certificate, kept = second_opinion(known, start, cov, good, rng=rng)
     assert kept is good
-    narrow = adapt_proposal(dataclasses.replace(known, function=lambda x: 8.0 * known.log_density(x)), start, cov, rng=rng)
+    narrow = adapt_proposal(
+        dataclasses.replace(known, function=lambda x: 8.0 * known.log_density(x)),
+        start,
+        cov,
+        rng=rng,
+    )
     certificate, mended = second_opinion(known, start, cov, narrow, rng=rng)
     assert np.all(np.abs(certificate.sd - 1.0) < 4.5 * certificate.mcse_sd)
     assert mended is not narrow
     draws = rng.standard_normal((20_000, 6))
-    ratio = [np.max(known.log_density(draws) - known.log_evidence - p.log_density(draws)) for p in (narrow, mended)]
+    ratio = [
+        np.max(known.log_density(draws) - known.log_evidence - p.log_density(draws))
+        for p in (narrow, mended)
+    ]
     assert ratio[0] > np.log(50.0)
     assert ratio[1] < np.log(30.0)

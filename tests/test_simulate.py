@@ -1,4 +1,6 @@
-"""Synthetic runs and campaigns: what a camera and a protractor would see, and the committed replica from its design."""
+"""Synthetic runs and campaigns: what a camera and a protractor would see, and the committed replica
+from its design.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,15 @@ def test_a_short_ramp_ends_the_film(rng):
 def test_positions_scatter_about_the_trajectory_with_the_stated_sigma(rng):
     t = np.linspace(0.1, 1.4, 40)
     truth = trajectory(t, PAPER, **RUN)[0][0]
-    errors = np.array([simulate_positions(t, PAPER, **RUN, sigma_x=0.002, rng=rng) - truth for _ in range(200)]) / 0.002
+    errors = (
+        np.array(
+            [
+                simulate_positions(t, PAPER, **RUN, sigma_x=0.002, rng=rng) - truth
+                for _ in range(200)
+            ]
+        )
+        / 0.002
+    )
     n = errors.size
     assert abs(errors.mean()) < 4 / math.sqrt(n)
     assert errors.std() == pytest.approx(1.0, abs=4 / math.sqrt(2 * n))
@@ -59,7 +69,12 @@ def test_theta_min_readings_scatter_in_both_angles(rng):
     phi = np.radians(np.linspace(1, 8, 8))
     truth = np.arcsin((np.sin(phi) + 0.0028 * np.cos(phi)) / 0.187)
     draws = np.array(
-        [simulate_theta_min(phi, 0.187, rolling_resistance=0.0028, u_phi=0.007, u_theta_min=0.026, rng=rng) for _ in range(500)]
+        [
+            simulate_theta_min(
+                phi, 0.187, rolling_resistance=0.0028, u_phi=0.007, u_theta_min=0.026, rng=rng
+            )
+            for _ in range(500)
+        ]
     )
     for read, true, u in ((draws[:, 0], phi, 0.007), (draws[:, 1], truth, 0.026)):
         pull = (read - true) / u
@@ -102,14 +117,21 @@ def test_the_truth_is_out_of_reach_of_a_fit(replica):
 def test_measured_values_are_the_truth_within_their_uncertainties(replica):
     from uncertainties import ufloat_fromstr
 
-    campaign, truth = (tomllib.loads((replica / name).read_text()) for name in ("campaign.toml", "truth.toml"))
+    campaign, truth = (
+        tomllib.loads((replica / name).read_text()) for name in ("campaign.toml", "truth.toml")
+    )
     pulls = []
     for run in campaign["runs"]:
         for angle in ("phi", "theta0"):
             read = ufloat_fromstr(run[f"{angle}_deg"])
-            pulls.append((read.nominal_value - math.degrees(truth[f"{angle}[{run['name']}]"])) / read.std_dev)
+            pulls.append(
+                (read.nominal_value - math.degrees(truth[f"{angle}[{run['name']}]"])) / read.std_dev
+            )
     for name, body in campaign["bodies"].items():
-        disk, particle = ufloat_fromstr(body["mass_disk_kg"]), ufloat_fromstr(body["mass_particle_kg"])
+        disk, particle = (
+            ufloat_fromstr(body["mass_disk_kg"]),
+            ufloat_fromstr(body["mass_particle_kg"]),
+        )
         gamma = particle / (disk + particle)
         assert gamma.std_dev == pytest.approx(0.01, rel=0.1)  # the paper's u(gamma)
         pulls.append((gamma.nominal_value - truth[f"gamma[{name}]"]) / gamma.std_dev)
@@ -121,14 +143,25 @@ def test_measured_values_are_the_truth_within_their_uncertainties(replica):
 def test_run_files_scatter_about_the_true_motion(replica):
     truth = tomllib.loads((replica / "truth.toml").read_text())
     for name, body in (("heavy-04", "heavy"), ("light-02", "light")):
-        t, x = np.loadtxt(replica / "runs" / f"{name}.csv", delimiter=",", comments=("#", "t_s"), unpack=True)
+        t, x = np.loadtxt(
+            replica / "runs" / f"{name}.csv", delimiter=",", comments=("#", "t_s"), unpack=True
+        )
         disk = Body(truth["radius"], truth[f"gamma[{body}]"], truth[f"kappa[{body}]"])
-        motion = {key: truth[f"{key}[{name}]"] for key in ("phi", "theta0")} | {"rolling_resistance": truth["rolling_resistance"], "g": truth["g"]}
+        motion = {key: truth[f"{key}[{name}]"] for key in ("phi", "theta0")} | {
+            "rolling_resistance": truth["rolling_resistance"],
+            "g": truth["g"],
+        }
         # the time of the first frame is unknown to the file; the best one leaves sigma_x
         delays = np.linspace(0.0, 1 / 30, 201)
-        rms = [np.sqrt(np.nanmean((x - trajectory(t + d, disk, **motion)[0][0]) ** 2)) for d in delays]
+        rms = [
+            np.sqrt(np.nanmean((x - trajectory(t + d, disk, **motion)[0][0]) ** 2)) for d in delays
+        ]
         assert min(rms) == pytest.approx(0.001, rel=4 / math.sqrt(2 * t.size))
-        assert 0.0 <= x.max() <= float(turning_point(disk, **{k: v for k, v in motion.items() if k != "g"})) + 0.004
+        assert (
+            0.0
+            <= x.max()
+            <= float(turning_point(disk, **{k: v for k, v in motion.items() if k != "g"})) + 0.004
+        )
 
 
 # the design
@@ -144,7 +177,9 @@ def _edited(replica, tmp_path, old, new):
 
 def test_the_same_design_gives_the_same_files_and_another_seed_others(replica, tmp_path, files):
     assert simulate_campaign(load_design(replica / "design.toml")) == files
-    other = simulate_campaign(load_design(_edited(replica, tmp_path, "seed = 14037220", "seed = 14037221")))
+    other = simulate_campaign(
+        load_design(_edited(replica, tmp_path, "seed = 14037220", "seed = 14037221"))
+    )
     assert other.keys() == files.keys()
     for name in files:
         if name != "truth.toml":
@@ -152,7 +187,9 @@ def test_the_same_design_gives_the_same_files_and_another_seed_others(replica, t
 
 
 def test_adding_a_run_leaves_the_others_as_they_are(replica, tmp_path, files):
-    added = '[[runs]]\nname = "light-05"\nbody = "light"\nphi_deg = 3.0\ntheta0_deg = 70.0\n\n[line]'
+    added = (
+        '[[runs]]\nname = "light-05"\nbody = "light"\nphi_deg = 3.0\ntheta0_deg = 70.0\n\n[line]'
+    )
     more = simulate_campaign(load_design(_edited(replica, tmp_path, "[line]", added)))
     assert set(more) - set(files) == {"runs/light-05.csv"}
     for name in files:
@@ -162,7 +199,9 @@ def test_adding_a_run_leaves_the_others_as_they_are(replica, tmp_path, files):
 
 def test_particle_mass_gives_the_wanted_gamma():
     for gamma in (0.05, 0.187, 0.5):
-        assert Body.from_masses(1.0, 0.303, mass_particle(gamma, 0.303), kappa=0.45).gamma == pytest.approx(gamma, rel=1e-14)
+        assert Body.from_masses(
+            1.0, 0.303, mass_particle(gamma, 0.303), kappa=0.45
+        ).gamma == pytest.approx(gamma, rel=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -170,11 +209,27 @@ def test_particle_mass_gives_the_wanted_gamma():
     [
         ("kappa = 0.45", "kappa = -0.45", "'kappa' must be > 0: -0.45"),
         ("sigma_x_m = 0.001", "sigma_x_m = 0.0", "'sigma_x_m' must be > 0: 0.0"),
-        ("frames_per_second = 30", 'frames_per_second = "30"', "'frames_per_second' must be a number, not text"),
-        ("ramp_length_m = 0.877", "ramp_lenght_m = 0.877", "'ramp_lenght_m' is not a known key here"),
+        (
+            "frames_per_second = 30",
+            'frames_per_second = "30"',
+            "'frames_per_second' must be a number, not text",
+        ),
+        (
+            "ramp_length_m = 0.877",
+            "ramp_lenght_m = 0.877",
+            "'ramp_lenght_m' is not a known key here",
+        ),
         ("g = 9.81", "", "'g' is missing"),
-        ('name = "heavy-08"\nbody = "heavy"', 'name = "heavy-08"\nbody = "heavier"', "'body' must name one of the bodies: heavier"),
-        ('[line]\nbody = "heavy"', '[line]\nbody = "heavier"', "'body' must name one of the bodies: heavier"),
+        (
+            'name = "heavy-08"\nbody = "heavy"',
+            'name = "heavy-08"\nbody = "heavier"',
+            "'body' must name one of the bodies: heavier",
+        ),
+        (
+            '[line]\nbody = "heavy"',
+            '[line]\nbody = "heavier"',
+            "'body' must name one of the bodies: heavier",
+        ),
         ("seed = 14037220", "seed = ", "is not valid TOML"),
     ],
 )
@@ -183,32 +238,54 @@ def test_a_wrong_design_is_refused_with_its_line(replica, tmp_path, old, new, to
     with pytest.raises(InputError) as caught:
         load_design(path)
     assert told in str(caught.value)
-    number = next(i for i, line in enumerate(path.read_text().splitlines(), 1) if line.startswith((new or "[constants]").split("\n")[0]))
+    number = next(
+        i
+        for i, line in enumerate(path.read_text().splitlines(), 1)
+        if line.startswith((new or "[constants]").split("\n")[0])
+    )
     assert str(caught.value).startswith(f"{path}:{number + new.count(chr(10))}: ")
 
 
 @pytest.mark.parametrize(
     ("old", "new"),
     [
-        pytest.param("phi_deg = 8.0\ntheta0_deg = 75.0", "phi_deg = 8.0\ntheta0_deg = 10.0", id="a-run-that-does-not-start"),
+        pytest.param(
+            "phi_deg = 8.0\ntheta0_deg = 75.0",
+            "phi_deg = 8.0\ntheta0_deg = 10.0",
+            id="a-run-that-does-not-start",
+        ),
         pytest.param("gamma = 0.094", "gamma = 1.2", id="a-particle-of-negative-mass"),
         pytest.param("7.0, 8.0]", "7.0, 20.0]", id="a-tilt-without-smallest-angle"),
         pytest.param('name = "heavy-08"', 'name = "heavy-06"', id="two-runs-of-one-name"),
-        pytest.param('name = "heavy-08"', 'name = "../heavy-08"', id="a-name-that-leaves-the-folder"),
+        pytest.param(
+            'name = "heavy-08"', 'name = "../heavy-08"', id="a-name-that-leaves-the-folder"
+        ),
         pytest.param("seed = 14037220", "seed = -1", id="negative-seed"),
-        pytest.param("frames_per_second = 30", "frames_per_second = inf", id="infinitely-many-frames"),
-        pytest.param("frames_per_second = 30", "frames_per_second = 1e9", id="more-frames-a-second-than-a-camera"),
-        pytest.param("frames_per_second = 30", "frames_per_second = 1e6", id="more-frames-than-fit-a-file"),
+        pytest.param(
+            "frames_per_second = 30", "frames_per_second = inf", id="infinitely-many-frames"
+        ),
+        pytest.param(
+            "frames_per_second = 30",
+            "frames_per_second = 1e9",
+            id="more-frames-a-second-than-a-camera",
+        ),
+        pytest.param(
+            "frames_per_second = 30", "frames_per_second = 1e6", id="more-frames-than-fit-a-file"
+        ),
         pytest.param("frames_per_second = 30", "frames_per_second = 1e-9", id="no-frame-at-all"),
         pytest.param("frames_per_second = 30", "frames_per_second = 3", id="too-few-frames"),
         pytest.param("ramp_length_m = 0.877", "ramp_length_m = 1e-9", id="no-ramp"),
         pytest.param("ramp_length_m = 0.877", "ramp_length_m = 0.001", id="a-ramp-of-two-frames"),
-        pytest.param("ramp_length_m = 0.877", "ramp_length_m = 5e3", id="a-ramp-of-thousands-of-radii"),
+        pytest.param(
+            "ramp_length_m = 0.877", "ramp_length_m = 5e3", id="a-ramp-of-thousands-of-radii"
+        ),
         pytest.param("g = 9.81", "g = 1e300", id="heavy-world"),
         pytest.param("radius_m = 0.15", "radius_m = 1e-300", id="no-disk"),
         pytest.param("radius_m = 0.15", "radius_m = 1e300", id="a-disk-beyond-the-universe"),
         pytest.param("u_phi_deg = 0.4", "u_phi_deg = 1e300", id="no-protractor"),
-        pytest.param("rolling_resistance = 0.002 ", "rolling_resistance = -0.1 ", id="a-ramp-that-drives"),
+        pytest.param(
+            "rolling_resistance = 0.002 ", "rolling_resistance = -0.1 ", id="a-ramp-that-drives"
+        ),
         pytest.param("kappa = 0.45", "kappa = 5", id="inertia-beyond-a-hoop"),
     ],
 )
@@ -219,7 +296,11 @@ def test_a_design_that_cannot_be_simulated_is_refused_with_its_line(replica, tmp
 
 
 def test_a_title_with_quotes_still_makes_a_campaign_that_reads(replica, tmp_path):
-    old = next(line for line in (replica / "design.toml").read_text().splitlines() if line.startswith("title"))
+    old = next(
+        line
+        for line in (replica / "design.toml").read_text().splitlines()
+        if line.startswith("title")
+    )
     path = _edited(replica, tmp_path, old, "title = 'the \"eccentric\" disk, C:\\lab'")
     campaign = simulate_campaign(load_design(path))["campaign.toml"]
     assert tomllib.loads(campaign)["title"] == 'the "eccentric" disk, C:\\lab'

@@ -1,4 +1,6 @@
-"""Figures in Spanish: longer words stay on the canvas and clear of each other, and a user's own words stay what they are."""
+"""Figures in Spanish: longer words stay on the canvas and clear of each other, and a user's own
+words stay what they are.
+"""
 
 from __future__ import annotations
 
@@ -44,21 +46,40 @@ def words_of(figure: Figure) -> list[Text]:
 def off_the_canvas(figure: Figure) -> list[str]:
     boxes = [(text.get_text(), text.get_window_extent()) for text in words_of(figure)]
     width, height = figure.get_size_inches() * figure.dpi
-    return [words for words, box in boxes if box.x0 < -1.0 or box.y0 < -1.0 or box.x1 > width + 1.0 or box.y1 > height + 1.0]
+    return [
+        words
+        for words, box in boxes
+        if box.x0 < -1.0 or box.y0 < -1.0 or box.x1 > width + 1.0 or box.y1 > height + 1.0
+    ]
 
 
-def test_legends_of_what_the_data_can_tell_are_whole_and_the_mark_of_synthetic_data_is_clear_of_them(rng: np.random.Generator) -> None:
-    problem = formula_problem(lambda x, a, b: a + b + 0.1 * a * x, X, 1.0 + 0.1 * X, 0.1, {"a": Normal(0.5, 0.3), "b": Normal(0.5, 0.3)})
+def test_legends_are_whole_and_the_mark_of_synthetic_data_is_clear_of_them(
+    rng: np.random.Generator,
+) -> None:
+    problem = formula_problem(
+        lambda x, a, b: a + b + 0.1 * a * x,
+        X,
+        1.0 + 0.1 * X,
+        0.1,
+        {"a": Normal(0.5, 0.3), "b": Normal(0.5, 0.3)},
+    )
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     draws = rng.multivariate_normal(fit.values, fit.cov, 2000)
     found = identify(fit)
-    for draw in (partial(direction_figure, problem, found), partial(profile_figure, problem, profile_intervals(fit), draws)):
+    for draw in (
+        partial(direction_figure, problem, found),
+        partial(profile_figure, problem, profile_intervals(fit), draws),
+    ):
         figure = marked(draw())
         assert off_the_canvas(figure) == []
         texts = words_of(figure)
         (mark,) = (text for text in texts if "SINTÉTICOS" in text.get_text())
         said = mark.get_window_extent()
-        assert not [one.get_text() for one in texts if one is not mark and one.get_window_extent().overlaps(said)]
+        assert not [
+            one.get_text()
+            for one in texts
+            if one is not mark and one.get_window_extent().overlaps(said)
+        ]
     cut = new_figure(1.0)
     cut.text(0.5, 0.5, "a lo largo de esta línea los datos dicen menos " * 3)
     assert len(off_the_canvas(cut)) == 1
@@ -74,11 +95,22 @@ def test_a_body_has_axes_of_our_words_and_a_users_curve_those_of_the_user() -> N
 
 def test_a_fitted_curve_speaks_spanish() -> None:
     y = 3.0 * X + 1.0 + 0.1 * np.random.default_rng(3).standard_normal(12)
-    fit = fit_curve("m*x + c", X, y, start={"m": 1.0, "c": 0.0}, axes=AxisNames("time t", "s", "signal", "V"))
+    fit = fit_curve(
+        "m*x + c", X, y, start={"m": 1.0, "c": 0.0}, axes=AxisNames("time t", "s", "signal", "V")
+    )
     figure = fit.plot()
     upper, lower = figure.axes
-    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_ylabel()) == ("signal (V)", "time t (s)", "residuo (V)")
-    assert [text.get_text() for text in upper.get_legend().get_texts()] == ["la curva, 95 %", "la curva, 68 %", "mejor curva", "datos ± u"]
+    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_ylabel()) == (
+        "signal (V)",
+        "time t (s)",
+        "residuo (V)",
+    )
+    assert [text.get_text() for text in upper.get_legend().get_texts()] == [
+        "la curva, 95 %",
+        "la curva, 68 %",
+        "mejor curva",
+        "datos ± u",
+    ]
     assert off_the_canvas(figure) == []
     assert "68 % en [" in str(fit)
     assert "desviación estándar de los residuos" in str(fit)

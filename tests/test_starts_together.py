@@ -24,7 +24,9 @@ def problem(replica: Path, noise: NoiseTable | None) -> Problem:
 
 
 @pytest.mark.parametrize("noise", [POSITIONS, None], ids=["positions", "differentiated"])
-def test_starts_lead_together_to_where_they_lead_alone(replica: Path, monkeypatch: pytest.MonkeyPatch, noise: NoiseTable | None) -> None:
+def test_starts_lead_together_to_where_they_lead_alone(
+    replica: Path, monkeypatch: pytest.MonkeyPatch, noise: NoiseTable | None
+) -> None:
     posed, settled, settle = problem(replica, noise), [], least_squares._settle
 
     def counted(*args: object, **keywords: object) -> object:
@@ -39,7 +41,9 @@ def test_starts_lead_together_to_where_they_lead_alone(replica: Path, monkeypatc
     alone = fit_least_squares(posed, rng=np.random.default_rng(1))
     assert few < settled.count(1) == 8
     assert (together.n_start, together.n_same) == (alone.n_start, alone.n_same) == (8, 8)
-    np.testing.assert_allclose((together.values - alone.values) / np.sqrt(np.diag(alone.cov)), 0.0, atol=1e-4)
+    np.testing.assert_allclose(
+        (together.values - alone.values) / np.sqrt(np.diag(alone.cov)), 0.0, atol=1e-4
+    )
 
 
 def test_heavy_tails_and_single_starts_stay_where_they_are(replica: Path) -> None:
@@ -52,7 +56,9 @@ def test_heavy_tails_and_single_starts_stay_where_they_are(replica: Path) -> Non
 
 
 def test_a_flat_place_stands_for_no_start(replica: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where the curve does not come near the points a first look is not believed: every start goes its own way."""
+    """Where the curve does not come near the points a first look is not believed: every start goes
+    its own way.
+    """
     posed = problem(replica, POSITIONS)
     settled, settle = [], least_squares._settle
 
@@ -73,7 +79,16 @@ SCATTER = 0.1 * np.random.default_rng(1).standard_normal(X.size)
 def posed(formula: str, y: np.ndarray, parameter: str, prior: Prior, **choices: object) -> Problem:
     """One curve with one parameter; errors of y of 0.1 unless `choices` say more."""
     return pose_curve(
-        formula, X, y, start={parameter: prior.centre}, bounds={}, priors={parameter: prior}, cov_y=None, errors=(), units={}, axes=AxisNames(),
+        formula,
+        X,
+        y,
+        start={parameter: prior.centre},
+        bounds={},
+        priors={parameter: prior},
+        cov_y=None,
+        errors=(),
+        units={},
+        axes=AxisNames(),
         **{"u_y": 0.1, "u_x": None, **choices},
     ).with_sigma(1.0)
 
@@ -98,7 +113,9 @@ def test_starts_are_led_no_farther_than_the_limits() -> None:
 def test_counts_errors_of_x_and_many_runs_stay_where_they_are(replica: Path) -> None:
     counts = posed("a*x", np.round(2.0 * X), "a", Uniform(0.0, 4.0), u_y=None, noise="poisson")
     in_x = posed("a*x", 2.0 * X + SCATTER, "a", Uniform(0.0, 4.0), u_x=0.1)
-    runs = load_campaign(replica / "campaign.toml").problem(["heavy-04", "heavy-06"], noise=POSITIONS)
+    runs = load_campaign(replica / "campaign.toml").problem(
+        ["heavy-04", "heavy-06"], noise=POSITIONS
+    )
     for problem in (counts, in_x, runs):
         two = np.stack([problem.start(), problem.start() * 1.01])
         assert led_together(problem.linearised(two[0]), two) is two

@@ -1,4 +1,6 @@
-"""Every status is produced from real trouble, through the command line, beside the same campaign without it; and a bad one gives no number away."""
+"""Every status is produced from real trouble, through the command line, beside the same campaign
+without it; and a bad one gives no number away.
+"""
 
 from __future__ import annotations
 
@@ -43,29 +45,51 @@ class Written:
 
 
 def fit(campaign: Disk | Formula, folder: Path, *options: str) -> Written:
-    done = CliRunner().invoke(cli, ["fit", str(campaign.write(folder)), "--out", str(folder / "out"), *options])
+    done = CliRunner().invoke(
+        cli, ["fit", str(campaign.write(folder)), "--out", str(folder / "out"), *options]
+    )
     report = (folder / "out" / "report.md").read_text().replace("\u00a0", " ")
-    return Written(done.exit_code, done.output, report, json.loads((folder / "out" / "result.json").read_text()))
+    return Written(
+        done.exit_code,
+        done.output,
+        report,
+        json.loads((folder / "out" / "result.json").read_text()),
+    )
 
 
-_NOT_OF_THE_RESULT = ("stated before (prior)", "fitted value if it is the only cause", "the campaign with it")
+_NOT_OF_THE_RESULT = (
+    "stated before (prior)",
+    "fitted value if it is the only cause",
+    "the campaign with it",
+)
 
 
 def tables(report: str) -> list[list[list[str]]]:
     """The cells of each table of a Markdown text, its head first."""
     blocks = re.findall(r"(?:^\|.*\n)+", report, re.MULTILINE)
-    return [[[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()] for block in blocks]
+    return [
+        [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()]
+        for block in blocks
+    ]
 
 
 def assert_no_headline(written: Written, status: str) -> None:
-    """No mean, sd or value with an uncertainty anywhere, but in what was stated before; limits where the draws mean anything."""
+    """No mean, sd or value with an uncertainty anywhere, but in what was stated before; limits
+    where the draws mean anything.
+    """
     result, report = written.result, written.report
     assert "## No main result" in report
     assert "## Result" not in report
     for table in tables(report):
         for row in table[1:]:
-            assert not any("±" in cell for head, cell in zip(table[0], row, strict=True) if head not in _NOT_OF_THE_RESULT), row
-        assert not {"posterior", "posterior sd", "ratio", "all", "least squares (mode ± sd)"} & set(table[0])
+            assert not any(
+                "±" in cell
+                for head, cell in zip(table[0], row, strict=True)
+                if head not in _NOT_OF_THE_RESULT
+            ), row
+        assert not {"posterior", "posterior sd", "ratio", "all", "least squares (mode ± sd)"} & set(
+            table[0]
+        )
     assert "n/a" not in report
     assert set(result["fit"]["sds"].values()) == {None}
     derived = [d for run in result["runs"].values() for d in run["derived"].values()]
@@ -74,23 +98,33 @@ def assert_no_headline(written: Written, status: str) -> None:
         assert summary["sd"] is None
         if not Status(status).draws_count:
             assert all(summary[name] is None for name in NAMED)
-    assert all((p["q025"] is None) == (not Status(status).draws_count) for p in result["parameters"].values())
+    assert all(
+        (p["q025"] is None) == (not Status(status).draws_count)
+        for p in result["parameters"].values()
+    )
     assert ("not even a limit" in report) == (not Status(status).draws_count)
     assert ("95 % of the profile" in report) == Status(status).limits_count
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TROUBLES)
-def test_trouble_leads_to_its_status_and_to_no_headline_number(name: str, tmp_path: Path, request: pytest.FixtureRequest) -> None:
+def test_trouble_leads_to_its_status_and_to_no_headline_number(
+    name: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
     request.getfixturevalue("few_draws")
-    request.getfixturevalue("unrendered" if name in ("computed data", "flat direction") else "undrawn")  # what is hardest to draw is drawn
+    # what is hardest to draw is drawn
+    request.getfixturevalue(
+        "unrendered" if name in ("computed data", "flat direction") else "undrawn"
+    )
     trouble: Trouble = TROUBLES[name]
     written = fit(trouble.campaign, tmp_path, *trouble.options)
     assert written.exit_code == 3
     assert written.result["status"] == trouble.status
     assert f"r: {trouble.status}" in written.output
     assert f"**Status: {trouble.status}**" in written.report
-    assert any(re.search(trouble.reason, reason) for reason in written.result["reasons"]), written.result["reasons"]
+    assert any(re.search(trouble.reason, reason) for reason in written.result["reasons"]), (
+        written.result["reasons"]
+    )
     assert any(trouble.advice in advice for advice in written.result["advice"])
     for words in written.result["reasons"] + written.result["advice"]:
         assert f"- {words}\n" in written.report
@@ -115,25 +149,40 @@ def assert_said_before_any_cost(written: Written) -> None:
 def test_without_the_trouble_the_status_is_ok(name: str, tmp_path: Path, healthy: Analysis) -> None:
     analysis = healthy
     if TROUBLES[name].healthy != Disk():
-        analysis = analyse(load_campaign(TROUBLES[name].healthy.write(tmp_path)), ["r"], seed=1, target=Target(ess=1000.0))
+        analysis = analyse(
+            load_campaign(TROUBLES[name].healthy.write(tmp_path)),
+            ["r"],
+            seed=1,
+            target=Target(ess=1000.0),
+        )
     assert analysis.diagnosis.status == "ok", analysis.diagnosis.reasons
 
 
-@pytest.mark.parametrize(("stuck", "words"), [(0, None), (1, "1 walker never moved"), (3, "3 walkers never moved")])
-def test_walkers_that_never_moved_are_told(stuck: int, words: str | None, healthy: Analysis) -> None:
+@pytest.mark.parametrize(
+    ("stuck", "words"), [(0, None), (1, "1 walker never moved"), (3, "3 walkers never moved")]
+)
+def test_walkers_that_never_moved_are_told(
+    stuck: int, words: str | None, healthy: Analysis
+) -> None:
     found = sampling_findings(replace(healthy.chain, stuck=stuck))
     assert [tell(finding) for finding in found] == ([] if words is None else [words])
     assert all(finding.status == "not-converged" for finding in found)
 
 
 def test_all_statuses_are_produced_here() -> None:
-    assert {trouble.status for trouble in TROUBLES.values()} | {"methods-disagree", "not-calibrated", "ok"} == set(Status)
+    assert {trouble.status for trouble in TROUBLES.values()} | {
+        "methods-disagree",
+        "not-calibrated",
+        "ok",
+    } == set(Status)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("widened", "expected"), [(1.0, "ok"), (1.2, "methods-disagree")])
 @pytest.mark.usefixtures("undrawn")
-def test_certificate_of_another_density_disagrees(widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_certificate_of_another_density_disagrees(
+    widened: float, expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The two computations get densities that differ by a power: standard deviations 10 % apart."""
 
     @dataclass(frozen=True, eq=False)
@@ -147,7 +196,9 @@ def test_certificate_of_another_density_disagrees(widened: float, expected: str,
         def log_density(self, draws: np.ndarray) -> np.ndarray:
             return self.posterior.log_density(draws) / widened
 
-    def certify_another(posterior: Posterior, *args: object, **choices: object) -> tuple[Certificate, Proposal]:
+    def certify_another(
+        posterior: Posterior, *args: object, **choices: object
+    ) -> tuple[Certificate, Proposal]:
         return second_opinion(Tempered(posterior), *args, **choices)
 
     monkeypatch.setattr(certified, "second_opinion", certify_another)
@@ -155,16 +206,29 @@ def test_certificate_of_another_density_disagrees(widened: float, expected: str,
     assert written.result["status"] == expected
     assert written.exit_code == (0 if expected == "ok" else 3)
     if expected != "ok":
-        again = r"chain and importance sampling differ \(as they did before, with other random numbers\)"
-        differ = re.compile(again + r" in .*the (standard deviation|2.5 % quantile|97.5 % quantile) of")
+        again = (
+            r"chain and importance sampling differ \(as they did before, with other random "
+            r"numbers\)"
+        )
+        differ = re.compile(
+            again + r" in .*the (standard deviation|2.5 % quantile|97.5 % quantile) of"
+        )
         assert any(differ.search(reason) for reason in written.result["reasons"])
-        assert any("one of two computations of the same quantity is wrong" in advice for advice in written.result["advice"])
+        assert any(
+            "one of two computations of the same quantity is wrong" in advice
+            for advice in written.result["advice"]
+        )
         assert_no_headline(written, expected)
 
 
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
-    return analyse(load_campaign(Disk().write(tmp_path_factory.mktemp("ok"))), ["r"], seed=1, target=Target(ess=1000.0))
+    return analyse(
+        load_campaign(Disk().write(tmp_path_factory.mktemp("ok"))),
+        ["r"],
+        seed=1,
+        target=Target(ess=1000.0),
+    )
 
 
 @pytest.mark.parametrize("status", Status)
@@ -173,7 +237,9 @@ def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
     ax, below = figure.axes
     texts = [text.get_text() for text in figure.legends[0].get_texts()]
     for panel in (ax, below):
-        assert any(isinstance(part, PolyCollection) for part in panel.collections) == (status == "ok")
+        assert any(isinstance(part, PolyCollection) for part in panel.collections) == (
+            status == "ok"
+        )
     assert any("%" in text for text in texts) == (status == "ok")
     assert ax.get_title() == ("r" if status == "ok" else f"r — {status}")
 
@@ -189,12 +255,19 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
     """Not even of the run whose report quotes limits."""
     path = TROUBLES["gamma at its bound"].campaign.write(tmp_path)
     text = path.read_text()
-    second = text[text.index("[[runs]]") :].replace('name = "r"', 'name = "eccentric"').replace('body = "b"', 'body = "c"')
+    second = (
+        text[text.index("[[runs]]") :]
+        .replace('name = "r"', 'name = "eccentric"')
+        .replace('body = "b"', 'body = "c"')
+    )
     body = '[bodies.c]\nradius_m = 0.15\ngamma = "0.187(10)"\nkappa = "0.45(2)"\n'
     path.write_text(text.replace("[[runs]]", f"{body}[[runs]]") + second)
     done = CliRunner().invoke(cli, ["fit", str(path), "--out", str(tmp_path / "out")])
     assert done.exit_code == 3
-    rows = {row[0]: row[1:] for row in tables((tmp_path / "out" / "report.md").read_text().replace("\u00a0", " "))[0]}
+    rows = {
+        row[0]: row[1:]
+        for row in tables((tmp_path / "out" / "report.md").read_text().replace("\u00a0", " "))[0]
+    }
     assert rows["[r](r/report.md)"][0] == "at-bound"
     assert set(rows["[r](r/report.md)"][1:]) == {"—"}
     assert rows["[eccentric](eccentric/report.md)"][0] == "ok"
@@ -203,12 +276,20 @@ def test_bad_runs_have_no_numbers_in_the_index(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_two_modes_are_told_from_a_bent_ridge(tmp_path: Path) -> None:
-    """The ridge of the flat direction is bent, so that straight lines between its ends leave it; the two angles of release are no ridge."""
-    two_angles = replace(TROUBLES["two angles of release"].campaign, kappa=uniform(0.3, 0.6))  # with kappa known they are a trouble above
+    """The ridge of the flat direction is bent, so that straight lines between its ends leave it;
+    the two angles of release are no ridge.
+    """
+    # with kappa known they are a trouble above
+    two_angles = replace(TROUBLES["two angles of release"].campaign, kappa=uniform(0.3, 0.6))
     few = load_campaign(two_angles.write(tmp_path))
     assert len(analyse(few, ["r"], seed=1, target=Target(ess=1000.0)).modes.values) == 2
     path = TROUBLES["flat direction"].campaign.write(tmp_path)
-    path.write_text(path.read_text().replace("unmodelled_force = 0\n", "unmodelled_force = 0\nscale_x = 0\nscale_t = 0\n"))  # they take the dips away
+    # they take the dips away
+    path.write_text(
+        path.read_text().replace(
+            "unmodelled_force = 0\n", "unmodelled_force = 0\nscale_x = 0\nscale_t = 0\n"
+        )
+    )
     flat = load_campaign(path)
     found = analyse(flat, ["r"], seed=1, target=Target(ess=1000.0))
     draws = found.chain.thinned(2000)
@@ -221,14 +302,20 @@ def test_two_modes_are_told_from_a_bent_ridge(tmp_path: Path) -> None:
 
 
 def _dips(found: Analysis, end: np.ndarray) -> bool:
-    heights = found.fit.posterior.log_density(found.fit.values + np.linspace(0.0, 1.0, 65)[:, None] * (end - found.fit.values))
+    heights = found.fit.posterior.log_density(
+        found.fit.values + np.linspace(0.0, 1.0, 65)[:, None] * (end - found.fit.values)
+    )
     return bool(heights.min() < min(heights[0], heights[-1]) - 2.0)
 
 
 def test_start_chooses_between_solutions_where_no_prior_does(tmp_path: Path) -> None:
-    """a and -a give the same curve: a start says which is meant, a range that holds both does not."""
+    """a and -a give the same curve: a start says which is meant, a range that holds both does
+    not.
+    """
     for start in (1.0, -1.0):
-        campaign = load_campaign(Formula("a**2*x", f"a = {{start = {start}}}", lambda x: 4.0 * x).write(tmp_path))
+        campaign = load_campaign(
+            Formula("a**2*x", f"a = {{start = {start}}}", lambda x: 4.0 * x).write(tmp_path)
+        )
         found = analyse(campaign, ["r"], seed=1, target=Target(ess=1000.0))
         assert found.diagnosis.status == "ok"
         assert found.fit.values[0] == pytest.approx(2.0 * start, rel=0.01)

@@ -1,7 +1,10 @@
-"""`estim line FILE.csv`: any points, against printed lines (headers of tests/reference/lines) and brute force.
+"""`estim line FILE.csv`: any points, against printed lines (headers of tests/reference/lines) and
+brute force.
 
-- ISO/TS 28037:2010, 6.3 (both examples, p. 13 and 15), 7.4 (p. 21), annex E (p. 58-59) and 11.1 (inverse prediction), by way of GTC's manual.
-- York et al. 2004 with Pearson's data.   Hogg, Bovy, Lang, arXiv 1008.4686: exercise 1, points 5 to 20.
+- ISO/TS 28037:2010, 6.3 (both examples, p. 13 and 15), 7.4 (p. 21), annex E (p. 58-59) and 11.1
+  (inverse prediction), by way of GTC's manual.
+- York et al. 2004 with Pearson's data.   Hogg, Bovy, Lang, arXiv 1008.4686: exercise 1, points 5 to
+  20.
 - GUM (JCGM 100:2008), H.3.4: prediction of a thermometer's correction at 30 °C.
 """
 
@@ -27,15 +30,33 @@ LINES = REFERENCE / "lines"
 
 
 def told(tmp_path, *arguments):
-    result = runner().invoke(cli, ["line", *map(str, arguments), "--out", str(tmp_path / "out"), "--no-figures"])
+    result = runner().invoke(
+        cli, ["line", *map(str, arguments), "--out", str(tmp_path / "out"), "--no-figures"]
+    )
     return result, tmp_path / "out"
 
 
 @pytest.mark.parametrize(
     ("name", "y0", "a", "b", "cov", "x0", "u_x0"),
     [
-        ("equal", Quantity(10.5, 0.5), (1.866667, 0.4654747), (1.757143, 0.1195229), -0.050, 4.913, 0.322),
-        ("unequal", Quantity(10.5, 1.0), (0.8852, 0.5297081), (2.0570, 0.1778920), -0.08227848, 4.674, 0.533),
+        (
+            "equal",
+            Quantity(10.5, 0.5),
+            (1.866667, 0.4654747),
+            (1.757143, 0.1195229),
+            -0.050,
+            4.913,
+            0.322,
+        ),
+        (
+            "unequal",
+            Quantity(10.5, 1.0),
+            (0.8852, 0.5297081),
+            (2.0570, 0.1778920),
+            -0.08227848,
+            4.674,
+            0.533,
+        ),
     ],
 )
 def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x0):
@@ -49,17 +70,27 @@ def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x
 
 
 def test_errors_in_both_variables_of_iso_28037():
-    """7.4 prints York's convention; the propagated uncertainties are those that GTC 2 (MSL) gives for the same points."""
+    """7.4 prints York's convention; the propagated uncertainties are those that GTC 2 (MSL) gives
+    for the same points.
+    """
     line = straight_line(LINES / "iso28037_sec7_errors_in_both.csv", Columns())
     york, whole = line.fit.standard_errors["york"], line.fit.standard_errors["propagated"]
-    assert (line.fit.intercept, line.fit.slope, line.fit.chi2) == pytest.approx((0.5788, 2.1597, 2.743), abs=5e-4)
-    assert (york.u_intercept, york.u_slope, york.cov) == pytest.approx((0.4764, 0.1355, -0.0577), abs=5e-5)
-    assert (whole.u_intercept, whole.u_slope, whole.cov) == pytest.approx((0.480359046511757, 0.136246483136605, -0.0586143419560877), rel=1e-8)
+    assert (line.fit.intercept, line.fit.slope, line.fit.chi2) == pytest.approx(
+        (0.5788, 2.1597, 2.743), abs=5e-4
+    )
+    assert (york.u_intercept, york.u_slope, york.cov) == pytest.approx(
+        (0.4764, 0.1355, -0.0577), abs=5e-5
+    )
+    assert (whole.u_intercept, whole.u_slope, whole.cov) == pytest.approx(
+        (0.480359046511757, 0.136246483136605, -0.0586143419560877), rel=1e-8
+    )
     assert line.fit.recommended == "propagated"
 
 
 def test_unknown_uncertainties_of_y_of_iso_28037():
-    """Annex E, before its factor sqrt((m - 2)/(m - 4)) = 1.41, which stands for degrees of freedom that estim states instead."""
+    """Annex E, before its factor sqrt((m - 2)/(m - 4)) = 1.41, which stands for degrees of freedom
+    that estim states instead.
+    """
     line = straight_line(LINES / "iso28037_annex_e.csv", Columns())
     error = line.fit.standard_errors["scaled"]
     assert (line.fit.intercept, error.u_intercept) == pytest.approx((1.172, 0.159), abs=5e-4)
@@ -70,26 +101,52 @@ def test_unknown_uncertainties_of_y_of_iso_28037():
 
 def test_columns_by_name_give_yorks_line_and_other_columns_are_left_unread(tmp_path):
     table = np.genfromtxt(LINES / "pearson_york.csv", delimiter=",", skip_header=2)
-    rows = [f"{x},point {i},{1 / math.sqrt(wx)},{y},{1 / math.sqrt(wy)}" for i, (x, y, wx, wy) in enumerate(table)]
+    rows = [
+        f"{x},point {i},{1 / math.sqrt(wx)},{y},{1 / math.sqrt(wy)}"
+        for i, (x, y, wx, wy) in enumerate(table)
+    ]
     path = tmp_path / "points.csv"
     path.write_text("t,label,sd t,s,sd s\n" + "\n".join(rows) + "\n")
-    result, folder = told(tmp_path, path, "--x", "t", "--y", "s", "--ux", "sd t", "--uy", "sd s", "--predict", "5.0(1)")
+    result, folder = told(
+        tmp_path,
+        path,
+        "--x",
+        "t",
+        "--y",
+        "s",
+        "--ux",
+        "sd t",
+        "--uy",
+        "sd s",
+        "--predict",
+        "5.0(1)",
+    )
     assert result.exit_code == 0, result.output
     record = json.loads((folder / "result.json").read_text())
-    assert (record["intercept"], record["slope"], record["chi2"]) == pytest.approx((5.47991022403, -0.48053340745, 11.8663531941), rel=1e-9)
-    assert record["standard_errors"]["york"][:2] == pytest.approx([0.294970735, 0.0579850090], rel=1e-7)
+    assert (record["intercept"], record["slope"], record["chi2"]) == pytest.approx(
+        (5.47991022403, -0.48053340745, 11.8663531941), rel=1e-9
+    )
+    assert record["standard_errors"]["york"][:2] == pytest.approx(
+        [0.294970735, 0.0579850090], rel=1e-7
+    )
     ua, ub, cov = record["standard_errors"]["propagated"]
     predicted = record["predictions"][0]
     assert predicted["value"] == pytest.approx(5.47991022403 - 5.0 * 0.48053340745)
-    assert predicted["u"] ** 2 == pytest.approx(ua**2 + 25 * ub**2 + 10 * cov + (0.1 * 0.48053340745) ** 2)
+    assert predicted["u"] ** 2 == pytest.approx(
+        ua**2 + 25 * ub**2 + 10 * cov + (0.1 * 0.48053340745) ** 2
+    )
     text = (folder / "report.md").read_text()
     assert "York: errors in both variables (u(x) from sd t, u(y) from sd s)" in text
     assert text.startswith("# s against t: a straight line")
 
 
-def test_columns_of_uncertainties_are_found_before_their_unit_and_must_have_that_of_their_column(tmp_path):
+def test_columns_of_uncertainties_are_found_before_their_unit_and_must_have_that_of_their_column(
+    tmp_path,
+):
     path = tmp_path / "points.csv"
-    rows = "".join(f"{x},{y},0.1,0.2\n" for x, y in ((0, 1.0), (1, 2.1), (2, 2.9), (3, 4.1), (4, 5.0)))
+    rows = "".join(
+        f"{x},{y},0.1,0.2\n" for x, y in ((0, 1.0), (1, 2.1), (2, 2.9), (3, 4.1), (4, 5.0))
+    )
     path.write_text("t [s],s [m],u_t [s],u_s [m]\n" + rows)
     line = straight_line(path, Columns("t", "s"))
     assert (line.columns.u_x, line.columns.u_y, line.fit.method) == ("u_t", "u_s", "york")
@@ -107,27 +164,44 @@ def test_hoggs_line_by_uncertainties_of_y(tmp_path):
     path.write_text("\n".join(lines[:2] + lines[6:]) + "\n")
     line = straight_line(path, Columns(u_y="sigma_y"))
     error = line.fit.standard_errors["propagated"]
-    assert (line.fit.intercept, error.u_intercept, line.fit.slope, error.u_slope) == pytest.approx((34.04773, 18.24617, 2.23992, 0.10778), abs=6e-6)
+    assert (line.fit.intercept, error.u_intercept, line.fit.slope, error.u_slope) == pytest.approx(
+        (34.04773, 18.24617, 2.23992, 0.10778), abs=6e-6
+    )
     both = straight_line(path, Columns(u_x="sigma_x", u_y="sigma_y", r_xy="rho_xy"))
     assert (both.fit.method, both.columns.r_xy) == ("york", "rho_xy")
 
 
 def test_prediction_of_gum_h3(tmp_path):
-    rows = [line for line in (REFERENCE / "gum" / "gum_h3_table_h6.csv").read_text().splitlines() if not line.startswith("#")]
+    rows = [
+        line
+        for line in (REFERENCE / "gum" / "gum_h3_table_h6.csv").read_text().splitlines()
+        if not line.startswith("#")
+    ]
     table = np.array([[float(cell) for cell in row.split(",")] for row in rows[1:]])
     path = tmp_path / "thermometer.csv"
-    path.write_text("x,y\n" + "".join(f"{t - 20.0!r},{b!r}\n" for t, b in zip(table[:, -2].tolist(), table[:, -1].tolist(), strict=True)))
+    path.write_text(
+        "x,y\n"
+        + "".join(
+            f"{t - 20.0!r},{b!r}\n"
+            for t, b in zip(table[:, -2].tolist(), table[:, -1].tolist(), strict=True)
+        )
+    )
     line = straight_line(path, Columns(), predict=[Quantity(10.0)])
     assert (round(line.predictions[0].y, 4), round(line.predictions[0].u, 4)) == (-0.1494, 0.0041)
     assert line.k == pytest.approx(stats.t.ppf(0.975, 9))
 
 
 def test_fiellers_interval_is_the_set_of_lines_that_explain_the_reading(tmp_path, rng):
-    """Of a slope known to 14 %: by brute force over abscissas; and it holds the truth where the linear one is lopsided."""
+    """Of a slope known to 14 %: by brute force over abscissas; and it holds the truth where the
+    linear one is lopsided.
+    """
     x = np.array([1.0, 2.0, 3.0, 4.0])
     y = 0.5 + 0.8 * x + 0.25 * rng.standard_normal(4)
     path = tmp_path / "p.csv"
-    path.write_text("x,y,u_y\n" + "".join(f"{a!r},{b!r},0.25\n" for a, b in zip(x.tolist(), y.tolist(), strict=True)))
+    path.write_text(
+        "x,y,u_y\n"
+        + "".join(f"{a!r},{b!r},0.25\n" for a, b in zip(x.tolist(), y.tolist(), strict=True))
+    )
     line = straight_line(path, Columns(), inverse=[Quantity(5.0, 0.3)])
     found, error = line.inverses[0], line.fit.standard_errors["propagated"]
     grid = np.linspace(-50.0, 50.0, 1_000_001)
@@ -155,16 +229,40 @@ def test_a_line_that_does_not_fit_has_no_result_and_exit_code_3(tmp_path):
     ("text", "arguments", "message"),
     [
         ("x,y\n1,1\n2,2\n3,4\n", ["--x", "t"], "p.csv:1: 't' is missing (the header has"),
-        ("x,y\n1,1\n2,2\n3,4\n", ["--x", "y", "--y", "y"], "'--y' must name another column than --x: y"),
-        ("x,y\n1,1\n2,2\n3,3\n4,4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
-        ("x,y\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
+        (
+            "x,y\n1,1\n2,2\n3,4\n",
+            ["--x", "y", "--y", "y"],
+            "'--y' must name another column than --x: y",
+        ),
+        (
+            "x,y\n1,1\n2,2\n3,3\n4,4\n",
+            [],
+            "p.csv: 'y' has no scatter about a line but rounding errors",
+        ),
+        (
+            "x,y\n1,0.1\n2,0.2\n3,0.3\n4,0.4\n",
+            [],
+            "p.csv: 'y' has no scatter about a line but rounding errors",
+        ),
         ("x,y\n1,0\n2,0\n3,0\n", [], "p.csv: 'y' has no scatter about a line but rounding errors"),
         ("x,y\n1,1\n2,2\n", [], "p.csv: 'rows' must hold at least 3 rows of numbers: 2"),
         ("x,y,u_y\n1,1,0\n2,2,1\n3,4,1\n", [], "p.csv:2: 'u_y' must be > 0: 0.0"),
         ("x,y\n1,1\n2,2\n3,4\n", ["--uy", "-1"], "'--uy' must be > 0: -1.0"),
-        ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--inverse", "2"], "'--inverse' must have an uncertainty"),
-        ("x,y\n1,1\n2,2\n3,4\n", ["--predict", "two"], "'--predict' must be a number as 4.0, or read like"),
-        ("x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n", ["--correlation", "0.5"], "'--correlation' needs uncertainties of x and y"),
+        (
+            "x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n",
+            ["--inverse", "2"],
+            "'--inverse' must have an uncertainty",
+        ),
+        (
+            "x,y\n1,1\n2,2\n3,4\n",
+            ["--predict", "two"],
+            "'--predict' must be a number as 4.0, or read like",
+        ),
+        (
+            "x,y,u_y\n1,1,1\n2,2,1\n3,4,1\n",
+            ["--correlation", "0.5"],
+            "'--correlation' needs uncertainties of x and y",
+        ),
     ],
 )
 def test_a_mistake_is_told(tmp_path, text, arguments, message):
@@ -197,13 +295,17 @@ def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
         ("y,x", [], "columns: x = x, y = y"),
     ],
 )
-def test_two_columns_need_no_names_and_the_first_line_says_which_is_which(tmp_path, header, arguments, first):
+def test_two_columns_need_no_names_and_the_first_line_says_which_is_which(
+    tmp_path, header, arguments, first
+):
     (tmp_path / "p.csv").write_text(header + "\n1,1\n2,2.1\n3,2.9\n4,4.2\n")
     result, _ = told(tmp_path, tmp_path / "p.csv", *arguments)
     assert result.output.splitlines()[0] == first
 
 
-@pytest.mark.parametrize(("header", "options"), [("a,b,c", "--x and --y"), ("x,b,c", "--y"), ("y,t,c", "--x")])
+@pytest.mark.parametrize(
+    ("header", "options"), [("a,b,c", "--x and --y"), ("x,b,c", "--y"), ("y,t,c", "--x")]
+)
 def test_columns_that_nobody_names_are_asked_for(tmp_path, header, options):
     (tmp_path / "p.csv").write_text(header + "\n1,1,3\n2,2.1,4\n3,2.9,4\n4,4.2,1\n")
     result, _ = told(tmp_path, tmp_path / "p.csv")

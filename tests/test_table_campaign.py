@@ -1,4 +1,6 @@
-"""A fit of a table by one command: it is the campaign that its report prints; `estim new` writes one to begin with; many points."""
+"""A fit of a table by one command: it is the campaign that its report prints; `estim new` writes
+one to begin with; many points.
+"""
 
 from __future__ import annotations
 
@@ -40,13 +42,33 @@ def told(*arguments: object) -> str:
 
 def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None:
     out = table.parent / "out"
-    arguments = ["fit", table, "--formula", FORMULA, "--start", "tau=1 s", "--low", "tau=0", "--u-y", "0.02", "--out", out, "--no-figures"]
+    arguments = [
+        "fit",
+        table,
+        "--formula",
+        FORMULA,
+        "--start",
+        "tau=1 s",
+        "--low",
+        "tau=0",
+        "--u-y",
+        "0.02",
+        "--out",
+        out,
+        "--no-figures",
+    ]
     done = runner().invoke(cli, [str(argument) for argument in arguments], standalone_mode=False)
-    assert (done.exception, done.output.splitlines()[:2]) == (None, ["columns: x = time (s), y = U (V)", "data: ok"])
+    assert (done.exception, done.output.splitlines()[:2]) == (
+        None,
+        ["columns: x = time (s), y = U (V)", "data: ok"],
+    )
     report = (out / "report.md").read_text()
     (text,) = re.findall(r"```toml\n(.*?)```", report, flags=re.S)
     (table.parent / "kept.toml").write_text(text)
-    kept, result = load_campaign(table.parent / "kept.toml"), json.loads((out / "result.json").read_text())
+    kept, result = (
+        load_campaign(table.parent / "kept.toml"),
+        json.loads((out / "result.json").read_text()),
+    )
     fit = kept.fit(kept.problem(["data"]), rng=np.random.default_rng(1))
     assert result["parameters"]["tau"]["unit"] == "s"
     assert result["runs"]["data"]["x"] == "time (s)"
@@ -59,7 +81,17 @@ def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None
 
 
 def test_a_wrong_curve_ends_with_3(table: Path) -> None:
-    arguments = ["fit", str(table), "--formula", "a + b*x", "--u-y", "0.02", "--out", str(table.parent / "out"), "--no-figures"]
+    arguments = [
+        "fit",
+        str(table),
+        "--formula",
+        "a + b*x",
+        "--u-y",
+        "0.02",
+        "--out",
+        str(table.parent / "out"),
+        "--no-figures",
+    ]
     done = runner().invoke(cli, arguments, standalone_mode=False)
     assert "data: poor-fit" in done.output
     assert done.exit_code == 3
@@ -67,13 +99,32 @@ def test_a_wrong_curve_ends_with_3(table: Path) -> None:
 
 def test_every_option_is_a_key_of_the_campaign(table: Path) -> None:
     choices = TableChoices(
-        formula="a*exp(-x/tau) + c + g*k", start={"tau": "2"}, low={"tau": "0"}, high={"tau": "9"}, value={"g": "9.81(2)", "k": "0"}, x="time",
-        y="U (V)", u_y="0.02", window=(None, 8.0), every=2, title="T", kind="synthetic",
+        formula="a*exp(-x/tau) + c + g*k",
+        start={"tau": "2"},
+        low={"tau": "0"},
+        high={"tau": "9"},
+        value={"g": "9.81(2)", "k": "0"},
+        x="time",
+        y="U (V)",
+        u_y="0.02",
+        window=(None, 8.0),
+        every=2,
+        title="T",
+        kind="synthetic",
     )
     text = text_of_table(table, choices)
     for line in (
-        'title = "T"', 'kind = "synthetic"', 'x = {column = "time", unit = "s"}', 'y = {column = "U (V)", name = "U", unit = "V"}', "u_y = 0.02",
-        "window = {max = 8.0}", "every = 2", "tau = {start = 2.0, low = 0.0, high = 9.0}", 'g = "9.81(2)"', "k = 0.0", "a = {start = 1.0}",
+        'title = "T"',
+        'kind = "synthetic"',
+        'x = {column = "time", unit = "s"}',
+        'y = {column = "U (V)", name = "U", unit = "V"}',
+        "u_y = 0.02",
+        "window = {max = 8.0}",
+        "every = 2",
+        "tau = {start = 2.0, low = 0.0, high = 9.0}",
+        'g = "9.81(2)"',
+        "k = 0.0",
+        "a = {start = 1.0}",
     ):
         assert line in text.splitlines()
     problem = campaign_of_table(table, choices).problem(["data"])
@@ -82,7 +133,9 @@ def test_every_option_is_a_key_of_the_campaign(table: Path) -> None:
 
 
 def test_a_parameter_may_be_called_like_a_column(tmp_path: Path) -> None:
-    (tmp_path / "fall.csv").write_text("t,x,v\n" + "".join(f"{0.1 * i:g},{i**2:g},{2 * i:g}\n" for i in range(9)))
+    (tmp_path / "fall.csv").write_text(
+        "t,x,v\n" + "".join(f"{0.1 * i:g},{i**2:g},{2 * i:g}\n" for i in range(9))
+    )
     text = text_of_table(tmp_path / "fall.csv", TableChoices(formula="x0 + v*t + a*t**2/2", y="x"))
     assert 'x = {column = "t"}' in text.splitlines()
     assert "v = {start = 1.0}" in text.splitlines()
@@ -91,32 +144,57 @@ def test_a_parameter_may_be_called_like_a_column(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("formula", "said"),
     [
-        ("a + b*x + c*x**2", "a = {start = 1.0}"), ("a*exp(-x/tau) + c", "tau = {}"), ("a*b*x", "b = {}"),
-        ("A*sin(w*x) + B*cos(w*x)", "w = {}"), ("a*log(x/b)", "b = {}"),
+        ("a + b*x + c*x**2", "a = {start = 1.0}"),
+        ("a*exp(-x/tau) + c", "tau = {}"),
+        ("a*b*x", "b = {}"),
+        ("A*sin(w*x) + B*cos(w*x)", "w = {}"),
+        ("a*log(x/b)", "b = {}"),
     ],
 )
-def test_starts_are_left_to_the_points_unless_they_do_not_matter(table: Path, formula: str, said: str) -> None:
+def test_starts_are_left_to_the_points_unless_they_do_not_matter(
+    table: Path, formula: str, said: str
+) -> None:
     assert said in text_of_table(table, TableChoices(formula=formula)).splitlines()
-    assert "b = {start = 3.0}" in text_of_table(table, TableChoices(formula="a*exp(-b*x) + c", start={"b": "3"})).splitlines()
+    assert (
+        "b = {start = 3.0}"
+        in text_of_table(
+            table, TableChoices(formula="a*exp(-b*x) + c", start={"b": "3"})
+        ).splitlines()
+    )
 
 
 def test_the_start_of_a_linear_parameter_does_not_matter(table: Path) -> None:
     table.write_text("x,y\n" + "".join(f"{x},{3e6 * x - 4e-3}\n" for x in (0.5, 1.0, 2.0, 3.0)))
-    problem = campaign_of_table(table, TableChoices(formula="a + b*x", u_y="1e-3")).problem(["data"])
-    assert fit_optimum(problem, rng=np.random.default_rng(1)).values == pytest.approx([-4e-3, 3e6], rel=1e-6)
+    problem = campaign_of_table(table, TableChoices(formula="a + b*x", u_y="1e-3")).problem(
+        ["data"]
+    )
+    assert fit_optimum(problem, rng=np.random.default_rng(1)).values == pytest.approx(
+        [-4e-3, 3e6], rel=1e-6
+    )
 
 
 def test_a_curve_by_name_needs_no_starts(tmp_path: Path) -> None:
     x = np.linspace(500.0, 520.0, 81)
-    y = 7.0 * np.exp(-0.5 * ((x - 509.3) / 1.2) ** 2) + 0.02 * x - 7.0 + 0.1 * np.random.default_rng(4).standard_normal(x.size)
+    y = (
+        7.0 * np.exp(-0.5 * ((x - 509.3) / 1.2) ** 2)
+        + 0.02 * x
+        - 7.0
+        + 0.1 * np.random.default_rng(4).standard_normal(x.size)
+    )
     path = tmp_path / "peak.csv"
-    path.write_text("wavelength [nm],U\n" + "".join(f"{a:.2f},{b:.4f}\n" for a, b in zip(x, y, strict=True)))
-    text = text_of_table(path, TableChoices(formula="gaussian + line", u_y="0.1", low={"sigma": "0.5"}))
+    path.write_text(
+        "wavelength [nm],U\n" + "".join(f"{a:.2f},{b:.4f}\n" for a, b in zip(x, y, strict=True))
+    )
+    text = text_of_table(
+        path, TableChoices(formula="gaussian + line", u_y="0.1", low={"sigma": "0.5"})
+    )
     assert 'model = "gaussian + line"' in text
     assert text.partition("[curve.parameters]")[2].split("\n\n")[0].strip() == "sigma = {low = 0.5}"
     campaign = campaign_of_table(path, TableChoices(formula="gaussian + line", u_y="0.1"))
     fit = campaign.fit(campaign.problem(campaign.run_names), rng=np.random.default_rng(1))
-    named = dict(zip(fit.names, zip(fit.values, np.sqrt(np.diag(fit.cov)), strict=True), strict=True))
+    named = dict(
+        zip(fit.names, zip(fit.values, np.sqrt(np.diag(fit.cov)), strict=True), strict=True)
+    )
     for name, truth in (("center", 509.3), ("sigma", 1.2), ("slope", 0.02)):
         assert abs(named[name][0] - truth) < 4.0 * named[name][1]
     assert "model" not in text_of_table(path, TableChoices(formula="line*x + gaussian", u_y="0.1"))
@@ -124,15 +202,24 @@ def test_a_curve_by_name_needs_no_starts(tmp_path: Path) -> None:
 
 def test_a_formula_may_be_one_in_t(table: Path) -> None:
     in_x, in_t = (
-        campaign_of_table(table, TableChoices(formula=f"a*exp(-{name}/tau) + c", start={"tau": "1"})).problem(["data"]) for name in ("x", "t")
+        campaign_of_table(
+            table, TableChoices(formula=f"a*exp(-{name}/tau) + c", start={"tau": "1"})
+        ).problem(["data"])
+        for name in ("x", "t")
     )
     assert in_x.names == in_t.names
     values = in_x.start()
-    np.testing.assert_array_equal(*(one.runs[0].curve.local(one.runs[0].x, one.named(values)).value for one in (in_x, in_t)))
+    np.testing.assert_array_equal(
+        *(one.runs[0].curve.local(one.runs[0].x, one.named(values)).value for one in (in_x, in_t))
+    )
     slopes = [one.runs[0].curve.local(one.runs[0].x, one.named(values)) for one in (in_x, in_t)]
     np.testing.assert_array_equal(slopes[0].slope, slopes[1].slope)
-    with pytest.raises(InputError, match=r"'--formula' holds neither x nor the name of its column, .* --start: a.exp"):
-        campaign_of_table(table, TableChoices(formula="a*exp(-s/tau)", start={"tau": "1"}))  # not how the column is called
+    with pytest.raises(
+        InputError,
+        match=r"'--formula' holds neither x nor the name of its column, .* --start: a.exp",
+    ):
+        # not how the column is called
+        campaign_of_table(table, TableChoices(formula="a*exp(-s/tau)", start={"tau": "1"}))
     t_is_known = TableChoices(formula="a*exp(-t/tau)*x", start={"tau": "1", "t": "1"})
     assert "t" in campaign_of_table(table, t_is_known).problem(["data"]).names
 
@@ -142,32 +229,53 @@ def test_a_formula_may_be_one_in_t(table: Path) -> None:
     [
         ([], r"'CAMPAIGN\|FILE' is a table, not a campaign: say --formula"),
         (["--start", "a=1"], "'--start' needs --formula as well"),
-        (["--formula", "a*x", "--start", "b=1"], r"'--start' names no parameter of the formula \(a\): b"),
+        (
+            ["--formula", "a*x", "--start", "b=1"],
+            r"'--start' names no parameter of the formula \(a\): b",
+        ),
         (["--formula", "a*x", "--start", "a"], "'--start' must be written NAME=VALUE: a"),
         (["--formula", "a*x", "--start", "a=one"], "'--start a' must be a number: one"),
-        (["--formula", "a*x", "--value", "a=1", "--low", "a=0"], "'--value' gives a parameter its value"),
-        (["--formula", "a*x", "--y", "I"], r"data.csv:2: 'I' is missing \(the header has time \[s\], U \(V\), note"),
+        (
+            ["--formula", "a*x", "--value", "a=1", "--low", "a=0"],
+            "'--value' gives a parameter its value",
+        ),
+        (
+            ["--formula", "a*x", "--y", "I"],
+            r"data.csv:2: 'I' is missing \(the header has time \[s\], U \(V\), note",
+        ),
         (["--formula", "a*open(x)"], "'--formula' calls 'open'"),
         (["--formula", "a*x", "--window", "3"], "'--window' must be written MIN:MAX"),
         (["--formula", "a*x", "--delimiter", "%"], "'--delimiter' must be one of tab"),
-        (["--formula", "a*x", "--decimal", "point"], r"data.csv:3: 'time \[s\]' must be a number with a decimal point, not a comma"),
+        (
+            ["--formula", "a*x", "--decimal", "point"],
+            r"data.csv:3: 'time \[s\]' must be a number with a decimal point, not a comma",
+        ),
         (["--formula", "a*x", "--u-y", "none"], "data.csv:2: 'none' is missing"),
     ],
 )
-def test_what_is_missing_is_one_line_with_the_option(table: Path, arguments: list[str], says: str) -> None:
+def test_what_is_missing_is_one_line_with_the_option(
+    table: Path, arguments: list[str], says: str
+) -> None:
     assert re.search(says, told("fit", table, *arguments, "--out", table.parent / "out"))
     assert not (table.parent / "out").exists()
 
 
 def test_options_of_a_table_do_not_go_with_a_campaign(table: Path) -> None:
     for option in (["--formula", "a*x"], ["--columns", "a,b"]):
-        assert re.search("a campaign (it )?is stated in (its|the) file", told("fit", table.with_suffix(".toml"), *option))
+        assert re.search(
+            "a campaign (it )?is stated in (its|the) file",
+            told("fit", table.with_suffix(".toml"), *option),
+        )
 
 
 def test_units_of_the_header_are_those_of_the_column_that_is_read(table: Path) -> None:
     table.write_text("t [ms],t,y [V],u_y [mV]\n0.5,1,2,5\n1,2,3,5\n2,3,4,5\n3,4,5.1,5\n")
-    assert 'x = {column = "t"}\n' in text_of_table(table, TableChoices(formula="a*x", x="t", y="y", u_y="0.1"))
-    assert 'x = {column = "t [ms]", name = "t", unit = "ms"}' in text_of_table(table, TableChoices(formula="a*x", x="t [ms]", y="y", u_y="0.1"))
+    assert 'x = {column = "t"}\n' in text_of_table(
+        table, TableChoices(formula="a*x", x="t", y="y", u_y="0.1")
+    )
+    assert 'x = {column = "t [ms]", name = "t", unit = "ms"}' in text_of_table(
+        table, TableChoices(formula="a*x", x="t [ms]", y="y", u_y="0.1")
+    )
     for u_y in ([], ["--u-y", "u_y"]):
         said = told("fit", table, "--formula", "a*x", "--x", "t", "--y", "y", *u_y)
         assert re.search(r"data.csv:1: 'u_y( \[mV\])?' must be in the unit of 'y', V", said)
@@ -175,7 +283,9 @@ def test_units_of_the_header_are_those_of_the_column_that_is_read(table: Path) -
 
 def test_columns_that_must_be_named_are_listed(table: Path) -> None:
     table.write_text("t,a,b\n0.5,1,2\n1,2,3\n2,3,4\n")
-    assert r"'column' must be named by --y (there are t, a, b)" in told("fit", table, "--formula", "k*t")
+    assert r"'column' must be named by --y (there are t, a, b)" in told(
+        "fit", table, "--formula", "k*t"
+    )
     table.write_text("t,U,u_U\n0.5,1,0.1\n1,2,0.1\n2,3,0.2\n")
     assert 'u_y = {column = "u_U"}' in text_of_table(table, TableChoices(formula="k*t"))
     table.write_text("t,U,u_t,u_U\n0.5,1,0.1,0.1\n1,2,0.1,0.1\n2,3,0.1,0.2\n")
@@ -186,8 +296,14 @@ def test_columns_that_must_be_named_are_listed(table: Path) -> None:
 
 def test_the_command_of_the_page_gives_what_was_put_in(project: Path, tmp_path: Path) -> None:
     page, data = (project / "docs" / "your-own-curve.md").read_text(), project / "data" / "trials"
-    (formula,) = re.findall(r'estim fit data/trials/theta_min\.csv --formula "(.*?)" --start gamma=0\.3 --low gamma=0\.15', page)
-    choices = TableChoices(formula=formula, start={"gamma": "0.3"}, low={"gamma": "0.15"}, kind="synthetic")
+    (formula,) = re.findall(
+        r'estim fit data/trials/theta_min\.csv --formula "(.*?)" --start gamma=0\.3 --low '
+        r"gamma=0\.15",
+        page,
+    )
+    choices = TableChoices(
+        formula=formula, start={"gamma": "0.3"}, low={"gamma": "0.15"}, kind="synthetic"
+    )
     problem = campaign_of_table(data / "theta_min.csv", choices).problem(["theta_min"])
     assert problem.runs[0].noise.x_gain()[0] == 0.4
     fit = fit_optimum(problem, rng=np.random.default_rng(1))
@@ -196,14 +312,27 @@ def test_the_command_of_the_page_gives_what_was_put_in(project: Path, tmp_path: 
 
 
 def test_a_campaign_says_how_its_tables_are_written(table: Path) -> None:
-    (table.parent / "raw.txt").write_text("top\n" + "".join(f"{i},5 {2 * i},25 9,5\n" for i in range(6)))
+    (table.parent / "raw.txt").write_text(
+        "top\n" + "".join(f"{i},5 {2 * i},25 9,5\n" for i in range(6))
+    )
     head = 'title = "T"\nkind = "synthetic"\n[curve]\nexpression = "a*x + b"\nx = "t"\ny = "U"\n'
-    text = head + '[curve.parameters]\na = {start = 1.0}\nb = {start = 1.0}\n[[runs]]\nname = "r"\nfile = "raw.txt"\n'
+    text = (
+        head + "[curve.parameters]\na = {start = 1.0}\nb = {start = 1.0}\n[[runs]]\nname = "
+        '"r"\nfile = "raw.txt"\n'
+    )
     path = table.parent / "c.toml"
-    path.write_text(text + 'columns = ["t", "U", "_"]\nskip_rows = 1\ndecimal = "comma"\ndelimiter = "blank"\n')
-    np.testing.assert_array_equal(load_campaign(path).tables["r"].columns["U"], 2 * np.arange(6) + 0.25)
-    for key, says in (("skip_rows = -1", r"c\.toml:14: 'skip_rows' must be"), ('columns = ["t", "t"]', r"c\.toml:14: 'columns' must name"),
-                      ("header = false", r"c\.toml:\d+: 'columns' is missing"), ('decimal = "dot"', r"c\.toml:14: 'decimal' ")):
+    path.write_text(
+        text + 'columns = ["t", "U", "_"]\nskip_rows = 1\ndecimal = "comma"\ndelimiter = "blank"\n'
+    )
+    np.testing.assert_array_equal(
+        load_campaign(path).tables["r"].columns["U"], 2 * np.arange(6) + 0.25
+    )
+    for key, says in (
+        ("skip_rows = -1", r"c\.toml:14: 'skip_rows' must be"),
+        ('columns = ["t", "t"]', r"c\.toml:14: 'columns' must name"),
+        ("header = false", r"c\.toml:\d+: 'columns' is missing"),
+        ('decimal = "dot"', r"c\.toml:14: 'decimal' "),
+    ):
         path.write_text(f"{text}\n{key}\n")
         with pytest.raises(InputError, match=says):
             load_campaign(path)
@@ -218,7 +347,9 @@ def test_a_track_has_both_coordinates_and_those_along_its_way(tmp_path: Path) ->
         start = 2 if y == "x_m" else 0
         np.testing.assert_allclose(run.x, 0.04 * np.arange(start, 12), atol=1e-12)
         np.testing.assert_allclose(run.y, factor * np.arange(12 - start), atol=1e-9)
-    assert "'--y' must name a column of the track" in told("fit", tmp_path / "clip.trk", "--formula", "a*t")
+    assert "'--y' must name a column of the track" in told(
+        "fit", tmp_path / "clip.trk", "--formula", "a*t"
+    )
     with pytest.raises(InputError, match=r"'v' is missing \(a track has t, x, y, frame"):
         campaign_of_table(tmp_path / "clip.trk", TableChoices(formula="a*t", y="v"))
 
@@ -226,7 +357,9 @@ def test_a_track_has_both_coordinates_and_those_along_its_way(tmp_path: Path) ->
 def test_new_writes_a_campaign_that_can_be_fit_and_overwrites_nothing(table: Path) -> None:
     folder = table.parent / "new"
     folder.mkdir()
-    done = runner().invoke(cli, ["new", str(folder / "c"), "--from", str(table)], standalone_mode=False)
+    done = runner().invoke(
+        cli, ["new", str(folder / "c"), "--from", str(table)], standalone_mode=False
+    )
     assert done.exception is None, done.exception
     text = (folder / "c.toml").read_text()
     assert text.startswith("# Columns of numbers in data.csv: time [s], U (V)\n")
@@ -247,7 +380,9 @@ def test_new_needs_the_name_of_a_file(name: str, table: Path) -> None:
 def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.cli.new._in_a_terminal", lambda: True)
     answers = "\n".join([str(table), "time", "U", FORMULA, "0.02", "tau=2", "Discharge"]) + "\n"
-    done = runner().invoke(cli, ["new", str(table.parent / "c.toml")], input=answers, standalone_mode=False)
+    done = runner().invoke(
+        cli, ["new", str(table.parent / "c.toml")], input=answers, standalone_mode=False
+    )
     assert done.exception is None, done.output
     assert "columns: time [s], U (V)" in done.output
     loaded = load_campaign(table.parent / "c.toml")
@@ -264,7 +399,9 @@ def test_of_many_points_a_wrong_curve_is_found_block_by_block(
     fit = fit_curve("a + b*x", x, y, u_y=1.0, start={"a": 1.0, "b": 1.0})
     assert (fit.status == "ok") == fits
     density = fit.fit.posterior.log_likelihood(np.tile([1.0, 2.0], (2400, 1)))
-    assert density == pytest.approx(np.full(2400, np.sum(-0.5 * (y - 1.0 - 2.0 * x) ** 2 - 0.5 * np.log(2.0 * np.pi))))
+    assert density == pytest.approx(
+        np.full(2400, np.sum(-0.5 * (y - 1.0 - 2.0 * x) ** 2 - 0.5 * np.log(2.0 * np.pi)))
+    )
 
 
 def test_enough_residuals_are_simulated_of_any_number_of_points() -> None:
@@ -278,10 +415,14 @@ def test_enough_residuals_are_simulated_of_any_number_of_points() -> None:
 
 def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
     x = np.linspace(0.0, 1.0, 3001)
-    with pytest.raises(InputError, match=r"'x' must have between 1 and 3000 values; .*every so many"):
+    with pytest.raises(
+        InputError, match=r"'x' must have between 1 and 3000 values; .*every so many"
+    ):
         fit_curve("a*x", x, x, u_y=0.1, u_x=0.1, start={"a": 1.0})
     table.write_text("x,y\n" + "".join(f"{value},{value}\n" for value in x))
-    with pytest.raises(InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"):
+    with pytest.raises(
+        InputError, match="'rows' must be between 3 and 3000 where x has errors: say every = 2"
+    ):
         campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1"))
     campaign_of_table(table, TableChoices(formula="a*x", u_y="0.1", u_x="0.1", every=2))
 
@@ -289,17 +430,31 @@ def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:
 def test_a_word_of_the_columns_name_may_stand_for_x(tmp_path: Path) -> None:
     rows = "".join(f"{x},{2.0 * np.sqrt(x / 9.8):.4f}\n" for x in range(1, 12))
     (tmp_path / "p.csv").write_text(f"rod length l (m),10 periods (s)\n{rows}")
-    for said, column in (({}, "rod length l (m)"), ({"x": "rod length l", "y": "10 periods"}, "rod length l")):
+    for said, column in (
+        ({}, "rod length l (m)"),
+        ({"x": "rod length l", "y": "10 periods"}, "rod length l"),
+    ):
         choices = TableChoices(formula="2*sqrt(l/g)", start={"g": "1"}, **said)
-        assert f'x = {{column = "{column}", name = "rod length l", unit = "m"}}' in text_of_table(tmp_path / "p.csv", choices)
+        assert f'x = {{column = "{column}", name = "rod length l", unit = "m"}}' in text_of_table(
+            tmp_path / "p.csv", choices
+        )
         assert campaign_of_table(tmp_path / "p.csv", choices).problem(["p"]).names[0] == "g"
 
 
 def test_a_track_without_a_column_of_y_is_told_which_there_are(tmp_path: Path) -> None:
-    (tmp_path / "a.trk").write_text(trk(point_mass("A", {n: (100.0 + n * n, 150.0) for n in range(8)})))
-    with pytest.raises(InputError, match=r"'--y' must name a column of the track: x or y .* or x_m"):
+    (tmp_path / "a.trk").write_text(
+        trk(point_mass("A", {n: (100.0 + n * n, 150.0) for n in range(8)}))
+    )
+    with pytest.raises(
+        InputError, match=r"'--y' must name a column of the track: x or y .* or x_m"
+    ):
         campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t"))
-    assert campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t", y="x_m")).problem(["a"]).n_obs == 8
+    assert (
+        campaign_of_table(tmp_path / "a.trk", TableChoices(formula="a + b*t", y="x_m"))
+        .problem(["a"])
+        .n_obs
+        == 8
+    )
 
 
 AXES = [
@@ -319,20 +474,37 @@ AXES = [
 def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_another(
     tmp_path: Path, header: str, formula: str, axes: tuple[str, str]
 ) -> None:
-    (tmp_path / "two.csv").write_text(header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9)))
+    (tmp_path / "two.csv").write_text(
+        header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9))
+    )
     study = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula)).study
     assert (study.x_column, study.y_column) == axes
 
 
 @pytest.mark.parametrize(
     ("header", "formula"),
-    [("t [s],x [m]", "v*x + b"), ("t_s,x_m", "v*x + b"), ("t,X", "v*x + b"), ("y,t", "line"), ("x,y", "a*y + b"), ("U,I", "a*U + b*I")],
+    [
+        ("t [s],x [m]", "v*x + b"),
+        ("t_s,x_m", "v*x + b"),
+        ("t,X", "v*x + b"),
+        ("y,t", "line"),
+        ("x,y", "a*y + b"),
+        ("U,I", "a*U + b*I"),
+    ],
 )
 @pytest.mark.parametrize("command", ["fit", "new"])
-def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken(tmp_path: Path, command: str, header: str, formula: str) -> None:
+def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken(
+    tmp_path: Path, command: str, header: str, formula: str
+) -> None:
     file = tmp_path / "two.csv"
-    file.write_text(header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9)))
-    said = told(*(["fit", file] if command == "fit" else ["new", tmp_path / "n", "--from", file]), "--formula", formula)
+    file.write_text(
+        header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9))
+    )
+    said = told(
+        *(["fit", file] if command == "fit" else ["new", tmp_path / "n", "--from", file]),
+        "--formula",
+        formula,
+    )
     first, second = header.split(",")
     assert f"{file}:1: 'x' may be either column" in said
     assert f'(--x "{first}" --y "{second}", or --x "{second}" --y "{first}")' in said
@@ -344,36 +516,65 @@ def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken
 
 def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path: Path) -> None:
     file = tmp_path / "iv.csv"
-    file.write_text("U [V],u_U [V],I [mA],u(I) [mA],T\n" + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2,{i * i}\n" for i in range(9)))
+    file.write_text(
+        "U [V],u_U [V],I [mA],u(I) [mA],T\n"
+        + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2,{i * i}\n" for i in range(9))
+    )
     out = ["--out", str(tmp_path / "out"), "--no-figures"]
     first = "columns: x = U (V), y = I (mA), u_y = u(I) (mA), u_x = u_U (V); columns not used: T"
-    done = runner().invoke(cli, ["fit", str(file), "--formula", "a + b*x", "--x", "U", "--y", "I", *out], standalone_mode=False)
+    done = runner().invoke(
+        cli,
+        ["fit", str(file), "--formula", "a + b*x", "--x", "U", "--y", "I", *out],
+        standalone_mode=False,
+    )
     assert done.output.splitlines()[0] == first
-    done = runner().invoke(cli, ["new", str(tmp_path / "iv"), "--from", str(file)], standalone_mode=False)
+    done = runner().invoke(
+        cli, ["new", str(tmp_path / "iv"), "--from", str(file)], standalone_mode=False
+    )
     assert done.output.splitlines()[0] == first
     done = runner().invoke(cli, ["fit", str(tmp_path / "iv.toml"), *out], standalone_mode=False)
     assert done.output.splitlines()[0] == first
-    done = runner().invoke(cli, ["line", str(file), "--x", "U", "--y", "I", *out], standalone_mode=False)
-    assert done.output.splitlines()[0] == "columns: x = U (V), y = I (mA), u_x = u_U (V), u_y = u(I) (mA); columns not used: T"
+    done = runner().invoke(
+        cli, ["line", str(file), "--x", "U", "--y", "I", *out], standalone_mode=False
+    )
+    assert (
+        done.output.splitlines()[0]
+        == "columns: x = U (V), y = I (mA), u_x = u_U (V), u_y = u(I) (mA); columns not used: T"
+    )
 
 
 def test_a_first_guess_takes_no_uncertainties_for_y_and_keeps_them(tmp_path: Path) -> None:
     file = tmp_path / "iv.csv"
-    file.write_text("U [V],u_U [V],I [mA],u_I [mA]\n" + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2\n" for i in range(9)))
+    file.write_text(
+        "U [V],u_U [V],I [mA],u_I [mA]\n"
+        + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2\n" for i in range(9))
+    )
     assert runner().invoke(cli, ["new", str(tmp_path / "iv"), "--from", str(file)]).exit_code == 0
     lines = (tmp_path / "iv.toml").read_text().splitlines()
-    for line in ('y = {column = "I [mA]", name = "I", unit = "mA"}', 'u_y = {column = "u_I [mA]"}', 'u_x = {column = "u_U [V]"}'):
+    for line in (
+        'y = {column = "I [mA]", name = "I", unit = "mA"}',
+        'u_y = {column = "u_I [mA]"}',
+        'u_x = {column = "u_U [V]"}',
+    ):
         assert line in lines
     assert not any("found from the residuals" in line for line in lines)
     file.write_text("U,u_U\n1,2\n2,3\n3,5\n")
-    assert "has fewer than two columns of numbers that are not uncertainties" in told("new", tmp_path / "other", "--from", file)
+    assert "has fewer than two columns of numbers that are not uncertainties" in told(
+        "new", tmp_path / "other", "--from", file
+    )
 
 
 def test_a_column_is_there_though_its_first_and_last_cells_are_empty(tmp_path: Path) -> None:
     file = tmp_path / "gaps.csv"
-    cells = [f"{i},{2 * i + 0.1 * (-1) ** i},{'' if i in (0, 8) else i * i},{'good' if i % 2 else i}{'!' if i == 4 else ''}" for i in range(9)]
+    cells = [
+        f"{i},{2 * i + 0.1 * (-1) ** i},{'' if i in (0, 8) else i * i},"
+        f"{'good' if i % 2 else i}{'!' if i == 4 else ''}"
+        for i in range(9)
+    ]
     file.write_text("x,a,b,remark\n" + "\n".join(cells) + "\n")
-    assert "must be named by --y (there are x, a, b, remark)" in told("fit", file, "--formula", "p + q*x")
+    assert "must be named by --y (there are x, a, b, remark)" in told(
+        "fit", file, "--formula", "p + q*x"
+    )
     done = runner().invoke(cli, ["new", str(tmp_path / "n"), "--from", str(file)])
     assert "; columns not used: b, remark" in done.output.splitlines()[0]
 
@@ -384,23 +585,49 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
     rows = [f"{i},{2 * i + 0.1 * (-1) ** i}" for i in range(9)]
     for lines, told in ((rows, False), ([*rows[:4], *rows[3:]], True)):
         file.write_text("t,y\n" + "\n".join(lines) + "\n")
-        done = runner().invoke(cli, [command[0], str(file), *command[1:], "--out", str(tmp_path / "out"), "--no-figures"], standalone_mode=False)
-        assert ("line 6 is identical to line 5: if it is a copy, it is counted twice, so remove it" in done.output) == told, done.output
+        done = runner().invoke(
+            cli,
+            [command[0], str(file), *command[1:], "--out", str(tmp_path / "out"), "--no-figures"],
+            standalone_mode=False,
+        )
+        assert (
+            "line 6 is identical to line 5: if it is a copy, it is counted twice, so remove it"
+            in done.output
+        ) == told, done.output
 
 
-def test_a_parameter_on_the_command_line_or_in_a_campaign_that_only_looks_like_one_is_told(table: Path) -> None:
+def test_a_parameter_on_the_command_line_or_in_a_campaign_that_only_looks_like_one_is_told(
+    table: Path,
+) -> None:
     said = told("fit", table, "--formula", "a + b*x", "--start", "\u0430=1")
-    assert "'--start' names no parameter of the formula (a, b): a, \u0430 (cyrillic small letter a)" in said
-    text = text_of_table(table, TableChoices(formula="a + b*x")).replace("a = {start", '"\u0430" = {start')
+    assert (
+        "'--start' names no parameter of the formula (a, b): a, \u0430 (cyrillic small letter a)"
+        in said
+    )
+    text = text_of_table(table, TableChoices(formula="a + b*x")).replace(
+        "a = {start", '"\u0430" = {start'
+    )
     (table.parent / "kept.toml").write_text(text)
-    assert "is not in the formula (a, b): a, \u0430 (cyrillic small letter a)" in told("fit", table.parent / "kept.toml")
+    assert "is not in the formula (a, b): a, \u0430 (cyrillic small letter a)" in told(
+        "fit", table.parent / "kept.toml"
+    )
 
 
 @pytest.mark.parametrize("said", [["--x", "x"], ["--y", "x"], []])
 def test_two_columns_of_one_name_are_refused_in_one_line(tmp_path: Path, said: list[str]) -> None:
     (tmp_path / "twice.csv").write_text("x;x\n1;2.1\n2;3.9\n3;6.2\n4;8.1\n")
     for command in (["fit", "--formula", "a*x"], ["line"], ["new", str(tmp_path / "n"), "--from"]):
-        where = [command[0], tmp_path / "twice.csv", *command[1:]] if command[0] != "new" else [*command, tmp_path / "twice.csv"]
+        where = (
+            [command[0], tmp_path / "twice.csv", *command[1:]]
+            if command[0] != "new"
+            else [*command, tmp_path / "twice.csv"]
+        )
         line = told(*where, *said)
-        rules = ("must be named by", "occurs twice in the header", "may be either column", "must name another column", "fewer than two columns")
+        rules = (
+            "must be named by",
+            "occurs twice in the header",
+            "may be either column",
+            "must name another column",
+            "fewer than two columns",
+        )
         assert any(rule in line for rule in rules), line

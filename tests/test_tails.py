@@ -1,4 +1,6 @@
-"""Shapes of errors: normalised, their residuals and informations by numerical integration, outliers recognised."""
+"""Shapes of errors: normalised, their residuals and informations by numerical integration, outliers
+recognised.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,10 @@ def density(shape, z):
 
 
 def integral(function):
-    return sum(quad(function, a, b, limit=400, epsabs=1e-12)[0] for a, b in [(-2000, -60), (-60, -5), (-5, 0), (0, 5), (5, 60), (60, 2000)])
+    return sum(
+        quad(function, a, b, limit=400, epsabs=1e-12)[0]
+        for a, b in [(-2000, -60), (-60, -5), (-5, 0), (0, 5), (5, 60), (60, 2000)]
+    )
 
 
 def test_densities_hold_one_unit_of_probability(shape):
@@ -32,7 +37,9 @@ def test_densities_hold_one_unit_of_probability(shape):
 
 def test_student_t_is_that_of_scipy():
     z = np.linspace(-30, 30, 61)
-    np.testing.assert_allclose(StudentT(4.0).log_density(z, VALUES), stats.t(4).logpdf(z), rtol=1e-12)
+    np.testing.assert_allclose(
+        StudentT(4.0).log_density(z, VALUES), stats.t(4).logpdf(z), rtol=1e-12
+    )
 
 
 def test_half_the_square_of_a_residual_is_the_loss_of_log_density(shape):
@@ -41,17 +48,29 @@ def test_half_the_square_of_a_residual_is_the_loss_of_log_density(shape):
     loss = shape.log_density(np.zeros_like(z), VALUES) - shape.log_density(z, VALUES)
     np.testing.assert_allclose(0.5 * residual**2, loss, atol=1e-12)
     assert np.all(residual * z >= 0.0)
-    numeric = (shape.deviance_residual(z + 1e-4, VALUES)[0] - shape.deviance_residual(z - 1e-4, VALUES)[0]) / 2e-4
+    numeric = (
+        shape.deviance_residual(z + 1e-4, VALUES)[0] - shape.deviance_residual(z - 1e-4, VALUES)[0]
+    ) / 2e-4
     np.testing.assert_allclose(slope, numeric, rtol=2e-5)
 
 
 def test_information_is_the_mean_square_of_the_score(shape):
     def score(z):
-        return -(float(shape.log_density(np.array([z + 1e-5]), VALUES)[0]) - float(shape.log_density(np.array([z - 1e-5]), VALUES)[0])) / 2e-5
+        return (
+            -(
+                float(shape.log_density(np.array([z + 1e-5]), VALUES)[0])
+                - float(shape.log_density(np.array([z - 1e-5]), VALUES)[0])
+            )
+            / 2e-5
+        )
 
     location, scale = shape.information(VALUES)
-    assert location == pytest.approx(integral(lambda z: score(z) ** 2 * density(shape, z)), rel=1e-3)
-    assert scale == pytest.approx(integral(lambda z: (z * score(z) - 1.0) ** 2 * density(shape, z)), rel=3e-3)
+    assert location == pytest.approx(
+        integral(lambda z: score(z) ** 2 * density(shape, z)), rel=1e-3
+    )
+    assert scale == pytest.approx(
+        integral(lambda z: (z * score(z) - 1.0) ** 2 * density(shape, z)), rel=3e-3
+    )
 
 
 def test_normal_scores_of_drawn_errors_are_normal(shape):

@@ -9,7 +9,11 @@ from estim import fit_curve
 from estim.common import InputError
 
 X = np.linspace(0.0, 10.0, 40)
-Y = 3.0 * np.exp(-X / 2.0) + 1.5 * np.exp(-X / 4.0) + 0.02 * np.random.default_rng(2).standard_normal(40)
+Y = (
+    3.0 * np.exp(-X / 2.0)
+    + 1.5 * np.exp(-X / 4.0)
+    + 0.02 * np.random.default_rng(2).standard_normal(40)
+)
 SUM = "a*exp(-x/s) + b*exp(-x/t)"
 
 
@@ -19,8 +23,18 @@ def two(x, a, s, b, t):
 
 @pytest.mark.parametrize("curve", [SUM, two])
 def test_a_tied_parameter_is_the_same_as_its_formula_written_in(curve: object) -> None:
-    written = fit_curve("a*exp(-x/s) + a/2*exp(-x/(2*s))", X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0})
-    tied = fit_curve(curve, X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}, tied={"b": "a/2", "t": "2*s"}, units={"t": "s"})
+    written = fit_curve(
+        "a*exp(-x/s) + a/2*exp(-x/(2*s))", X, Y, u_y=0.02, start={"a": 1.0, "s": 1.0}
+    )
+    tied = fit_curve(
+        curve,
+        X,
+        Y,
+        u_y=0.02,
+        start={"a": 1.0, "s": 1.0},
+        tied={"b": "a/2", "t": "2*s"},
+        units={"t": "s"},
+    )
     assert tied.names == ("a", "s")
     assert tied.values == pytest.approx(written.values, rel=1e-6)
     assert tied.cov == pytest.approx(written.cov, rel=1e-4)
@@ -33,15 +47,26 @@ def test_a_tied_parameter_is_the_same_as_its_formula_written_in(curve: object) -
 
 
 def test_a_parameter_may_stand_in_ties_alone_and_ties_in_ties() -> None:
-    fit = fit_curve("m*x + c", X, 2.0 * X + 8.0, u_y=0.1, start={"k": 1.0}, tied={"m": "2*k", "c": "4*m"})
+    fit = fit_curve(
+        "m*x + c", X, 2.0 * X + 8.0, u_y=0.1, start={"k": 1.0}, tied={"m": "2*k", "c": "4*m"}
+    )
     assert fit.values["k"] == pytest.approx(1.0)
     assert fit.derived["c"].value == pytest.approx(8.0)
 
 
 def test_peaks_of_one_width() -> None:
-    y = sum(area / np.sqrt(2 * np.pi) * np.exp(-((X - at) ** 2) / 2) for area, at in ((10.0, 3.0), (6.0, 7.0)))
+    y = sum(
+        area / np.sqrt(2 * np.pi) * np.exp(-((X - at) ** 2) / 2)
+        for area, at in ((10.0, 3.0), (6.0, 7.0))
+    )
     rng = np.random.default_rng(1)
-    fit = fit_curve("a_gaussian + b_gaussian", X, y + 0.05 * rng.standard_normal(40), u_y=0.05, tied={"b_sigma": "a_sigma"})
+    fit = fit_curve(
+        "a_gaussian + b_gaussian",
+        X,
+        y + 0.05 * rng.standard_normal(40),
+        u_y=0.05,
+        tied={"b_sigma": "a_sigma"},
+    )
     assert fit.status == "ok"
     assert len(fit.names) == 5
     assert abs(fit.values["a_sigma"] - 1.0) < 4.0 * fit.sds["a_sigma"] < 0.1

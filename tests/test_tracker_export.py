@@ -1,4 +1,6 @@
-"""Text exports of Tracker: every dialect gives the same numbers; what another program has done to a file is refused."""
+"""Text exports of Tracker: every dialect gives the same numbers; what another program has done to a
+file is refused.
+"""
 
 from __future__ import annotations
 
@@ -13,11 +15,24 @@ from estim import InputError
 from estim.reading.table import numbered_lines
 from estim.reading.tracker.export import is_export, read_export
 
-ROWS = [(0.0, 0.10, 0.50, None), (0.04, 0.11, 0.52, 0.60), (0.08, 0.13, 0.55, 0.75), (0.12, 0.16, 0.57, 0.62), (0.16, 0.18, 0.60, None)]
+ROWS = [
+    (0.0, 0.10, 0.50, None),
+    (0.04, 0.11, 0.52, 0.60),
+    (0.08, 0.13, 0.55, 0.75),
+    (0.12, 0.16, 0.57, 0.62),
+    (0.16, 0.18, 0.60, None),
+]
 
 
 def text(
-    mark: str = "\t", *, comma: bool = False, head: str | None = "mass A", names: str = "t x y v", end: str = "\n", rows=ROWS, form: str = "{:.3E}"
+    mark: str = "\t",
+    *,
+    comma: bool = False,
+    head: str | None = "mass A",
+    names: str = "t x y v",
+    end: str = "\n",
+    rows=ROWS,
+    form: str = "{:.3E}",
 ) -> str:
     def cell(value: float | None) -> str:
         shown = "" if value is None else form.format(value)
@@ -44,7 +59,18 @@ def check(track, rows=ROWS) -> None:
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-@pytest.mark.parametrize(("mark", "comma"), [("\t", False), ("\t", True), (";", False), (";", True), (",", False), ("|", True), ("; ", True)])
+@pytest.mark.parametrize(
+    ("mark", "comma"),
+    [
+        ("\t", False),
+        ("\t", True),
+        (";", False),
+        (";", True),
+        (",", False),
+        ("|", True),
+        ("; ", True),
+    ],
+)
 def test_separators_decimal_marks_and_line_ends(write, mark: str, comma: bool, end: str) -> None:
     track = read_export(write(text(mark, comma=comma, end=end)))
     check(track)
@@ -57,7 +83,9 @@ def test_separators_decimal_marks_and_line_ends(write, mark: str, comma: bool, e
 @pytest.mark.parametrize("mark", [" ", "   "])
 @pytest.mark.parametrize("comma", [False, True])
 def test_blanks_separate_where_no_cell_is_blank(write, mark: str, comma: bool) -> None:
-    check(read_export(write(text(mark, comma=comma, names="t x y", rows=[row[:3] for row in ROWS]))))
+    check(
+        read_export(write(text(mark, comma=comma, names="t x y", rows=[row[:3] for row in ROWS])))
+    )
 
 
 @pytest.mark.parametrize("head", ["mass A", "mass A;;;", ";mass A;", "  mass   A"])
@@ -96,9 +124,13 @@ def test_two_tracks_beside_each_other(write) -> None:
     path = write(text(",", head=",A,,B,", names="t x y x y", rows=rows))
     check(read_export(path, track="A"))
     check(read_export(path, track="B"), [(t, 2 * x, 2 * y) for t, x, y, _ in ROWS])
-    with pytest.raises(InputError, match=r"a.txt:2: 'track' must be named, as there are several \(A, B\)"):
+    with pytest.raises(
+        InputError, match=r"a.txt:2: 'track' must be named, as there are several \(A, B\)"
+    ):
         read_export(path, shown_as="a.txt")
-    with pytest.raises(InputError, match=r"a.txt:2: 'track' must name one of the tracks \(A, B\): C"):
+    with pytest.raises(
+        InputError, match=r"a.txt:2: 'track' must name one of the tracks \(A, B\): C"
+    ):
         read_export(path, track="C", shown_as="a.txt")
 
 
@@ -116,7 +148,13 @@ def test_one_coordinate_is_enough(write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "unit"), [("t(s) x(cm) y(cm) v(cm/s)", None), ("t x[cm] y[cm] v", None), ("t(ms) x(cm) y v", "cm"), ("t x y v", "cm")]
+    ("names", "unit"),
+    [
+        ("t(s) x(cm) y(cm) v(cm/s)", None),
+        ("t x[cm] y[cm] v", None),
+        ("t(ms) x(cm) y v", "cm"),
+        ("t x y v", "cm"),
+    ],
 )
 def test_centimetres_by_the_columns_names_or_as_stated(write, names: str, unit: str | None) -> None:
     second = 1e3 if "ms" in names else 1.0
@@ -125,7 +163,9 @@ def test_centimetres_by_the_columns_names_or_as_stated(write, names: str, unit: 
 
 
 def test_contradicting_units_are_refused(write) -> None:
-    with pytest.raises(InputError, match=r"a.txt:2: 'x, y' must all have one unit; --unit says cm: m"):
+    with pytest.raises(
+        InputError, match=r"a.txt:2: 'x, y' must all have one unit; --unit says cm: m"
+    ):
         read_export(write(text(names="t x(m) y v")), unit="cm", shown_as="a.txt")
     with pytest.raises(InputError, match=r"a.txt:2: 'x, y' must all have one unit: cm, m"):
         read_export(write(text(names="t x(m) y(cm) v")), shown_as="a.txt")
@@ -149,31 +189,78 @@ NO_NAMES = (
 )
 REFUSED = {
     "empty": ("", "a.txt: must not be empty: its size is 0"),
-    "blank": ("\n# t,x\n", "a.txt: 'header' must have a line of column names with t and x or y, as Tracker exports it: nothing"),
+    "blank": (
+        "\n# t,x\n",
+        "a.txt: 'header' must have a line of column names with t and x or y, as Tracker "
+        "exports it: nothing",
+    ),
     "no names but 0.0": ("0.0\t0.1\n0.1\t0.2\n", f"{NO_NAMES}: 0.0"),
     "no names but 12.5": ("12.5;0.1\n", "a.txt:1: 'header' must have a line of column names"),
-    "begins with a date": ("2019-02-17;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
-    "begins with a day": ("12.mai;0.1\n", "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet"),
-    "maybe decimal commas": ("t,x,n,m\n" + "".join(f"{n},5,1,2\n" for n in range(6)), "a.txt:2: 'row' may hold decimal commas: every cell"),
+    "begins with a date": (
+        "2019-02-17;0.1\n",
+        "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet",
+    ),
+    "begins with a day": (
+        "12.mai;0.1\n",
+        "a.txt:1: 'row' begins with a date and the line of column names is gone; a spreadsheet",
+    ),
+    "maybe decimal commas": (
+        "t,x,n,m\n" + "".join(f"{n},5,1,2\n" for n in range(6)),
+        "a.txt:2: 'row' may hold decimal commas: every cell",
+    ),
     "no names": ("1;2;3\n", f"{NO_NAMES}: 1;2;3"),
-    "estim's own": ("t_s,x_m\n0,1\n", "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m"),
-    "only v": (text(names="t v a b"), "a.txt:1: 'header' must have a line of column names with t and x or y"),
+    "estim's own": (
+        "t_s,x_m\n0,1\n",
+        "a.txt:1: 'header' is a table of estim already: name it in a campaign as it is: t_s,x_m",
+    ),
+    "only v": (
+        text(names="t v a b"),
+        "a.txt:1: 'header' must have a line of column names with t and x or y",
+    ),
     "two x": (text(names="t x x v"), "a.txt:2: 'x' occurs twice in the header"),
-    "mixed decimals": (MIXED, "a.txt:6: 'row' has a decimal point where the file has decimal commas; a spreadsheet has changed this file"),
-    "decimal commas between commas": (text(",", comma=True), "(are decimals written with commas too? then export with semicolons or tabs): "),
-    "a date": (text(";").replace("8.000E-02;", "12.mai;"), "a.txt:5: 't' is a date; a spreadsheet has changed this file"),
-    "another date": (text(";").replace("8.000E-02;", "2019-02-17;"), "a.txt:5: 't' is a date; a spreadsheet has changed this file"),
+    "mixed decimals": (
+        MIXED,
+        "a.txt:6: 'row' has a decimal point where the file has decimal commas; a "
+        "spreadsheet has changed this file",
+    ),
+    "decimal commas between commas": (
+        text(",", comma=True),
+        "(are decimals written with commas too? then export with semicolons or tabs): ",
+    ),
+    "a date": (
+        text(";").replace("8.000E-02;", "12.mai;"),
+        "a.txt:5: 't' is a date; a spreadsheet has changed this file",
+    ),
+    "another date": (
+        text(";").replace("8.000E-02;", "2019-02-17;"),
+        "a.txt:5: 't' is a date; a spreadsheet has changed this file",
+    ),
     "word": (text().replace("1.300E-01", "far"), "a.txt:5: 'x' must be a number: far"),
     "nan": (text().replace("1.300E-01", "NaN"), "a.txt:5: 'x' must be a number: NaN"),
     "underscore": (text().replace("1.300E-01", "1_3"), "a.txt:5: 'x' must be a number: 1_3"),
     "thousands": (text().replace("1.300E-01", "1,300.5"), "a.txt:5: 'x' must be a number: 1,300.5"),
-    "infinite": (text().replace("1.300E-01", "1e999"), "a.txt:5: 'x' must lie within ±1e+06 m: inf"),
+    "infinite": (
+        text().replace("1.300E-01", "1e999"),
+        "a.txt:5: 'x' must lie within ±1e+06 m: inf",
+    ),
     "time is blank": (text(";").replace("8.000E-02;", ";"), "a.txt:5: 't' must be a number: blank"),
-    "too many cells": (text(";").replace(";7.500E-01", ";7.500E-01;1"), "a.txt:5: 'row' must have 4 cells: 5"),
-    "backward": (text(rows=[*ROWS[:3], ROWS[1], *ROWS[3:]]), "a.txt:6: 't' must increase from row to row: 0.04"),
-    "repeated": (text(rows=[*ROWS[:3], ROWS[2], *ROWS[3:]]), "a.txt:6: 't' must increase from row to row (1 row repeats its time; if it is a copy"),
+    "too many cells": (
+        text(";").replace(";7.500E-01", ";7.500E-01;1"),
+        "a.txt:5: 'row' must have 4 cells: 5",
+    ),
+    "backward": (
+        text(rows=[*ROWS[:3], ROWS[1], *ROWS[3:]]),
+        "a.txt:6: 't' must increase from row to row: 0.04",
+    ),
+    "repeated": (
+        text(rows=[*ROWS[:3], ROWS[2], *ROWS[3:]]),
+        "a.txt:6: 't' must increase from row to row (1 row repeats its time; if it is a copy",
+    ),
     "few": (text(rows=ROWS[:4]), "a.txt: 'track mass A' must hold at least 5 points: 4"),
-    "long line": ("t;x\n" + "1" * 200_000, "a.txt:2: 'row' must have at most 100000 characters: 200000"),
+    "long line": (
+        "t;x\n" + "1" * 200_000,
+        "a.txt:2: 'row' must have at most 100000 characters: 200000",
+    ),
     "binary": (b"\x00\x01\xff\xfe", "a.txt:1: 'byte' must be UTF-8 text"),
 }
 
@@ -196,7 +283,9 @@ def test_copies_of_a_row_are_dropped_only_when_asked_and_only_if_they_are_copies
     assert track.lines.tolist() == [3, 4, 5, 7, 8]
     assert track.warnings == ("1 row that copies the previous one was dropped",)
     with pytest.raises(InputError, match="must increase"):
-        read_export(write(text(rows=[*ROWS[:3], other, *ROWS[3:]], form="{:.4f}")), drop_duplicates=True)
+        read_export(
+            write(text(rows=[*ROWS[:3], other, *ROWS[3:]], form="{:.4f}")), drop_duplicates=True
+        )
 
 
 # recordings: stand-ins, and real files where they are present
@@ -207,17 +296,23 @@ def numbers(path: Path, columns: int, skip: int) -> np.ndarray:
     import re
 
     lines = path.read_text().replace(",", ".").replace("\t", ";").splitlines()[skip:]
-    return np.array([[float(cell) for cell in re.split(";", line)[:columns]] for line in lines if line.strip()])
+    return np.array(
+        [[float(cell) for cell in re.split(";", line)[:columns]] for line in lines if line.strip()]
+    )
 
 
 @pytest.mark.parametrize(
     ("file", "name", "skip"),
     [
-        ("halfpipe/Klipp0.csv", "mass_A", 2), ("halfpipe/Klipp1.csv", "mass_A", 2),
-        ("rolling_ball/kulefullbane.txt", "kule", 2), ("rolling_ball/ringfullbane.txt", "ring", 2),
+        ("halfpipe/Klipp0.csv", "mass_A", 2),
+        ("halfpipe/Klipp1.csv", "mass_A", 2),
+        ("rolling_ball/kulefullbane.txt", "kule", 2),
+        ("rolling_ball/ringfullbane.txt", "ring", 2),
     ],
 )
-def test_semicolons_with_decimal_commas(tracker_folder: Path, file: str, name: str, skip: int) -> None:
+def test_semicolons_with_decimal_commas(
+    tracker_folder: Path, file: str, name: str, skip: int
+) -> None:
     unit = "cm" if "bane" in file else "m"
     track = read_export(tracker_folder / file, unit=unit)
     rows = numbers(tracker_folder / file, 3, skip)
@@ -229,22 +324,31 @@ def test_semicolons_with_decimal_commas(tracker_folder: Path, file: str, name: s
 
 def test_commas_without_a_line_of_names(tracker_folder: Path) -> None:
     track = read_export(tracker_folder / "rolling_ball" / "Vid3.txt")
-    rows = [line.split(",") for line in (tracker_folder / "rolling_ball" / "Vid3.txt").read_text().splitlines()[1:]]
+    rows = [
+        line.split(",")
+        for line in (tracker_folder / "rolling_ball" / "Vid3.txt").read_text().splitlines()[1:]
+    ]
     assert track.x.tolist() == [float(row[1]) for row in rows]
     assert np.isnan(track.speed[0])
 
 
 def test_one_copied_row_between_tabs(tracker_folder: Path) -> None:
     path = tracker_folder / "halfpipe" / "52.txt"
-    with pytest.raises(InputError, match=r"52.txt:4: 't' must increase from row to row \(1 row repeats its time; if it is a copy"):
+    with pytest.raises(
+        InputError,
+        match=r"52.txt:4: 't' must increase from row to row \(1 row repeats its time; if it is a "
+        r"copy",
+    ):
         read_export(path)
     track = read_export(path, drop_duplicates=True)
     assert track.t.size == len(path.read_text().splitlines()) - 3
 
 
 SPOILED = {
-    "halfpipe/Klipp34.csv": r"Klipp34.csv:1004: 't' must increase from row to row \(ALL rows repeat their time: rounded by a spreadsheet\?\): 10.0",
-    "halfpipe/Klipp5.csv": r"Klipp5.csv:1: 'row' mixes decimal points and commas .*a spreadsheet has changed this file.*43513,00 is 2019-02-17",
+    "halfpipe/Klipp34.csv": r"Klipp34.csv:1004: 't' must increase from row to row \(ALL rows "
+    r"repeat their time: rounded by a spreadsheet\?\): 10.0",
+    "halfpipe/Klipp5.csv": r"Klipp5.csv:1: 'row' mixes decimal points and commas .*a spreadsheet "
+    r"has changed this file.*43513,00 is 2019-02-17",
     "rolling_ball/Kule4.txt": r"Kule4.txt: 'track Kule4' must hold at least 5 points: 3$",
 }
 
@@ -258,19 +362,34 @@ def test_spoiled_files_are_refused_with_the_place(tracker_folder: Path, file: st
 
 
 SOUND = {
-    "viscosity/a1.txt": 6, "viscosity/a2.txt": 6, "viscosity/b3.txt": 6, "halfpipe/Klipp0.csv": 9, "halfpipe/Klipp1.csv": 9, "halfpipe/52.txt": 15,
-    "rolling_ball/kulefullbane.txt": 9, "rolling_ball/ringfullbane.txt": 9, "rolling_ball/Vid3.txt": 6,
+    "viscosity/a1.txt": 6,
+    "viscosity/a2.txt": 6,
+    "viscosity/b3.txt": 6,
+    "halfpipe/Klipp0.csv": 9,
+    "halfpipe/Klipp1.csv": 9,
+    "halfpipe/52.txt": 15,
+    "rolling_ball/kulefullbane.txt": 9,
+    "rolling_ball/ringfullbane.txt": 9,
+    "rolling_ball/Vid3.txt": 6,
 }
 
 
 @pytest.mark.parametrize("file", SOUND)
 def test_stand_ins_are_read_as_they_were_made(stand_ins: Path, file: str) -> None:
     """To half a unit of the last of so many decimals of the mantissa, which is at least 1."""
-    track = read_export(stand_ins / file, unit="cm" if "bane" in file else "m", drop_duplicates=file.endswith("52.txt"))
+    track = read_export(
+        stand_ins / file,
+        unit="cm" if "bane" in file else "m",
+        drop_duplicates=file.endswith("52.txt"),
+    )
     t, x, y = TRUTH[Path(file).stem]
     np.testing.assert_allclose(track.t, t, rtol=0.51 * 10.0 ** -SOUND[file], atol=1e-15)
     np.testing.assert_allclose(track.y, y, rtol=0.51 * 10.0 ** -SOUND[file], atol=1e-15)
-    assert track.x is None if "viscosity" in file else np.allclose(track.x, x, rtol=0.51 * 10.0 ** -SOUND[file], atol=1e-15)
+    assert (
+        track.x is None
+        if "viscosity" in file
+        else np.allclose(track.x, x, rtol=0.51 * 10.0 ** -SOUND[file], atol=1e-15)
+    )
 
 
 def test_number_of_lines_is_limited() -> None:

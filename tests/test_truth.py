@@ -1,4 +1,6 @@
-"""The recordings of `benchmarks/truth`: a campaign that loads for every disturbance, and the plain motion where there is none."""
+"""The recordings of `benchmarks/truth`: a campaign that loads for every disturbance, and the plain
+motion where there is none.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.__main__ import Case, against, by_quantity, generator
 from truth.motion import nothing, solve
 from truth.peers import LEAST_SQUARES, intervals_of_lmfit
-from truth.recordings import BASE, DISTURBANCES, JOINT, LONGEST, NOISES, PRIORS, SIGMA, write_campaign
+from truth.recordings import (
+    BASE,
+    DISTURBANCES,
+    JOINT,
+    LONGEST,
+    NOISES,
+    PRIORS,
+    SIGMA,
+    write_campaign,
+)
 
 
 def recorded(folder, name, rng, *, priors="default", noise="speeds"):
@@ -31,7 +42,12 @@ def recorded(folder, name, rng, *, priors="default", noise="speeds"):
 
 def test_without_a_disturbance_it_is_the_plain_motion_with_white_noise(tmp_path, rng):
     truth, _, t, x = recorded(tmp_path, "none", rng)
-    place = {"phi": BASE.phi, "theta0": BASE.theta0, "rolling_resistance": BASE.rolling_resistance, "g": BASE.g}
+    place = {
+        "phi": BASE.phi,
+        "theta0": BASE.theta0,
+        "rolling_resistance": BASE.rolling_resistance,
+        "g": BASE.g,
+    }
     errors = x - trajectory(t, Body(BASE.radius, BASE.gamma, BASE.kappa), **place)[0][0]
     assert t.size > 30
     assert np.sqrt(np.mean(errors**2)) == pytest.approx(SIGMA, rel=5.0 / np.sqrt(2 * t.size))
@@ -40,7 +56,9 @@ def test_without_a_disturbance_it_is_the_plain_motion_with_white_noise(tmp_path,
 
 @pytest.mark.parametrize("name", DISTURBANCES)
 def test_every_disturbance_is_a_campaign_that_changes_something(tmp_path, name):
-    truth, campaign, t, x = recorded(tmp_path, name, np.random.default_rng(5), priors="sharp", noise="positions")
+    truth, campaign, t, x = recorded(
+        tmp_path, name, np.random.default_rng(5), priors="sharp", noise="positions"
+    )
     problem = campaign.problem(["r"], usual=True)
     assert set(truth) <= set(problem.names)
     assert t.size == x.size >= 9
@@ -48,7 +66,11 @@ def test_every_disturbance_is_a_campaign_that_changes_something(tmp_path, name):
         text, table = (tmp_path / "campaign.toml").read_text(), (tmp_path / "r.csv").read_text()
         recorded(tmp_path, "none", np.random.default_rng(5), priors="sharp", noise="positions")
         stated = [line for line in text.splitlines() if "=" in line and "title" not in line]
-        plain = [line for line in (tmp_path / "campaign.toml").read_text().splitlines() if "=" in line and "title" not in line]
+        plain = [
+            line
+            for line in (tmp_path / "campaign.toml").read_text().splitlines()
+            if "=" in line and "title" not in line
+        ]
         assert (table, stated) != ((tmp_path / "r.csv").read_text(), plain)
 
 
@@ -57,7 +79,9 @@ def test_stated_values_scatter_about_the_true_ones(tmp_path, rng):
     pulls = []
     for priors in PRIORS:
         for _ in range(10):
-            truth, campaign, _, _ = recorded(tmp_path, "none", rng, priors=priors, noise=next(iter(NOISES)))
+            truth, campaign, _, _ = recorded(
+                tmp_path, "none", rng, priors=priors, noise=next(iter(NOISES))
+            )
             for parameter in campaign.problem(["r"]).parameters:
                 if parameter.name in ("phi[r]", "theta0[r]", "gamma[b]"):
                     pulls.append(parameter.prior.residual(truth[parameter.name]))
@@ -66,16 +90,24 @@ def test_stated_values_scatter_about_the_true_ones(tmp_path, rng):
 
 @pytest.mark.parametrize("name", ["viscous", "quadratic", "once", "ramp"])
 def test_the_average_resistance_alone_brings_a_body_to_rest_at_the_same_place(name):
-    """The energy that is lost on the way to the turning point does not depend on where it is lost."""
+    """The energy that is lost on the way to the turning point does not depend on where it is
+    lost.
+    """
     motion = solve(DISTURBANCES[name].motion(np.random.default_rng(2), BASE), LONGEST)
-    plain = solve(replace(BASE, rolling_resistance=motion.average_resistance(motion.first_rest)), LONGEST)
+    plain = solve(
+        replace(BASE, rolling_resistance=motion.average_resistance(motion.first_rest)), LONGEST
+    )
     ends = [one(np.array([one.first_rest]))[0][0] for one in (motion, plain, solve(BASE, LONGEST))]
     assert ends[0] == pytest.approx(ends[1], abs=2e-6)
     assert abs(ends[0] - ends[2]) > 1e-4
 
 
-def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_as_stated(tmp_path, rng):
-    """The same residuals but for the correlation of neighbouring speeds: the values lie within a standard deviation, the widths are alike."""
+def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_as_stated(
+    tmp_path, rng
+):
+    """The same residuals but for the correlation of neighbouring speeds: the values lie within a
+    standard deviation, the widths are alike.
+    """
     truth, campaign, _, _ = recorded(tmp_path, "none", rng, priors="sharp")
     found = intervals_of_lmfit(tmp_path, truth, slow=False, seed=1)[LEAST_SQUARES]
     assert found is not None
@@ -89,10 +121,20 @@ def test_intervals_of_lmfit_are_those_of_estim_s_least_squares_where_errors_are_
 
 
 @pytest.mark.parametrize("cut_off", [False, pytest.param(True, marks=pytest.mark.statistics)])
-def test_fit_settles_where_the_resistance_is_held_at_zero(cut_off: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps that are merely cut off at the limit creep on for 60 rounds, and the fit counts as not converged: seven recordings in a thousand did."""
+def test_fit_settles_where_the_resistance_is_held_at_zero(
+    cut_off: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Steps that are merely cut off at the limit creep on for 60 rounds, and the fit counts as not
+    converged: seven recordings in a thousand did.
+    """
     if cut_off:
-        monkeypatch.setattr(finish, "step_between", lambda rows, aim, low, high: np.clip(np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high))
+        monkeypatch.setattr(
+            finish,
+            "step_between",
+            lambda rows, aim, low, high: np.clip(
+                np.linalg.lstsq(rows, -aim, rcond=1e-11)[0], low, high
+            ),
+        )
     case = Case("jump", "default", "speeds", replica=39, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     fit = campaign.fit(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
@@ -102,7 +144,9 @@ def test_fit_settles_where_the_resistance_is_held_at_zero(cut_off: bool, tmp_pat
 
 def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(tmp_path):
     disturbance = DISTURBANCES["ramp"]
-    truth = write_campaign(tmp_path, disturbance, priors="sharp", noise=JOINT, rng=np.random.default_rng(3))
+    truth = write_campaign(
+        tmp_path, disturbance, priors="sharp", noise=JOINT, rng=np.random.default_rng(3)
+    )
     campaign = load_campaign(tmp_path / "campaign.toml")
     problem = campaign.problem(campaign.run_names, usual=True)
     assert set(truth) <= set(problem.names)
@@ -114,23 +158,41 @@ def test_three_runs_share_the_body_and_the_profile_of_the_ramp_and_nothing_else(
         t, x = np.asarray(columns["t_s"]), np.asarray(columns["x_m"])
         reached[run] = solve(own, LONGEST).average_resistance(float(t[-1])), x[-1]
         for tilt, much in ((own.tilt, False), (nothing, True)):
-            errors = x - solve(replace(own, tilt=tilt, bend=nothing if much else own.bend), LONGEST)(t)[0]
+            errors = (
+                x
+                - solve(replace(own, tilt=tilt, bend=nothing if much else own.bend), LONGEST)(t)[0]
+            )
             assert (np.sqrt(np.mean(errors**2)) > 1.5 * SIGMA) is np.bool_(much)
-    assert truth["rolling_resistance"] == pytest.approx(max(reached.values(), key=lambda one: one[1])[0], abs=1e-7)  # times have six decimals
+    # times have six decimals
+    assert truth["rolling_resistance"] == pytest.approx(
+        max(reached.values(), key=lambda one: one[1])[0], abs=1e-7
+    )
     assert len({truth[f"phi[{run}]"] for run in campaign.run_names}) == 3
 
 
 def test_values_of_several_runs_are_averaged_by_quantity():
-    assert by_quantity([1.0, 2.0, 3.0, 5.0, 7.0, 8.0, 8.0, 11.0, 13.0]) == [1.0, 2.0, 5.0, 9.0, 13.0]
+    assert by_quantity([1.0, 2.0, 3.0, 5.0, 7.0, 8.0, 8.0, 11.0, 13.0]) == [
+        1.0,
+        2.0,
+        5.0,
+        9.0,
+        13.0,
+    ]
     assert by_quantity([1.0, 2.0, 3.0, 4.0, 5.0]) == [1.0, 2.0, 3.0, 4.0, 5.0]
 
 
-def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_stated(tmp_path: Path) -> None:
-    """Errors of successive readings that are correlated by 0.9: a note where a force takes up what they share, a failure where none does."""
+def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_stated(
+    tmp_path: Path,
+) -> None:
+    """Errors of successive readings that are correlated by 0.9: a note where a force takes up what
+    they share, a failure where none does.
+    """
     case = Case("ar1-9", "default", "speeds", replica=4, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     problem = campaign.problem(["r"], usual=True)
-    (borne,) = check_goodness(campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
+    (borne,) = check_goodness(
+        campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1)
+    )
     assert borne.alike == ("autocorrelation",)
     assert borne.failed == ()
     (finding,) = tolerated_pattern(borne)
@@ -138,8 +200,13 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     assert "neighbouring residuals are correlated (test 'autocorrelation'" in tell(finding)
     drifting = {**borne.checks, "trend": replace(borne.checks["trend"], p_value=1e-4)}
     assert replace(borne, checks=drifting).failed == ("autocorrelation", "trend")
-    assert replace(borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}).failed == ("autocorrelation",)
-    (plain,) = check_goodness(fit_least_squares(as_complete(problem, "test"), rng=np.random.default_rng(1)), rng=np.random.default_rng(1))
+    assert replace(
+        borne, checks={name: check for name, check in borne.checks.items() if name != "chi2"}
+    ).failed == ("autocorrelation",)
+    (plain,) = check_goodness(
+        fit_least_squares(as_complete(problem, "test"), rng=np.random.default_rng(1)),
+        rng=np.random.default_rng(1),
+    )
     assert "autocorrelation" in plain.failed
 
 

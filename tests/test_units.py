@@ -1,4 +1,6 @@
-"""Units of parameters that follow from those of the axes, and reports of several data sets from Python."""
+"""Units of parameters that follow from those of the axes, and reports of several data sets from
+Python.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,12 @@ from estim.curves import read_formula, units_of
         ("a*exp(-x/tau) + c", "s", "V", {"a": "V", "tau": "s", "c": "V"}),
         ("a + b*x + c*x**2", "s", "m/s", {"a": "m/s", "b": "m/s²", "c": "m/s³"}),
         ("A*exp(-b*x)*cos(2*pi*x/T + p)", "s", "°", {"A": "°", "b": "1/s", "T": "s", "p": "1"}),
-        ("a/(sqrt(2*pi)*s)*exp(-(x - c)**2/(2*s**2))", "keV", "1/s", {"a": "keV/s", "s": "keV", "c": "keV"}),
+        (
+            "a/(sqrt(2*pi)*s)*exp(-(x - c)**2/(2*s**2))",
+            "keV",
+            "1/s",
+            {"a": "keV/s", "s": "keV", "c": "keV"},
+        ),
         ("slope*x + c", "1000 K", "1", {"slope": "1/(1000 K)", "c": "1"}),
         ("a*x", "cm⁻¹", "mV", {"a": "mV·cm"}),
         ("a*x**2", "V", "V", {"a": "1/V"}),
@@ -26,17 +33,22 @@ from estim.curves import read_formula, units_of
         ("a + b*9.81*x**2/2", "s", "m", {"a": "m"}),  # 9.81 may have a unit of its own
         ("b*60*x", "min", "m", {}),
         ("a + b*cos(2*pi*x/(3*c))", "month", "mm", {"a": "mm", "b": "mm", "c": "month"}),
-        ("a + b*cos(2*pi*x/3 + c*x)", "month", "mm", {"a": "mm", "b": "mm", "c": "1/month"}),  # 3 has one, for x is no number
+        # 3 has one, for x is no number
+        ("a + b*cos(2*pi*x/3 + c*x)", "month", "mm", {"a": "mm", "b": "mm", "c": "1/month"}),
         ("a*x + b", "1", "1", {}),
     ],
 )
-def test_units_follow_from_those_of_the_axes(text: str, x: str, y: str, units: dict[str, str]) -> None:
+def test_units_follow_from_those_of_the_axes(
+    text: str, x: str, y: str, units: dict[str, str]
+) -> None:
     formula = read_formula(text)
     assert units_of(formula, AxisNames("x", x, "y", y), formula.names) == units
 
 
 def test_a_unit_is_a_change_of_scale() -> None:
-    """Points in milliseconds in place of seconds change each value by the factor that its unit says."""
+    """Points in milliseconds in place of seconds change each value by the factor that its unit
+    says.
+    """
     rng = np.random.default_rng(4)
     x = np.linspace(0.0, 5.0, 40)
     y = 3.0 * np.exp(-x / 1.5) * np.cos(6.0 * x) + 0.5 * x + 0.05 * rng.standard_normal(40)
@@ -56,7 +68,13 @@ def test_units_that_are_said_hold_and_counts_in_bins_are_a_density() -> None:
     x = np.linspace(0.0, 5.0, 20)
     counts = np.random.default_rng(1).poisson(40.0 * np.exp(-x / 2.0))
     fit = fit_curve(
-        "N/tau*exp(-x/tau) + B", x, counts, noise=Poisson(bins=x[1] - x[0]), axes=AxisNames("t", "µs", "events", "1"), units={"tau": "us"}, n_start=1
+        "N/tau*exp(-x/tau) + B",
+        x,
+        counts,
+        noise=Poisson(bins=x[1] - x[0]),
+        axes=AxisNames("t", "µs", "events", "1"),
+        units={"tau": "us"},
+        n_start=1,
     )
     assert {p.name: p.unit for p in fit.problem.parameters} == {"N": "1", "tau": "us", "B": "1/µs"}
 
@@ -65,13 +83,30 @@ def test_several_data_sets_have_a_report(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     t = np.linspace(0.0, 6.0, 30)
     known = (("first", 5.0, 0.05), ("second", 3.0, 0.1))
-    voltages = {name: DataSet(t, height * np.exp(-t / 2.0) + u * rng.standard_normal(30), u_y=u) for name, height, u in known}
-    fit = fit_curves("exponential", voltages, shared=["decay"], axes=AxisNames("time", "s", "voltage", "V"))
-    analysis = write_curve_report(fit, tmp_path / "joint", title="Two discharges", kind="synthetic", target=Target(ess=400), figures=False)
+    voltages = {
+        name: DataSet(t, height * np.exp(-t / 2.0) + u * rng.standard_normal(30), u_y=u)
+        for name, height, u in known
+    }
+    fit = fit_curves(
+        "exponential", voltages, shared=["decay"], axes=AxisNames("time", "s", "voltage", "V")
+    )
+    analysis = write_curve_report(
+        fit,
+        tmp_path / "joint",
+        title="Two discharges",
+        kind="synthetic",
+        target=Target(ess=400),
+        figures=False,
+    )
     assert analysis.diagnosis.status == "ok"
     text = (tmp_path / "joint" / "report.md").read_text()
     assert "SYNTHETIC" in text
-    for words in ("| amplitude[second] | parameter of the curve |", "| V |", "## Do the runs agree?", "**second** (`(arrays)`): 30 points fit"):
+    for words in (
+        "| amplitude[second] | parameter of the curve |",
+        "| V |",
+        "## Do the runs agree?",
+        "**second** (`(arrays)`): 30 points fit",
+    ):
         assert words in text
     result = json.loads((tmp_path / "joint" / "result.json").read_text())
     assert "amplitude[first]" in json.dumps(result)

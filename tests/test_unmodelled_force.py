@@ -1,6 +1,8 @@
-"""An unmodelled force stands beside the curve of a run unless the campaign says otherwise: runs of the wheel end in a number.
+"""An unmodelled force stands beside the curve of a run unless the campaign says otherwise: runs of
+the wheel end in a number.
 
-Where it does not go the curve is taken as complete and the report says why; the key `unmodelled_force` is refused there.
+Where it does not go the curve is taken as complete and the report says why; the key
+`unmodelled_force` is refused there.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ def body(folder: Path, *, noise: str = DIFFERENTIATED, shared: str = "", run: st
     errors = 0.001 * np.random.default_rng(5).standard_normal(TIMES.size)
     rows = [f"{t:.6f},{x:.9f}" for t, x in zip(TIMES, POSITIONS + errors, strict=True)]
     (folder / "r.csv").write_text("t_s,x_m\n" + "\n".join(rows))
-    text = CAMPAIGN.replace("[shared]\n", f"[shared]\n{shared}").replace("noise = NOISE", f"{run}noise = {noise}")
+    text = CAMPAIGN.replace("[shared]\n", f"[shared]\n{shared}").replace(
+        "noise = NOISE", f"{run}noise = {noise}"
+    )
     (folder / "c.toml").write_text(text)
     return load_campaign(folder / "c.toml")
 
@@ -47,7 +51,12 @@ def fitted(campaign: Campaign) -> Fit:
 
 def wheel(folder: Path, force: str) -> Campaign:
     """The wheel with a line of its own about the force."""
-    text = (WHEEL / "campaign.toml").read_text().replace('file = "', f'file = "{WHEEL}/').replace("[shared]\n", f"[shared]\n{force}")
+    text = (
+        (WHEEL / "campaign.toml")
+        .read_text()
+        .replace('file = "', f'file = "{WHEEL}/')
+        .replace("[shared]\n", f"[shared]\n{force}")
+    )
     (folder / "wheel.toml").write_text(text)
     return load_campaign(folder / "wheel.toml")
 
@@ -58,13 +67,18 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, Analysis]
     return campaign, analyse(campaign, ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
 
 
-def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_default(tmp_path: Path) -> None:
+def test_it_is_there_unless_the_campaign_says_0_and_a_stated_size_replaces_the_default(
+    tmp_path: Path,
+) -> None:
     default, stated = fitted(body(tmp_path)), fitted(body(tmp_path, shared=KEY))
     assert default.forces[0].scale == stated.forces[0].scale == 0.02
     assert np.array_equal(default.values, stated.values)
     assert np.array_equal(default.cov, stated.cov)
     assert body(tmp_path, shared="unmodelled_force = 0.1\n").problem(["r"]).runs[0].force == 0.1
-    off, switched = fitted(body(tmp_path, shared=OFF)), fitted(body(tmp_path, shared=KEY, run="unmodelled_force = 0.0\n"))
+    off, switched = (
+        fitted(body(tmp_path, shared=OFF)),
+        fitted(body(tmp_path, shared=KEY, run="unmodelled_force = 0.0\n")),
+    )
     assert off.forces == switched.forces == ()
     assert np.array_equal(off.values, switched.values)
     assert off.problem.runs[0].complete is not None
@@ -77,7 +91,9 @@ AS_READ = '{model = "positions", sigma_x_m = 0.001}'
 def nearby(campaign: Campaign) -> Fit:
     """`fitted` from one start beside the truth."""
     problem, rng = campaign.problem(["r"]), np.random.default_rng(1)
-    start = np.array([{**TRUTH, "release_time[r]": 0.0, "offset[r]": 0.0}[name] for name in problem.names])
+    start = np.array(
+        [{**TRUTH, "release_time[r]": 0.0, "offset[r]": 0.0}[name] for name in problem.names]
+    )
     white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
     if not problem.runs[0].force:
         return white
@@ -87,7 +103,10 @@ def nearby(campaign: Campaign) -> Fit:
 
 
 def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
-    white, fit = nearby(body(tmp_path, noise=AS_READ, shared=OFF)), nearby(body(tmp_path, noise=AS_READ, shared=KEY))
+    white, fit = (
+        nearby(body(tmp_path, noise=AS_READ, shared=OFF)),
+        nearby(body(tmp_path, noise=AS_READ, shared=KEY)),
+    )
     (found,) = fit.forces
     assert found.unit == "m"
     assert found.force.probability < 0.95
@@ -99,9 +118,15 @@ def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
     assert np.all(np.sqrt(np.diag(fit.cov))[curve] < 2.5 * sds[curve])
 
 
-@pytest.mark.parametrize("noise", [DIFFERENTIATED, INDEPENDENT.replace("independent\"", 'independent", derivative = "central"')])
+@pytest.mark.parametrize(
+    "noise",
+    [DIFFERENTIATED, INDEPENDENT.replace('independent"', 'independent", derivative = "central"')],
+)
 def test_on_a_clean_run_it_finds_little_and_costs_little(tmp_path: Path, noise: str) -> None:
-    white, fit = fitted(body(tmp_path, noise=noise, shared=OFF)), fitted(body(tmp_path, noise=noise))
+    white, fit = (
+        fitted(body(tmp_path, noise=noise, shared=OFF)),
+        fitted(body(tmp_path, noise=noise)),
+    )
     assert fit.success
     (found,) = fit.forces
     assert found.force.probability < 0.95
@@ -114,19 +139,33 @@ def test_the_fit_is_a_maximum_of_the_density_that_is_sampled(tmp_path: Path) -> 
     fit = fitted(body(tmp_path))
     sds = np.sqrt(np.diag(fit.cov))
     (likelihood,) = fit.posterior.likelihoods
-    even = replace(likelihood, formed=replace(likelihood.formed, inertias=()))  # least squares leave out how much a force counts at other inertias
+    # least squares leave out how much a force counts at other inertias
+    even = replace(likelihood, formed=replace(likelihood.formed, inertias=()))
 
     def density(u: np.ndarray) -> float:
         point = (fit.values + u * sds)[None, :]
         named = fit.problem.named(point)
-        return float((fit.posterior.log_density(point) - likelihood.log_likelihood(named) + even.log_likelihood(named))[0])
+        return float(
+            (
+                fit.posterior.log_density(point)
+                - likelihood.log_likelihood(named)
+                + even.log_likelihood(named)
+            )[0]
+        )
 
     assert np.abs(approx_fprime(np.zeros(sds.size), density, 1e-5)).max() < 0.01
-    whole = approx_fprime(np.zeros(sds.size), lambda u: float(fit.posterior.log_density((fit.values + u * sds)[None, :])[0]), 1e-5)
-    assert np.abs(whole).max() < 0.3  # which moves the mode by about that many standard deviations at most
+    whole = approx_fprime(
+        np.zeros(sds.size),
+        lambda u: float(fit.posterior.log_density((fit.values + u * sds)[None, :])[0]),
+        1e-5,
+    )
+    # which moves the mode by about that many standard deviations at most
+    assert np.abs(whole).max() < 0.3
 
 
-def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(found: tuple[Campaign, Analysis], tmp_path: Path) -> None:
+def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(
+    found: tuple[Campaign, Analysis], tmp_path: Path
+) -> None:
     campaign, analysis = found
     white = analyse(wheel(tmp_path, OFF), ["class-balanced_2"], seed=1, target=Target(ess=1000.0))
     assert white.diagnosis.status == "poor-fit"
@@ -147,7 +186,9 @@ def test_a_wheel_that_the_curve_alone_does_not_explain_ends_in_a_number(found: t
     assert any("P(amplitude > 0)" in note for note in result.notes)
 
 
-def test_draws_are_those_of_the_linearised_answer_but_for_curvature(found: tuple[Campaign, Analysis]) -> None:
+def test_draws_are_those_of_the_linearised_answer_but_for_curvature(
+    found: tuple[Campaign, Analysis],
+) -> None:
     fit, draws = found[1].fit, found[1].chain.flat
     i = fit.names.index("rolling_resistance")
     assert draws[:, i].mean() == pytest.approx(fit.values[i], abs=0.3 * draws[:, i].std())
@@ -170,10 +211,29 @@ def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Ana
 
 
 OBSTACLES = {
-    "robust": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'}, 16, "'robust'"),
-    "errors of x": ({"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'}, 16, "errors of the positions"),
-    "scatter": ({"shared": KEY, "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}'}, 5, "'scatter' that is inferred"),
-    "sigma": ({"shared": KEY, "noise": '{sigma_x_m = "0.001(1)"}'}, 5, "'sigma_x' that is inferred"),
+    "robust": (
+        {"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", robust = "student-t"}'},
+        16,
+        "'robust'",
+    ),
+    "errors of x": (
+        {"run": KEY, "noise": INDEPENDENT[:-1] + ', derivative = "central", sigma_x_m = 0.001}'},
+        16,
+        "errors of the positions",
+    ),
+    "scatter": (
+        {
+            "shared": KEY,
+            "noise": '{sigma_x_m = 0.001, scatter = {prior = "half-normal", scale = 0.01}}',
+        },
+        5,
+        "'scatter' that is inferred",
+    ),
+    "sigma": (
+        {"shared": KEY, "noise": '{sigma_x_m = "0.001(1)"}'},
+        5,
+        "'sigma_x' that is inferred",
+    ),
 }
 
 REFUSED = {
@@ -184,13 +244,19 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("written", "line", "rule"), REFUSED.values(), ids=REFUSED)
-def test_where_it_does_not_go_one_line_says_so(tmp_path: Path, written: dict[str, str], line: int, rule: str) -> None:
+def test_where_it_does_not_go_one_line_says_so(
+    tmp_path: Path, written: dict[str, str], line: int, rule: str
+) -> None:
     with pytest.raises(InputError, match=rf"c\.toml:{line}: 'unmodelled_force' .*{rule}"):
         body(tmp_path, **written)
 
 
-@pytest.mark.parametrize(("written", "rule"), [(written, rule) for written, _, rule in OBSTACLES.values()], ids=OBSTACLES)
-def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason_is_kept(tmp_path: Path, written: dict[str, str], rule: str) -> None:
+@pytest.mark.parametrize(
+    ("written", "rule"), [(written, rule) for written, _, rule in OBSTACLES.values()], ids=OBSTACLES
+)
+def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason_is_kept(
+    tmp_path: Path, written: dict[str, str], rule: str
+) -> None:
     run = body(tmp_path, noise=written["noise"]).problem(["r"]).runs[0]
     assert run.force == 0.0
     assert run.complete is not None
@@ -199,8 +265,13 @@ def test_where_nobody_asked_for_it_the_curve_is_taken_as_complete_and_the_reason
 
 def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     campaign = wheel(tmp_path, KEY)
-    place = r"wheel\.toml:9: 'unmodelled_force' (cannot be combined with|is not supported by|does not go with)"
-    assert [run.force for run in campaign.problem(["class-balanced_1", "class-balanced_2"]).runs] == [0.02, 0.02]
+    place = (
+        r"wheel\.toml:9: 'unmodelled_force' (cannot be combined with|is not supported by|does "
+        r"not go with)"
+    )
+    assert [
+        run.force for run in campaign.problem(["class-balanced_1", "class-balanced_2"]).runs
+    ] == [0.02, 0.02]
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):
@@ -209,14 +280,21 @@ def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
 
 
-def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_complete(tmp_path: Path) -> None:
+def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_complete(
+    tmp_path: Path,
+) -> None:
     campaign = wheel(tmp_path, "")
     campaign.study.require_complete(["class-balanced_1"], "estim energy")
     alone = campaign.problem(["class-balanced_1"])
     campaign.require_unknowns(alone, drawn=True)
     together = campaign.problem(["class-balanced_1", "class-balanced_2"])
     energy = as_complete(alone, "estim energy")
-    assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [0.02, 0.02, 0.02, 0.0]
+    assert [run.force for run in (*alone.runs, *together.runs, *energy.runs)] == [
+        0.02,
+        0.02,
+        0.02,
+        0.0,
+    ]
     assert "estim energy" in said(energy)
     assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
 
@@ -232,8 +310,14 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
     fit = fitted(body(tmp_path))
     assert fit.forces == ()
     assert np.array_equal(fit.values, white.values)
-    assert said(fit.problem) == "the curve is assumed to be complete: an unmodelled force cannot be linearised: must be > 0 along the track"
-    with pytest.raises(InputError, match=r"c\.toml:5: 'unmodelled_force' cannot be linearised: must be > 0"):
+    assert (
+        said(fit.problem)
+        == "the curve is assumed to be complete: an unmodelled force cannot be linearised: "
+        "must be > 0 along the track"
+    )
+    with pytest.raises(
+        InputError, match=r"c\.toml:5: 'unmodelled_force' cannot be linearised: must be > 0"
+    ):
         fitted(body(tmp_path, shared=KEY))
 
 

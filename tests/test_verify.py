@@ -1,4 +1,6 @@
-"""`estim verify`: what was tampered with is found and named.  `estim diff`: what differs between two analyses."""
+"""`estim verify`: what was tampered with is found and named.  `estim diff`: what differs between
+two analyses.
+"""
 
 from __future__ import annotations
 
@@ -83,26 +85,48 @@ def other_layout(folder: Path) -> None:
 
 
 TAMPERINGS: dict[str, tuple[Callable[[Path], object], str]] = {
-    "a digit of the report": (lambda f: changed(f / "out" / "report.md", "3.00", "3.10"), "report.md, line"),
+    "a digit of the report": (
+        lambda f: changed(f / "out" / "report.md", "3.00", "3.10"),
+        "report.md, line",
+    ),
     "a digit of the report, its digest forged": (forged_report, "report.md, line"),
-    "a digit of the result": (lambda f: changed(f / "out" / "result.json", '"value": 3.0', '"value": 3.1'), "value: '3.1', recomputed '3'"),
-    "a word of the result": (lambda f: changed(f / "out" / "result.json", '"A sum"', '"A Sum"'), "title: 'A Sum', recomputed 'A sum'"),
+    "a digit of the result": (
+        lambda f: changed(f / "out" / "result.json", '"value": 3.0', '"value": 3.1'),
+        "value: '3.1', recomputed '3'",
+    ),
+    "a word of the result": (
+        lambda f: changed(f / "out" / "result.json", '"A sum"', '"A Sum"'),
+        "title: 'A Sum', recomputed 'A sum'",
+    ),
     "the layout of the result": (other_layout, "result.json is not as it was written"),
     "a figure": (other_figure, ".png is not as it was written"),
-    "a figure taken away": (lambda f: next((f / "out" / "figures").glob("*.png")).unlink(), ".png is missing"),
-    "an uncertainty stated": (lambda f: changed(f / "model.toml", "u = 0.2", "u = 0.3"), "the input model.toml is not the one"),
-    "the formula": (lambda f: changed(f / "model.toml", "a + b", "a - b"), "the input model.toml is not the one"),
+    "a figure taken away": (
+        lambda f: next((f / "out" / "figures").glob("*.png")).unlink(),
+        ".png is missing",
+    ),
+    "an uncertainty stated": (
+        lambda f: changed(f / "model.toml", "u = 0.2", "u = 0.3"),
+        "the input model.toml is not the one",
+    ),
+    "the formula": (
+        lambda f: changed(f / "model.toml", "a + b", "a - b"),
+        "the input model.toml is not the one",
+    ),
     "the seed": (lambda f: changed(f / "out" / "origin.json", '"3"', '"4"'), "Monte Carlo"),
 }
 
 
-def test_a_report_as_it_was_made_is_verified_from_anywhere(model: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_report_as_it_was_made_is_verified_from_anywhere(
+    model: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for place in (model, model / "out", Path("/")):
         monkeypatch.chdir(place)
         done = run("verify", model / "out")
         assert done.exit_code == 0, done.output
         assert "recomputing: estim propagate model.toml --seed 3" in done.output
-    assert "Made by `estim propagate model.toml --seed 3`" in (model / "out" / "report.md").read_text()
+    assert (
+        "Made by `estim propagate model.toml --seed 3`" in (model / "out" / "report.md").read_text()
+    )
 
 
 def unnamed(folder: Path, **changes: object) -> None:
@@ -124,22 +148,35 @@ def test_figures_may_go_unnamed_together_and_that_is_said(model: Path) -> None:
     origin = json.loads((model / "out" / "origin.json").read_text())
     pictures = [name for name in origin["outputs"] if name.endswith(".png")]
     for left, code in ((pictures[1:], 3), ([], 0)):
-        kept = {name: digest for name, digest in origin["outputs"].items() if name in left or name not in pictures}
+        kept = {
+            name: digest
+            for name, digest in origin["outputs"].items()
+            if name in left or name not in pictures
+        }
         (model / "out" / "origin.json").write_text(json.dumps({**origin, "outputs": kept}))
         done = run("verify", "out")
         assert done.exit_code == code, done.output
-        assert ("not compared: figures/budget.png, figures/distribution.png" in done.output) == (not left)
+        assert ("not compared: figures/budget.png, figures/distribution.png" in done.output) == (
+            not left
+        )
         assert (f"{pictures[0]}: is made now" in done.output) is bool(left)
 
 
 def test_a_report_is_not_compared_with_itself(model: Path) -> None:
-    for field, value in (("part", str(model / "out")), ("part", "../out"), ("outputs", {str(model / "out" / "report.md"): ""})):
+    for field, value in (
+        ("part", str(model / "out")),
+        ("part", "../out"),
+        ("outputs", {str(model / "out" / "report.md"): ""}),
+    ):
         unnamed(model, **{field: value})
         done = run("verify", "out")
         assert isinstance(done.exception, InputError)
         assert f"'{field}' must lie within what the command writes" in str(done.exception)
         shutil.rmtree(model / "out")
-        assert run("propagate", "model.toml", "--out", "out", "--seed", "3", "--no-figures").exit_code == 0
+        assert (
+            run("propagate", "model.toml", "--out", "out", "--seed", "3", "--no-figures").exit_code
+            == 0
+        )
 
 
 @pytest.mark.parametrize("name", TAMPERINGS)
@@ -170,17 +207,23 @@ file = "r.csv"
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
-def test_a_datum_and_a_prior_are_found_and_what_they_move(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_datum_and_a_prior_are_found_and_what_they_move(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "campaign.toml").write_text(LINE)
     x = np.linspace(0.0, 3.0, 20)
     y = 1.0 + 2.0 * x + 0.1 * np.random.default_rng(2).standard_normal(x.size)
-    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in zip(x, y, strict=True)))
+    (tmp_path / "r.csv").write_text(
+        "x,y\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in zip(x, y, strict=True))
+    )
     assert run("fit", "campaign.toml", "--out", "first", "--no-figures").exit_code == 0
     assert run("verify", "first").exit_code == 0
     text = (tmp_path / "r.csv").read_text().splitlines()
     at, value = text[12].split(",")
-    (tmp_path / "r.csv").write_text("\n".join([*text[:12], f"{at},{float(value) + 0.05:.6f}", *text[13:]]) + "\n")
+    (tmp_path / "r.csv").write_text(
+        "\n".join([*text[:12], f"{at},{float(value) + 0.05:.6f}", *text[13:]]) + "\n"
+    )
     found = run("verify", "first")
     assert found.exit_code == 3
     assert "the input r.csv is not the one" in found.output
@@ -198,7 +241,9 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(tmp_path: Path, monkey
     assert run("diff", "first", "first/result.json").output == "the results are the same\n"
 
 
-def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it(model: Path) -> None:
+def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it(
+    model: Path,
+) -> None:
     out = model / "out"
     (out / "mine.txt").write_text("a note")
     origin = json.loads((out / "origin.json").read_text())
@@ -207,24 +252,35 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
         origin["outputs"][name] = hashlib.sha256(b"old").hexdigest()
     (out / "origin.json").write_text(json.dumps(origin))
     assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
-    assert sorted(path.name for path in out.iterdir()) == ["edited.csv", "mine.txt", "origin.json", "report.md", "result.json"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "edited.csv",
+        "mine.txt",
+        "origin.json",
+        "report.md",
+        "result.json",
+    ]
     (model / "elsewhere.csv").write_text("old")
     made = (out / "origin.json").read_text()
     for name in ("../elsewhere.csv", str(model / "elsewhere.csv"), "", "a\0b", "x" * 300):
-        (out / "origin.json").write_text(json.dumps({**json.loads(made), "outputs": {name: hashlib.sha256(b"old").hexdigest()}}))
+        (out / "origin.json").write_text(
+            json.dumps({**json.loads(made), "outputs": {name: hashlib.sha256(b"old").hexdigest()}})
+        )
         done = run("propagate", "model.toml", "--out", "out", "--no-figures")
         assert isinstance(done.exception, InputError)
         assert "'outputs' must lie within what the command writes" in str(done.exception)
     assert (model / "elsewhere.csv").exists()
     (out / "origin.json").write_text("{")  # no origin of ours says what is ours
-    assert "origin.json: is no origin of a report" in str(run("propagate", "model.toml", "--out", "out", "--no-figures").exception)
+    assert "origin.json: is no origin of a report" in str(
+        run("propagate", "model.toml", "--out", "out", "--no-figures").exception
+    )
 
 
 def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
     (model / "empty").mkdir()
     shutil.move(model / "model.toml", model / "moved.toml")
     for arguments, rule in (
-        (("verify", "empty"), "holds no origin.json"), (("verify", "out"), "'input' cannot be found"),
+        (("verify", "empty"), "holds no origin.json"),
+        (("verify", "out"), "'input' cannot be found"),
         (("diff", "out", "empty"), "'result' cannot be found"),
         (("diff", "out", "moved.toml"), "must be a result.json of estim"),
     ):
@@ -236,10 +292,21 @@ def test_what_cannot_be_verified_is_one_line(model: Path) -> None:
 @pytest.mark.parametrize(
     "command",
     [
-        ["import", "x.trk", "-o", "stolen.csv"], ["simulate", "d.toml"], ["propagate", "model.toml", "--out", "elsewhere"], [], ["rm"], ["-h"],
-        ["batch", "model.toml", "--jobs", "10000"], ["batch", "model.toml", "--jobs=10000"], ["reanalyse", "model.toml", "--jobs", "10000"],
-        ["batch", "model.toml", "--scheduler", "tcp://elsewhere:1"], ["fit", "model.toml", "--resume"], ["propagate", "--help"],
-        ["propagate", "mod\0el.toml"], ["propagate", "x" * 5000], ["propagate", "mod\udcffel.toml"],
+        ["import", "x.trk", "-o", "stolen.csv"],
+        ["simulate", "d.toml"],
+        ["propagate", "model.toml", "--out", "elsewhere"],
+        [],
+        ["rm"],
+        ["-h"],
+        ["batch", "model.toml", "--jobs", "10000"],
+        ["batch", "model.toml", "--jobs=10000"],
+        ["reanalyse", "model.toml", "--jobs", "10000"],
+        ["batch", "model.toml", "--scheduler", "tcp://elsewhere:1"],
+        ["fit", "model.toml", "--resume"],
+        ["propagate", "--help"],
+        ["propagate", "mod\0el.toml"],
+        ["propagate", "x" * 5000],
+        ["propagate", "mod\udcffel.toml"],
     ],
 )
 def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
@@ -247,7 +314,9 @@ def test_a_forged_command_is_not_run(command: list[str], model: Path) -> None:
     (model / "out" / "origin.json").write_text(json.dumps({**origin, "command": command}))
     done = run("verify", "out")
     assert isinstance(done.exception, InputError)
-    assert "must name a command that makes a report, and no place, processes or --resume" in str(done.exception)
+    assert "must name a command that makes a report, and no place, processes or --resume" in str(
+        done.exception
+    )
     assert sorted(path.name for path in model.iterdir()) == ["model.toml", "out"]
 
 
@@ -260,18 +329,35 @@ def test_a_command_that_makes_no_report_verifies_none(model: Path) -> None:
 
 
 def estimate(mean: float, sd: float, mcse: float = 0.01) -> dict[str, object]:
-    return {"mean": mean, "sd": sd, "q025": mean - 2.0 * sd, "q975": mean + 2.0 * sd, "mcse": mcse, "rhat": 1.0 + 1e-4 * mean, "unit": "m"}
+    return {
+        "mean": mean,
+        "sd": sd,
+        "q025": mean - 2.0 * sd,
+        "q975": mean + 2.0 * sd,
+        "mcse": mcse,
+        "rhat": 1.0 + 1e-4 * mean,
+        "unit": "m",
+    }
 
 
 def verdicts(before: object, now: object) -> dict[str, Verdict]:
     one, other = (json.dumps(value).encode() for value in (before, now))
     same = draws_are_same("result.json", one, other)
-    return {one.where: one.verdict for one in differences("result.json", one, other, same_draws=same, exact=False)}
+    return {
+        one.where: one.verdict
+        for one in differences("result.json", one, other, same_draws=same, exact=False)
+    }
 
 
 def test_numbers_that_chance_moves_are_told_from_others() -> None:
     """5 Monte-Carlo errors of a difference, 5 sqrt(2) 0.01 = 0.07 for a mean."""
-    now = {"status": "ok", "parameters": {"a": estimate(1.0, 0.5)}, "share": 0.5, "n_obs": 9, "certificate": {"verdict": "agree"}}
+    now = {
+        "status": "ok",
+        "parameters": {"a": estimate(1.0, 0.5)},
+        "share": 0.5,
+        "n_obs": 9,
+        "certificate": {"verdict": "agree"},
+    }
 
     def changed(**changes: object) -> dict[str, Verdict]:
         return verdicts({**now, "parameters": {"a": estimate(1.03, 0.49)}, **changes}, now)
@@ -283,16 +369,27 @@ def test_numbers_that_chance_moves_are_told_from_others() -> None:
     for name, value in (("status", "poor-fit"), ("n_obs", 10)):
         assert changed(**{name: value})[name] is Verdict.WRONG
     assert changed(parameters={"a": estimate(1.1, 0.49)})["parameters.a.mean"] is Verdict.WRONG
-    assert changed(parameters={"a": estimate(1.1, 0.49, mcse=10.0)})["parameters.a.mean"] is Verdict.WRONG  # an error that the report made up
+    # an error that the report made up
+    assert (
+        changed(parameters={"a": estimate(1.1, 0.49, mcse=10.0)})["parameters.a.mean"]
+        is Verdict.WRONG
+    )
 
 
 def test_where_the_draws_are_the_same_everything_is() -> None:
-    now = {"status": "ok", "parameters": {"a": estimate(1.0, 0.5)}, "share": 0.5, "words": "p = 0.31", "noise": [1e-16, 1.0]}
+    now = {
+        "status": "ok",
+        "parameters": {"a": estimate(1.0, 0.5)},
+        "share": 0.5,
+        "words": "p = 0.31",
+        "noise": [1e-16, 1.0],
+    }
     near = {**now, "parameters": {"a": estimate(1.0 + 1e-7, 0.5)}, "noise": [3e-12, 1.0]}
     assert Verdict.WRONG not in verdicts(near, now).values()
     for name, value in (("share", 0.51), ("words", "p = 0.91"), ("noise", [0.1, 1.0])):
         assert Verdict.WRONG in verdicts({**near, name: value}, now).values()
-    one = {**now, "parameters": {"a": {**estimate(1.0, 0.5), "mean": 1.03}}}  # within its Monte-Carlo error, but alone
+    # within its Monte-Carlo error, but alone
+    one = {**now, "parameters": {"a": {**estimate(1.0, 0.5), "mean": 1.03}}}
     assert verdicts(one, now)["parameters.a.mean"] is Verdict.WRONG
 
 
@@ -300,7 +397,10 @@ def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
     now = b"gamma = 0.181 \xc2\xb1 0.013, R-hat 1.0012\nthe fit is ok\n"
 
     def found(before: bytes, same: bool, exact: bool = False) -> list[Verdict]:
-        return [one.verdict for one in differences("report.md", before, now, same_draws=same, exact=exact)]
+        return [
+            one.verdict
+            for one in differences("report.md", before, now, same_draws=same, exact=exact)
+        ]
 
     assert found(now.replace(b"0.181", b"0.182"), True) == [Verdict.WITHIN]  # rounding
     assert found(now.replace(b"0.181", b"0.184"), True) == [Verdict.WRONG]
@@ -313,11 +413,27 @@ def test_lines_are_compared_by_their_words_and_by_what_is_estimated() -> None:
     assert differences("report.md", *rows, same_draws=True, exact=True) == []
 
 
-@pytest.mark.parametrize("text", ['{"a": 1, "a": 2}', '{"a": NaN}', "[" * 200 + "]" * 200, "[" * 99_999, '{"a": 1' + "0" * 5000 + "}", "\xff"])
-def test_a_result_that_two_programs_could_read_differently_is_not_verified(text: str, model: Path) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"a": 1, "a": 2}',
+        '{"a": NaN}',
+        "[" * 200 + "]" * 200,
+        "[" * 99_999,
+        '{"a": 1' + "0" * 5000 + "}",
+        "\xff",
+    ],
+)
+def test_a_result_that_two_programs_could_read_differently_is_not_verified(
+    text: str, model: Path
+) -> None:
     before = (model / "out" / "result.json").read_text()
-    broken = before.replace("{", '{"title": "Another",', 1) if text.startswith('{"a": 1, "a"') else text
-    (model / "out" / "result.json").write_bytes(broken.encode("latin-1", "replace") if text == "\xff" else broken.encode())
+    broken = (
+        before.replace("{", '{"title": "Another",', 1) if text.startswith('{"a": 1, "a"') else text
+    )
+    (model / "out" / "result.json").write_bytes(
+        broken.encode("latin-1", "replace") if text == "\xff" else broken.encode()
+    )
     resealed(model / "out", "result.json")
     done = run("verify", "out")
     assert done.exit_code == 3
@@ -364,7 +480,10 @@ def test_inputs_are_those_that_are_read(model: Path) -> None:
     (model / "other.csv").write_text("x")
     for inputs, said in (
         ({}, "the input model.toml is read, and origin.json does not name it"),
-        ({**named, "other.csv": "0" * 64}, "the input other.csv is named by origin.json and is not read"),
+        (
+            {**named, "other.csv": "0" * 64},
+            "the input other.csv is named by origin.json and is not read",
+        ),
         ({"model.toml": "0" * 64}, "the input model.toml is not the one"),
     ):
         (model / "out" / "origin.json").write_text(json.dumps({**origin, "inputs": inputs}))
@@ -373,7 +492,10 @@ def test_inputs_are_those_that_are_read(model: Path) -> None:
         assert said in done.output
 
 
-@pytest.mark.parametrize("path", ["/proc/self/mem", "a\0b", "x" * 300, "/".join(["y" * 200] * 30), "\udcff", "pipe", "sparse"])
+@pytest.mark.parametrize(
+    "path",
+    ["/proc/self/mem", "a\0b", "x" * 300, "/".join(["y" * 200] * 30), "\udcff", "pipe", "sparse"],
+)
 def test_hostile_inputs_are_one_line(path: str, model: Path) -> None:
     os.mkfifo(model / "pipe")
     with (model / "sparse").open("wb") as file:
@@ -383,7 +505,9 @@ def test_hostile_inputs_are_one_line(path: str, model: Path) -> None:
     done = run("verify", "out")
     assert done.exit_code == 3 or isinstance(done.exception, InputError), done.exception
     for words in (["propagate", path], ["fit", path]):
-        (model / "out" / "origin.json").write_text(json.dumps({**origin, "inputs": {}, "command": words}))
+        (model / "out" / "origin.json").write_text(
+            json.dumps({**origin, "inputs": {}, "command": words})
+        )
         done = run("verify", "out")
         assert done.exit_code == 3 or isinstance(done.exception, InputError), done.exception
 
@@ -413,10 +537,14 @@ def test_a_name_that_no_file_can_have_is_no_traceback(name: str | bytes, model: 
 
 
 @pytest.mark.usefixtures("undrawn", "few_draws")
-def test_reports_of_single_runs_are_verified_with_the_report_of_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reports_of_single_runs_are_verified_with_the_report_of_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "campaign.toml").write_text(LINE + '[[runs]]\nname = "s"\nfile = "r.csv"\n')
-    (tmp_path / "r.csv").write_text("x,y\n" + "".join(f"{x},{1 + 2 * x + 0.1 * (-1) ** x}\n" for x in range(20)))
+    (tmp_path / "r.csv").write_text(
+        "x,y\n" + "".join(f"{x},{1 + 2 * x + 0.1 * (-1) ** x}\n" for x in range(20))
+    )
     run("fit", "campaign.toml", "--out", "out", "--no-figures")
     done = run("verify", "out")
     assert done.exit_code == 0, done.output
@@ -438,18 +566,38 @@ def test_every_kind_of_result_is_compared(model: Path) -> None:
 
 
 def test_what_is_no_estimate_is_compared_too() -> None:
-    one = {"schema": "estim-x/1", "status": "ok", "notes": ["a"], "parameters": {"a": {"mean": 1.0, "sd": 0.1, "unit": "m"}}}
+    one = {
+        "schema": "estim-x/1",
+        "status": "ok",
+        "notes": ["a"],
+        "parameters": {"a": {"mean": 1.0, "sd": 0.1, "unit": "m"}},
+    }
     other = {**one, "notes": ["b"]}
     assert compare_results(one, dict(one)).same
     assert compare_results(one, other).others == ("notes[0]",)
-    bad = {**one, "status": "poor-fit", "parameters": {"a": {"mean": None, "sd": None, "unit": "m"}}}
+    bad = {
+        **one,
+        "status": "poor-fit",
+        "parameters": {"a": {"mean": None, "sd": None, "unit": "m"}},
+    }
     pair = compare_results(one, bad)
     assert (pair.inputs, pair.lost, pair.same) == (("status: ok and poor-fit",), ("a",), False)
-    runs = [{**one, "provenance": {"data_sha256": {"a/run.csv": digest, "b/run.csv": "z"}}} for digest in "xy"]
+    runs = [
+        {**one, "provenance": {"data_sha256": {"a/run.csv": digest, "b/run.csv": "z"}}}
+        for digest in "xy"
+    ]
     assert compare_results(*runs).inputs == ("data: a/run.csv differs",)
 
 
-@pytest.mark.parametrize("record", ['{"provenance": null}', '{"provenance": 3}', '{"provenance": {"data_sha256": [1]}}', '{"a": 1e999}'])
+@pytest.mark.parametrize(
+    "record",
+    [
+        '{"provenance": null}',
+        '{"provenance": 3}',
+        '{"provenance": {"data_sha256": [1]}}',
+        '{"a": 1e999}',
+    ],
+)
 def test_a_result_written_by_hand_is_no_traceback(record: str, model: Path) -> None:
     (model / "hand.json").write_text(record.replace("{", '{"schema": "estim-x", ', 1))
     assert run("diff", "hand.json", "out").exit_code == 0
@@ -460,9 +608,19 @@ def test_tables_are_compared_cell_by_cell() -> None:
     (one,) = differences("summary.csv", before, now, same_draws=True, exact=True)
     assert (one.where, one.before, one.now, one.verdict) == ("[2].a [m]", "2", "2.5", Verdict.WRONG)
     for other in (b"run,b [m]\nr,1.0\ns,2.0\n", before + b"t,1.0\n"):
-        assert Verdict.WRONG in {one.verdict for one in differences("summary.csv", before, other, same_draws=True, exact=True)}
+        assert Verdict.WRONG in {
+            one.verdict
+            for one in differences("summary.csv", before, other, same_draws=True, exact=True)
+        }
     now = b"run,a,a sd,a q025\nr,1.0,0.1,0.8\n"
     moved = now.replace(b"1.0,0.1,0.8", b"1.01,0.101,0.81")
     assert not draws_are_same("summary.csv", moved, now)
-    assert {one.verdict for one in differences("summary.csv", moved, now, same_draws=False, exact=False)} == {Verdict.WITHIN}
-    assert Verdict.WRONG in {one.verdict for one in differences("summary.csv", now.replace(b"1.0,", b"1.1,"), now, same_draws=False, exact=False)}
+    assert {
+        one.verdict for one in differences("summary.csv", moved, now, same_draws=False, exact=False)
+    } == {Verdict.WITHIN}
+    assert Verdict.WRONG in {
+        one.verdict
+        for one in differences(
+            "summary.csv", now.replace(b"1.0,", b"1.1,"), now, same_draws=False, exact=False
+        )
+    }

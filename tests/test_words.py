@@ -1,4 +1,6 @@
-"""Findings and their words: every kind has a sentence, every status a meaning, and nobody at a prompt is told of options of a command."""
+"""Findings and their words: every kind has a sentence, every status a meaning, and nobody at a
+prompt is told of options of a command.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,26 @@ from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
 
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
-    Kind.CHAIN_SHORT: Kind.RHAT_HIGH, Kind.METHODS_DIFFER: Kind.CHAIN_DIFFERS, Kind.CHAIN_DIFFERS: Kind.DIFFERENCE,
-    Kind.SEVERAL_SOLUTIONS: Kind.SOLUTION, Kind.EXCHANGED: Kind.EXCHANGE, Kind.IMAGES: Kind.IMAGE, Kind.OTHER_NUMBERS: Kind.VALUES,
-    Kind.COMMON_ERRORS: Kind.COMMON_ERROR, Kind.FASTER_CURVES: Kind.VALUES, Kind.STATED_HARDLY: Kind.PULL, Kind.STATED_DISAGREE: Kind.PULL,
+    Kind.CHAIN_SHORT: Kind.RHAT_HIGH,
+    Kind.METHODS_DIFFER: Kind.CHAIN_DIFFERS,
+    Kind.CHAIN_DIFFERS: Kind.DIFFERENCE,
+    Kind.SEVERAL_SOLUTIONS: Kind.SOLUTION,
+    Kind.EXCHANGED: Kind.EXCHANGE,
+    Kind.IMAGES: Kind.IMAGE,
+    Kind.OTHER_NUMBERS: Kind.VALUES,
+    Kind.COMMON_ERRORS: Kind.COMMON_ERROR,
+    Kind.FASTER_CURVES: Kind.VALUES,
+    Kind.STATED_HARDLY: Kind.PULL,
+    Kind.STATED_DISAGREE: Kind.PULL,
     Kind.STATED_AND_CURVE: Kind.PULL,
 }
-TESTS = {Kind.COMMON_ERROR: "clock", Kind.LIMIT: "upper", Kind.RANKS_UNEVEN: "low", Kind.COVERAGE_OFF: "wide", Kind.NO_DERIVATIVE: "central"}
+TESTS = {
+    Kind.COMMON_ERROR: "clock",
+    Kind.LIMIT: "upper",
+    Kind.RANKS_UNEVEN: "low",
+    Kind.COVERAGE_OFF: "wide",
+    Kind.NO_DERIVATIVE: "central",
+}
 
 
 class Twos(Mapping[str, float]):
@@ -43,8 +59,15 @@ class Twos(Mapping[str, float]):
 
 def example(kind: Kind) -> Finding:
     return Finding(
-        kind, run="r", test=TESTS.get(kind, "chi2"), p=0.004, size=3.0, numbers=Twos(), parameters=(Amount("theta0", 0.5, ANGLE.label("rad")),),
-        names=("first", "second"), parts=(example(PARTS[kind]),) if kind in PARTS else (),
+        kind,
+        run="r",
+        test=TESTS.get(kind, "chi2"),
+        p=0.004,
+        size=3.0,
+        numbers=Twos(),
+        parameters=(Amount("theta0", 0.5, ANGLE.label("rad")),),
+        names=("first", "second"),
+        parts=(example(PARTS[kind]),) if kind in PARTS else (),
     )
 
 
@@ -71,7 +94,9 @@ def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
 def test_options_of_a_command_are_named_to_nobody_else() -> None:
     found = [example(kind) for kind in LEADS_TO]
     assert sum("--" in words for words in advice_for(found, Voice.COMMANDS)) == 3
-    assert not any("--" in words or "{" in words.replace("{prior", "") for words in advice_for(found))
+    assert not any(
+        "--" in words or "{" in words.replace("{prior", "") for words in advice_for(found)
+    )
     short = example(Kind.CHAIN_SHORT)
     assert advice(short, Voice.COMMANDS).startswith("increase --max-steps; if that does not help")
     assert advice(short).startswith("increase target=Target(max_step=...); if that does not help")
@@ -96,7 +121,11 @@ def test_the_gravest_finding_decides_in_any_order() -> None:
     for order in permutations(kinds):
         findings = [Finding(kind) for kind in order]
         assert decide(findings) is Status.NOT_CONVERGED
-        assert [finding.kind for finding in wrong(findings)] == [Kind.FIT_UNSETTLED, Kind.CHI2_TOO_LARGE, Kind.PRESSED_EDGE]
+        assert [finding.kind for finding in wrong(findings)] == [
+            Kind.FIT_UNSETTLED,
+            Kind.CHI2_TOO_LARGE,
+            Kind.PRESSED_EDGE,
+        ]
     assert decide(()) is decide([Finding(Kind.STARTS_ELSEWHERE)]) is gravest(()) is Status.OK
     assert gravest([Status.OK, Status.POOR_FIT, Status.AT_BOUND]) is Status.POOR_FIT
 
@@ -113,15 +142,33 @@ def test_a_status_is_a_word_too() -> None:
 
 
 def test_one_finding_is_said_in_the_units_of_a_reader() -> None:
-    edge = Finding(Kind.PRESSED_EDGE, p=0.004, parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),))
-    assert tell(edge) == "θ₀[r] lies at the edge of its prior, 30 °, and the data favour values beyond it (p = 0.0040)"
+    edge = Finding(
+        Kind.PRESSED_EDGE,
+        p=0.004,
+        parameters=(Amount("theta0[r]", math.radians(30.0), ANGLE.label("rad", "[r]")),),
+    )
+    assert (
+        tell(edge)
+        == "θ₀[r] lies at the edge of its prior, 30 °, and the data favour values beyond it "
+        "(p = 0.0040)"
+    )
     limit = Finding(Kind.PRESSED_LIMIT, p=0.004, parameters=(Amount("b", 0.25),))
-    assert tell(limit) == "b lies at its limit 0.25, and the data favour values beyond it (p = 0.0040): is the limit right?"
-    failed = Finding(Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5})
+    assert (
+        tell(limit)
+        == "b lies at its limit 0.25, and the data favour values beyond it (p = 0.0040): is "
+        "the limit right?"
+    )
+    failed = Finding(
+        Kind.RESIDUALS_NOT_RANDOM, run="r", test="runs", p=5e-5, numbers={"least": 5e-5}
+    )
     assert tell(failed) == "run r: the residuals change sign too rarely (test 'runs', p < 5e-5)"
 
 
 def test_tests_of_the_residuals_have_names_in_the_language_and_keys_in_english() -> None:
     assert [residuals.name_of_test(name) for name in residuals.TESTS] == list(residuals.TESTS)
     with spoken("es"):
-        assert [residuals.name_of_test(name) for name in ("runs", "trend", "largest")] == ["rachas", "tendencia", "mayor"]
+        assert [residuals.name_of_test(name) for name in ("runs", "trend", "largest")] == [
+            "rachas",
+            "tendencia",
+            "mayor",
+        ]

@@ -11,12 +11,21 @@ import pytest
 
 
 def blocks(project: Path, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", (project / "docs" / "your-own-curve.md").read_text(), flags=re.S)
+    return re.findall(
+        rf"```{language}\n(.*?)```",
+        (project / "docs" / "your-own-curve.md").read_text(),
+        flags=re.S,
+    )
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_the_code_of_the_page_runs(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_code_of_the_page_runs(
+    project: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for block in blocks(project, "python"):
@@ -48,16 +57,40 @@ def test_the_campaign_of_the_page_is_read(project: Path, tmp_path: Path) -> None
     (tmp_path / "campaign.toml").write_text(text)
     t = np.arange(0.0, 12.0, 0.1)
     for name in ("first", "second"):
-        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([t, np.cos(t)]), delimiter=",", header="t_s,angle_deg", comments="")
+        np.savetxt(
+            tmp_path / f"{name}.csv",
+            np.column_stack([t, np.cos(t)]),
+            delimiter=",",
+            header="t_s,angle_deg",
+            comments="",
+        )
     problem = load_campaign(tmp_path / "campaign.toml").problem(["first", "second"])
-    assert set(problem.names) == {"A[first]", "b", "T", "p[first]", "c", "A[second]", "p[second]", "scale_x"}
-    part, whole = (tomllib.loads(toml) for toml in (varying, (project / "data" / "gallery" / "michelson.toml").read_text()))
+    assert set(problem.names) == {
+        "A[first]",
+        "b",
+        "T",
+        "p[first]",
+        "c",
+        "A[second]",
+        "p[second]",
+        "scale_x",
+    }
+    part, whole = (
+        tomllib.loads(toml)
+        for toml in (varying, (project / "data" / "gallery" / "michelson.toml").read_text())
+    )
     assert part["curve"]["expression"] == whole["curve"]["expression"]
-    assert {key: part["runs"][0]["parameters"]["z"][key] for key in ("prior", "mean", "sd")}.items() <= whole["runs"][0]["parameters"]["z"].items()
+    assert {
+        key: part["runs"][0]["parameters"]["z"][key] for key in ("prior", "mean", "sd")
+    }.items() <= whole["runs"][0]["parameters"]["z"].items()
 
 
 def test_the_page_names_every_function(project: Path) -> None:
     from estim.curves.formula import FUNCTIONS
 
-    text = (project / "docs" / "your-own-curve.md").read_text().partition("## What a formula may hold")[2]
+    text = (
+        (project / "docs" / "your-own-curve.md")
+        .read_text()
+        .partition("## What a formula may hold")[2]
+    )
     assert set(FUNCTIONS) <= set(re.findall(r"\w+", text))

@@ -1,4 +1,6 @@
-"""A wheel that rolls down, written down a second time: its motion by an integrator, its fits by least squares; nothing of the engine's."""
+"""A wheel that rolls down, written down a second time: its motion by an integrator, its fits by
+least squares; nothing of the engine's.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,9 @@ class Wheel:
         return 1.0 + self.j + 2.0 * self.gamma * np.cos(self.theta0 + u + PHI)
 
     def energy(self, u):
-        return self.gamma * (np.cos(self.theta0) - np.cos(self.theta0 + u)) - u * (np.sin(PHI) + self.c_rr * np.cos(PHI))
+        return self.gamma * (np.cos(self.theta0) - np.cos(self.theta0 + u)) - u * (
+            np.sin(PHI) + self.c_rr * np.cos(PHI)
+        )
 
     def rate(self, u, start=0.0):
         return np.sqrt(2.0 * G_R * np.maximum(self.energy(u) + start, 0.0) / self.inertia(u))
@@ -33,22 +37,34 @@ class Wheel:
 
         def change(_, state):
             u, w = state
-            push = self.gamma * np.sin(self.theta0 + u) - (np.sin(PHI) + self.c_rr * np.cos(PHI)) + force(u)
+            push = (
+                self.gamma * np.sin(self.theta0 + u)
+                - (np.sin(PHI) + self.c_rr * np.cos(PHI))
+                + force(u)
+            )
             steeper = -2.0 * self.gamma * np.sin(self.theta0 + u + PHI)
             return [w, (G_R * push - 0.5 * steeper * w**2) / self.inertia(u)]
 
         w0 = np.sqrt(2.0 * G_R * start / self.inertia(0.0))
-        return solve_ivp(change, (0.0, t[-1]), [0.0, w0], t_eval=t, rtol=1e-11, atol=1e-12, method="DOP853").y[0]
+        return solve_ivp(
+            change, (0.0, t[-1]), [0.0, w0], t_eval=t, rtol=1e-11, atol=1e-12, method="DOP853"
+        ).y[0]
 
 
-FIRST, REFERENCE, SIGMA = 0.3, 0.5, 2.0 * np.pi / 500.0 / np.sqrt(12.0)  # rad; the step of the encoder
+# rad; the step of the encoder
+FIRST, REFERENCE, SIGMA = 0.3, 0.5, 2.0 * np.pi / 500.0 / np.sqrt(12.0)
 FINE = np.linspace(FIRST, 17.0, 700)
-STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-5, 1e-4])  # of c_rr, gamma, theta0, E0 and the time at REFERENCE
+# of c_rr, gamma, theta0, E0 and the time at REFERENCE
+STEPS = np.array([1e-5, 1e-5, 1e-4, 1e-5, 1e-4])
 
 
-def places(wheel: Wheel, start: float, late: float, t: np.ndarray, work: np.ndarray | float = 0.0) -> np.ndarray:
+def places(
+    wheel: Wheel, start: float, late: float, t: np.ndarray, work: np.ndarray | float = 0.0
+) -> np.ndarray:
     """Angles at times t, for the work F (n_fine,) of a force along FINE."""
-    rate = np.sqrt(2.0 * G_R * np.maximum(wheel.energy(FINE) + start + work, 1e-5) / wheel.inertia(FINE))
+    rate = np.sqrt(
+        2.0 * G_R * np.maximum(wheel.energy(FINE) + start + work, 1e-5) / wheel.inertia(FINE)
+    )
     slowness = 1.0 / rate
     reached = np.r_[0.0, np.cumsum(0.5 * (slowness[1:] + slowness[:-1]) * np.diff(FINE))]
     reached += late - np.interp(REFERENCE, FINE, reached)
@@ -83,10 +99,18 @@ def white_fit(t: np.ndarray, y: np.ndarray, wheel: Wheel, sds: np.ndarray) -> Wh
         return places(replace(wheel, c_rr=p[0], gamma=p[1], theta0=p[2]), p[3], p[4], t)
 
     def gradient(p):
-        return np.array([(curve(p + h) - curve(p - h)) / (2.0 * STEPS[i]) for i, h in zip(free, np.diag(STEPS)[free], strict=True)]).T
+        return np.array(
+            [
+                (curve(p + h) - curve(p - h)) / (2.0 * STEPS[i])
+                for i, h in zip(free, np.diag(STEPS)[free], strict=True)
+            ]
+        ).T
 
     def cost(p):
-        return np.sum(np.square(y - curve(p))) / SIGMA**2 + (p - mean)[free] @ precision @ (p - mean)[free]
+        return (
+            np.sum(np.square(y - curve(p))) / SIGMA**2
+            + (p - mean)[free] @ precision @ (p - mean)[free]
+        )
 
     p, damping = mean.copy(), 1e-3
     p[4] = np.interp(REFERENCE, y, t)
@@ -96,7 +120,9 @@ def white_fit(t: np.ndarray, y: np.ndarray, wheel: Wheel, sds: np.ndarray) -> Wh
         slope = jacobian.T @ r / SIGMA**2 - precision @ (p - mean)[free]
         for _ in range(12):
             trial = p.copy()
-            trial[free] += np.linalg.solve(information + damping * np.diag(np.diag(information)), slope)
+            trial[free] += np.linalg.solve(
+                information + damping * np.diag(np.diag(information)), slope
+            )
             if cost(trial) < cost(p):
                 break
             damping *= 10.0
@@ -106,4 +132,6 @@ def white_fit(t: np.ndarray, y: np.ndarray, wheel: Wheel, sds: np.ndarray) -> Wh
         if gained < 1e-4:
             break
     found = replace(wheel, c_rr=p[0], gamma=p[1], theta0=p[2])
-    return WhiteFit(found, p[3], p[free], y - curve(p), gradient(p), precision, (mean - p)[free], curve(p))
+    return WhiteFit(
+        found, p[3], p[free], y - curve(p), gradient(p), precision, (mean - p)[free], curve(p)
+    )

@@ -1,12 +1,13 @@
-"""The true motion of a rolling body: Lagrange's equation solved by SciPy, every mass and force written out in SI units.
+"""The true motion of a rolling body: Lagrange's equation solved by SciPy, every mass and force
+written out in SI units.
 
-Shares no code and no formula with `model/`.  The parts are point masses with places r_i(u), u the angle turned, and moments of inertia
-I; primes are derivatives with respect to u:
+Shares no code and no formula with `model/`.  The parts are point masses with places r_i(u), u the
+angle turned, and moments of inertia I; primes are derivatives with respect to u:
 
     m(u) u'' + (m'/2) u'^2 = Q,    m = sum m_i r_i'.r_i' + I,    m'/2 = sum m_i r_i'.r_i''
 
-Q are the forces per unit of u.  The force of the ramp is Newton's law for all parts together, N = n.sum m_i (a_i + g).
-The ramp is any curve, given by its tilt along the path of the axle.
+Q are the forces per unit of u.  The force of the ramp is Newton's law for all parts together, N =
+n.sum m_i (a_i + g).  The ramp is any curve, given by its tilt along the path of the axle.
 """
 
 from __future__ import annotations
@@ -34,7 +35,8 @@ def _dot(a: complex, b: complex) -> float:
 class Truth:
     """Everything that is true of one run; SI units and radians.
 
-    tilt, bend : extra tilt (rad) of the ramp and its derivative (rad/m) at a path x (m) of the axle, added to phi.
+    tilt, bend : extra tilt (rad) of the ramp and its derivative (rad/m) at a path x (m) of the
+        axle, added to phi.
     gusts : force (N) along the ramp at x (m), for anything else.
     """
 
@@ -67,7 +69,8 @@ class Truth:
         trailing = self.mass * self.trailing_fraction
         x, theta = self.radius * u, self.theta0 + u
         ramp, bend = self.phi + self.tilt(x), self.bend(x)
-        along = complex(math.cos(ramp), math.sin(ramp))  # places in the plane of the motion as complex numbers: across + i up
+        # places in the plane of the motion as complex numbers: across + i up
+        along = complex(math.cos(ramp), math.sin(ramp))
         up = 1j * along
         arm = self.rho * self.radius * complex(math.cos(theta), -math.sin(theta))
         axle = self.radius * along, self.radius**2 * bend * up
@@ -77,18 +80,27 @@ class Truth:
         centrifugal = sum(m * _dot(first, second) for m, first, second in parts)
         weight = -self.g * sum(m * first.imag for m, first, _ in parts)
         v = self.radius * rate
-        moments = -sense * (self.moment + self.rolling_resistance * self.mass * self.g * math.cos(ramp) * self.radius)
+        moments = -sense * (
+            self.moment
+            + self.rolling_resistance * self.mass * self.g * math.cos(ramp) * self.radius
+        )
         moments += self.radius * (self.gusts(x) - self.viscous * v - self.quadratic * v * abs(v))
-        moments -= self.once[0] * math.cos(theta - self.once[1]) + self.twice[0] * math.cos(2.0 * theta - self.twice[1])
+        moments -= self.once[0] * math.cos(theta - self.once[1]) + self.twice[0] * math.cos(
+            2.0 * theta - self.twice[1]
+        )
         # N = up.sum m (first u'' + second u'^2 + g) depends on u'': one linear equation
         grip = sense * self.load_resistance * self.radius
         lever = grip * sum(m * _dot(up, first) for m, first, _ in parts)
-        still = grip * sum(m * (_dot(up, second) * rate**2 + self.g * up.imag) for m, _, second in parts)
+        still = grip * sum(
+            m * (_dot(up, second) * rate**2 + self.g * up.imag) for m, _, second in parts
+        )
         return (weight + moments - still - centrifugal * rate**2) / (generalised + lever)
 
     def direction(self, u: float) -> float:
         """Where a body at rest starts to: +1, -1, or 0 where friction holds it."""
-        return next((sense for sense in (1.0, -1.0) if sense * self.acceleration(u, 0.0, sense) > 0.0), 0.0)
+        return next(
+            (sense for sense in (1.0, -1.0) if sense * self.acceleration(u, 0.0, sense) > 0.0), 0.0
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +111,9 @@ class Motion:
     legs: tuple[tuple[float, float, Callable], ...]
 
     def __call__(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position (m) and velocity (m/s) of the axle at times t (n,) after release; at rest before."""
+        """Position (m) and velocity (m/s) of the axle at times t (n,) after release; at rest
+        before.
+        """
         t = np.asarray(t, dtype=float)
         x, v = np.zeros(t.shape), np.zeros(t.shape)
         for begin, end, function in self.legs:
@@ -114,7 +128,8 @@ class Motion:
         return self.legs[0][1] if len(self.legs) > 1 else math.inf
 
     def average_resistance(self, last: float) -> float:
-        """The coefficient of rolling resistance that takes as much energy as all that resists, on the first way up to the time `last` (s).
+        """The coefficient of rolling resistance that takes as much energy as all that resists, on
+        the first way up to the time `last` (s).
 
         That is: friction, drag, moments, gusts, and the ramp where it is steeper than phi.
         """
@@ -122,20 +137,41 @@ class Motion:
         t = np.linspace(0.0, min(last, self.legs[0][1]), 4001)
         x, v = self(t)
         theta, weight = truth.theta0 + x / truth.radius, truth.mass * truth.g
-        force = truth.viscous * v + truth.quadratic * v * np.abs(v) - np.array([truth.gusts(one) for one in x])
-        force += (truth.moment + truth.once[0] * np.cos(theta - truth.once[1]) + truth.twice[0] * np.cos(2.0 * theta - truth.twice[1])) / truth.radius
-        force += weight * (np.sin(truth.phi + np.array([truth.tilt(one) for one in x])) - math.sin(truth.phi))
-        return float(trapezoid(force, x) / (x[-1] - x[0])) / (weight * math.cos(truth.phi)) + truth.rolling_resistance + truth.load_resistance
+        force = (
+            truth.viscous * v
+            + truth.quadratic * v * np.abs(v)
+            - np.array([truth.gusts(one) for one in x])
+        )
+        force += (
+            truth.moment
+            + truth.once[0] * np.cos(theta - truth.once[1])
+            + truth.twice[0] * np.cos(2.0 * theta - truth.twice[1])
+        ) / truth.radius
+        force += weight * (
+            np.sin(truth.phi + np.array([truth.tilt(one) for one in x])) - math.sin(truth.phi)
+        )
+        return (
+            float(trapezoid(force, x) / (x[-1] - x[0])) / (weight * math.cos(truth.phi))
+            + truth.rolling_resistance
+            + truth.load_resistance
+        )
 
     def speed_at(self, x: np.ndarray) -> np.ndarray:
-        """Speed (m/s) on the first way at positions x (m), by root search in time; nan where it never gets."""
+        """Speed (m/s) on the first way at positions x (m), by root search in time; nan where it
+        never gets.
+        """
         from scipy.optimize import brentq
 
         begin, end, function = self.legs[0]
         found = np.full(np.shape(x), np.nan)
         for i, wanted in enumerate(np.asarray(x)):
             if wanted <= self.truth.radius * function(end)[0]:
-                t = brentq(lambda t, wanted=wanted: self.truth.radius * function(t)[0] - wanted, begin, end, xtol=1e-14)
+                t = brentq(
+                    lambda t, wanted=wanted: self.truth.radius * function(t)[0] - wanted,
+                    begin,
+                    end,
+                    xtol=1e-14,
+                )
                 found[i] = self.truth.radius * function(t)[1]
         return found
 
@@ -147,7 +183,15 @@ def solve(truth: Truth, last: float) -> Motion:
     sense = math.copysign(1.0, truth.release_speed) if truth.release_speed else truth.direction(0.0)
     for _ in range(MOST_LEGS):
         if sense == 0.0:
-            legs.append((begin, math.inf, lambda t, u=state[0]: np.array([np.full(np.shape(t), u), np.zeros(np.shape(t))])))
+            legs.append(
+                (
+                    begin,
+                    math.inf,
+                    lambda t, u=state[0]: np.array(
+                        [np.full(np.shape(t), u), np.zeros(np.shape(t))]
+                    ),
+                )
+            )
             break
 
         def at_rest(_t, y):
@@ -155,9 +199,16 @@ def solve(truth: Truth, last: float) -> Motion:
 
         at_rest.direction, at_rest.terminal = -sense, True
         found = solve_ivp(
-            lambda _t, y, sense=sense: [y[1], truth.acceleration(y[0], y[1], sense)], (begin, last), state, method="DOP853", rtol=1e-12, atol=1e-13,
-            dense_output=True, events=at_rest, first_step=1e-4,
-        )  # fmt: skip
+            lambda _t, y, sense=sense: [y[1], truth.acceleration(y[0], y[1], sense)],
+            (begin, last),
+            state,
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-13,
+            dense_output=True,
+            events=at_rest,
+            first_step=1e-4,
+        )
         if not found.success:
             raise ArithmeticError(found.message)
         legs.append((begin, float(found.t[-1]), found.sol))

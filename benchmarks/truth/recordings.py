@@ -1,8 +1,10 @@
-"""Recordings of a true motion as a laboratory would write them down: campaign.toml and a CSV of times and positions for each run.
+"""Recordings of a true motion as a laboratory would write them down: campaign.toml and a CSV of
+times and positions for each run.
 
-A `Disturbance` is one thing that the plain analysis does not know of: of the motion (`truth`), of the camera, or of what is stated.
-Everything else is as stated: 30 frames/s, readings with a normal error of 1 mm, stated values that scatter about the true ones by
-their own uncertainties, anew in each replica.
+A `Disturbance` is one thing that the plain analysis does not know of: of the motion (`truth`), of
+the camera, or of what is stated.  Everything else is as stated: 30 frames/s, readings with a normal
+error of 1 mm, stated values that scatter about the true ones by their own uncertainties, anew in
+each replica.
 """
 
 from __future__ import annotations
@@ -26,8 +28,22 @@ FREE = ("gamma", "kappa", "theta0", "phi", "rolling_resistance")  # what is fit
 OF_RUN = ("theta0", "phi")
 # standard uncertainties of what is stated; None: uniform between 0 and 1
 PRIORS: Mapping[str, Mapping[str, float | None]] = {
-    "default": {"phi": math.radians(0.4), "theta0": math.radians(1.5), "gamma": 0.010, "kappa": None, "radius": 0.0005, "g": 0.0},
-    "sharp": {"phi": math.radians(0.02), "theta0": math.radians(0.2), "gamma": 0.001, "kappa": 0.005, "radius": 0.0001, "g": 0.0},
+    "default": {
+        "phi": math.radians(0.4),
+        "theta0": math.radians(1.5),
+        "gamma": 0.010,
+        "kappa": None,
+        "radius": 0.0005,
+        "g": 0.0,
+    },
+    "sharp": {
+        "phi": math.radians(0.02),
+        "theta0": math.radians(0.2),
+        "gamma": 0.001,
+        "kappa": 0.005,
+        "radius": 0.0001,
+        "g": 0.0,
+    },
 }
 NOISES = {
     "speeds": f'{{model = "differentiated", sigma_x_m = {SIGMA}, derivative = "central"}}',
@@ -37,22 +53,34 @@ JOINT = "speeds of 3 runs"  # in place of a noise: runs of one body at three til
 TILTS = (-math.radians(1.0), 0.0, math.radians(1.0))  # to what the tilt is otherwise
 
 
+def _independent(rng: Rng, v: FloatArray) -> FloatArray:
+    return SIGMA * rng.standard_normal(v.size)
+
+
+def _unchanged(rng: Rng, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:  # noqa: ARG001
+    return t, x
+
+
 @dataclass(frozen=True)
 class Camera:
-    """What happens between the motion and the table.  noise(rng, true speeds (n,)) -> errors (n,) m; after: of t, x once they are read."""
+    """What happens between the motion and the table.  noise(rng, true speeds (n,)) -> errors (n,)
+    m; after: of t, x once they are read.
+    """
 
     interval: float = INTERVAL
     jitter: float = 0.0  # s, of the moments of the frames
     scale_t: float = 0.0
     scale_x: float = 0.0
     bow: float = 0.0  # m, in the middle of the picture
-    noise: Callable[[Rng, FloatArray], FloatArray] = lambda rng, v: SIGMA * rng.standard_normal(v.size)
-    after: Callable[[Rng, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] = lambda rng, t, x: (t, x)  # noqa: ARG005
+    noise: Callable[[Rng, FloatArray], FloatArray] = _independent
+    after: Callable[[Rng, FloatArray, FloatArray], tuple[FloatArray, FloatArray]] = _unchanged
 
 
 @dataclass(frozen=True)
 class Disturbance:
-    """words : for the table.  motion(rng, base) -> what is true.  stated : factor and shift in stated sds of what is stated."""
+    """words : for the table.  motion(rng, base) -> what is true.  stated : factor and shift in
+    stated sds of what is stated.
+    """
 
     words: str
     motion: Callable[[Rng, Truth], Truth] = lambda rng, base: base  # noqa: ARG005
@@ -112,7 +140,11 @@ def smoothed(rng: Rng, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatA
 def curved(rng: Rng, base: Truth) -> Truth:
     """Hills and valleys of +-2 mm, 0.6 m from crest to crest."""
     k, phase = 2.0 * math.pi / 0.6, float(rng.uniform(0.0, 2.0 * math.pi))
-    return replace(base, tilt=lambda x: 0.002 * k * math.cos(k * x + phase), bend=lambda x: -0.002 * k * k * math.sin(k * x + phase))
+    return replace(
+        base,
+        tilt=lambda x: 0.002 * k * math.cos(k * x + phase),
+        bend=lambda x: -0.002 * k * k * math.sin(k * x + phase),
+    )
 
 
 def sagging(depth: float, length: float, start: float) -> Callable[[Rng, Truth], Truth]:
@@ -135,9 +167,17 @@ DISTURBANCES: dict[str, Disturbance] = {
     "clock": Disturbance("clock 1 % fast", camera=Camera(scale_t=0.01)),
     "viscous": Disturbance("viscous drag .1/s", changed(viscous=0.1 * BASE.mass)),
     "quadratic": Disturbance("quadratic drag .2/m", changed(quadratic=0.2 * BASE.mass)),
-    "load": Disturbance("resistance .006 of the load felt", changed(load_resistance=0.006, rolling_resistance=0.0)),
-    "once": Disturbance("moment once per turn, .005", lambda rng, base: replace(base, once=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28)))),
-    "twice": Disturbance("moment twice per turn, .005", lambda rng, base: replace(base, twice=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28)))),
+    "load": Disturbance(
+        "resistance .006 of the load felt", changed(load_resistance=0.006, rolling_resistance=0.0)
+    ),
+    "once": Disturbance(
+        "moment once per turn, .005",
+        lambda rng, base: replace(base, once=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28))),
+    ),
+    "twice": Disturbance(
+        "moment twice per turn, .005",
+        lambda rng, base: replace(base, twice=(0.005 * _WEIGHT, rng.uniform(0.0, 6.28))),
+    ),
     "push": Disturbance("released at .1 m/s", changed(release_speed=0.1)),
     "sag": Disturbance("ramp sags .5 mm on .5 m", sagging(0.0005, 0.5, 0.03)),
     "ramp": Disturbance("ramp +-2 mm", curved),
@@ -156,37 +196,58 @@ DISTURBANCES: dict[str, Disturbance] = {
     "blur": Disturbance("motion blur of a frame", camera=Camera(noise=blurred)),
     "outliers": Disturbance("5 % outliers", camera=Camera(after=with_outliers)),
     "few": Disturbance("10 frames", camera=Camera(interval=0.12)),
-}  # fmt: skip
+}
 
 
 def film(disturbance: Disturbance, truth: Truth, rng: Rng) -> tuple[FloatArray, FloatArray]:
-    """Times (s) and positions (m) in the table, from a random moment in the first interval to the turning point."""
+    """Times (s) and positions (m) in the table, from a random moment in the first interval to the
+    turning point.
+    """
     camera = disturbance.camera
     motion = solve(truth, LONGEST)
-    frames = np.arange(rng.uniform(0.0, camera.interval), min(motion.first_rest, LONGEST), camera.interval)
+    frames = np.arange(
+        rng.uniform(0.0, camera.interval), min(motion.first_rest, LONGEST), camera.interval
+    )
     moments = frames + camera.jitter * rng.standard_normal(frames.size)
     x, v = motion(np.maximum(moments, 0.0))
     p = (x + 0.05) / PICTURE
-    x = (1.0 + camera.scale_x) * x + 4.0 * camera.bow * (p * (1.0 - p) - 0.05 / PICTURE * (1.0 - 0.05 / PICTURE))
+    x = (1.0 + camera.scale_x) * x + 4.0 * camera.bow * (
+        p * (1.0 - p) - 0.05 / PICTURE * (1.0 - 0.05 / PICTURE)
+    )
     return camera.after(rng, (1.0 + camera.scale_t) * frames, x + camera.noise(rng, v))
 
 
 def stated(name: str, u: float | None, truth: Truth, disturbance: Disturbance, rng: Rng) -> str:
     """What is stated of one quantity with the uncertainty `u`, as TOML."""
     value = getattr(BASE if name == "g" and "g" not in disturbance.factors else truth, name)
-    value = (value + (u or 0.0) * (rng.standard_normal() + disturbance.shifts.get(name, 0.0))) * disturbance.factors.get(name, 1.0)
-    return '{prior = "uniform", low = 0.0, high = 1.0}' if u is None else f"{value!r}" if u == 0.0 else f'"{value:.9f} +/- {u:.9f}"'
+    value = (
+        value + (u or 0.0) * (rng.standard_normal() + disturbance.shifts.get(name, 0.0))
+    ) * disturbance.factors.get(name, 1.0)
+    return (
+        '{prior = "uniform", low = 0.0, high = 1.0}'
+        if u is None
+        else f"{value!r}"
+        if u == 0.0
+        else f'"{value:.9f} +/- {u:.9f}"'
+    )
 
 
-def write_campaign(folder: Path, disturbance: Disturbance, *, priors: str, noise: str, rng: Rng) -> dict[str, float]:
-    """Write campaign.toml and a table of each run to `folder`; the true values of what is fit: of the body, then of each run, as `FREE` has them.
+def write_campaign(
+    folder: Path, disturbance: Disturbance, *, priors: str, noise: str, rng: Rng
+) -> dict[str, float]:
+    """Write campaign.toml and a table of each run to `folder`; the true values of what is fit: of
+    the body, then of each run, as `FREE` has them.
 
-    That of the rolling resistance is its average over the (longest) track, with all that resists beside it: what a fit with an unmodelled force
-    calls c_rr.
+    That of the rolling resistance is its average over the (longest) track, with all that resists
+    beside it: what a fit with an unmodelled force calls c_rr.
     noise : of `NOISES`, or `JOINT`.
     """
     truth = disturbance.motion(rng, BASE)
-    runs = {f"r{i + 1}": replace(truth, phi=truth.phi + tilt) for i, tilt in enumerate(TILTS)} if noise == JOINT else {"r": truth}
+    runs = (
+        {f"r{i + 1}": replace(truth, phi=truth.phi + tilt) for i, tilt in enumerate(TILTS)}
+        if noise == JOINT
+        else {"r": truth}
+    )
     last: dict[str, tuple[float, float]] = {}
     for run, own in runs.items():
         t, x = film(disturbance, own, rng)
@@ -194,7 +255,10 @@ def write_campaign(folder: Path, disturbance: Disturbance, *, priors: str, noise
         (folder / f"{run}.csv").write_text("t_s,x_m\n" + table, encoding="utf-8")
         last[run] = float(x[-1]), float(t[-1])
     owners = {name: runs.values() if name in OF_RUN else [truth] for name in PRIORS[priors]}
-    said = {name: [stated(name, u, own, disturbance, rng) for own in owners[name]] for name, u in PRIORS[priors].items()}
+    said = {
+        name: [stated(name, u, own, disturbance, rng) for own in owners[name]]
+        for name, u in PRIORS[priors].items()
+    }
     tables = "".join(
         f"""[[runs]]
 name = "{run}"
@@ -223,4 +287,7 @@ kappa = {said["kappa"][0]}
     longest = max(last, key=last.__getitem__)
     found = {"gamma[b]": truth.gamma, "kappa[b]": truth.kappa}
     found |= {f"{name}[{run}]": getattr(own, name) for name in OF_RUN for run, own in runs.items()}
-    return {**found, "rolling_resistance": solve(runs[longest], LONGEST).average_resistance(last[longest][1])}
+    return {
+        **found,
+        "rolling_resistance": solve(runs[longest], LONGEST).average_resistance(last[longest][1]),
+    }

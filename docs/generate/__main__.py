@@ -1,7 +1,8 @@
 """Makes docs/reference anew from the code, or says what there is stale.
 
-    python docs/generate            # writes the pages (`make docs`)
-    python docs/generate --check    # exit code 1, and what is stale or unexplained on standard error
+python docs/generate            # writes the pages (`make docs`)
+python docs/generate --check    # exit code 1, and what is stale or unexplained on standard
+error
 """
 
 from __future__ import annotations
@@ -21,13 +22,20 @@ REFERENCE = Path(__file__).resolve().parents[1] / "reference"
 def made() -> dict[str, str]:
     """Every generated file: name -> text."""
     return {
-        "commands.md": commands_page(), "campaign-keys.md": keys_page(), "python.md": api_page(), "estim-campaign-1.schema.json": campaign_schema(),
+        "commands.md": commands_page(),
+        "campaign-keys.md": keys_page(),
+        "python.md": api_page(),
+        "estim-campaign-1.schema.json": campaign_schema(),
     }
 
 
 def troubles() -> list[str]:
     """What is stale or has no words, a sentence each."""
-    stale = [f"docs/reference/{name} is stale: make docs" for name, text in made().items() if (REFERENCE / name).read_text(encoding="utf-8") != text]
+    stale = [
+        f"docs/reference/{name} is stale: make docs"
+        for name, text in made().items()
+        if (REFERENCE / name).read_text(encoding="utf-8") != text
+    ]
     return stale + [f"docs/generate/key_words.toml: {key}" for key in without_words()]
 
 

@@ -12,11 +12,22 @@ import estim
 import model
 
 _SUBJECTS = {
-    "curve_fit": "Curves", "curve_fits": "Curves", "curves": "Curves", "campaign": "Campaigns", "pipeline": "Campaigns", "line": "Straight lines",
-    "propagation": "Propagation of uncertainties", "reports": "Reports and other programs", "fitting": "Stages of an analysis",
-    "sampling": "Stages of an analysis", "checks": "Stages of an analysis", "studies": "Stages of an analysis", "common": "Errors",
+    "curve_fit": "Curves",
+    "curve_fits": "Curves",
+    "curves": "Curves",
+    "campaign": "Campaigns",
+    "pipeline": "Campaigns",
+    "line": "Straight lines",
+    "propagation": "Propagation of uncertainties",
+    "reports": "Reports and other programs",
+    "fitting": "Stages of an analysis",
+    "sampling": "Stages of an analysis",
+    "checks": "Stages of an analysis",
+    "studies": "Stages of an analysis",
+    "common": "Errors",
 }
-_MADE_BY_ESTIM = ("Analysis", "Campaign", "CurveFit", "LineFit")  # records that no user makes: their fields, not how they are made
+# records that no user makes: their fields, not how they are made
+_MADE_BY_ESTIM = ("Analysis", "Campaign", "CurveFit", "LineFit")
 _INTRODUCTION = """# What Python offers
 
 Made by `make docs` from the docstrings. `import estim` has all names below but the last section, which is `import model`: physics alone, SI units and
@@ -28,9 +39,15 @@ def api_page() -> str:
     """The page in Markdown."""
     groups: dict[str, list[str]] = {subject: [] for subject in dict.fromkeys(_SUBJECTS.values())}
     for name, home in sorted(estim._homes().items()):
-        groups.setdefault(_SUBJECTS.get(home.split(".")[1], "Further names"), []).append(_entry(name, getattr(estim, name)))
-    groups["Physics of the rolling body: `model`"] = [_entry(name, getattr(model, name)) for name in model.__all__]
-    return _INTRODUCTION + "".join(f"\n## {subject}\n{''.join(entries)}" for subject, entries in groups.items() if entries)
+        groups.setdefault(_SUBJECTS.get(home.split(".")[1], "Further names"), []).append(
+            _entry(name, getattr(estim, name))
+        )
+    groups["Physics of the rolling body: `model`"] = [
+        _entry(name, getattr(model, name)) for name in model.__all__
+    ]
+    return _INTRODUCTION + "".join(
+        f"\n## {subject}\n{''.join(entries)}" for subject, entries in groups.items() if entries
+    )
 
 
 def _entry(name: str, thing: Any) -> str:
@@ -39,7 +56,10 @@ def _entry(name: str, thing: Any) -> str:
     first, _, rest = (inspect.getdoc(thing) or "").partition("\n\n")
     shown = "" if name in _MADE_BY_ESTIM else f"\n```python\n{_signature(name, thing)}\n```\n"
     more = f"\n```text\n{rest}\n```\n" if rest else ""
-    return f"\n### {name}\n{shown}\n{_prose(first)}\n{more}{_members(name, thing) if inspect.isclass(thing) else ''}"
+    return (
+        "\n### "
+        f"{name}\n{shown}\n{_prose(first)}\n{more}{_members(name, thing) if inspect.isclass(thing) else ''}"
+    )
 
 
 def _prose(text: str) -> str:
@@ -71,9 +91,24 @@ def _signature(name: str, thing: Any) -> str:
             starred = True
         mark = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
         starred = starred or mark == "*"
-        text = mark + parameter.name + ("" if parameter.annotation is parameter.empty else f": {_annotation(parameter.annotation)}")
-        parts.append(text + ("" if parameter.default is parameter.empty else f" = {_default(parameter.default)}"))
-    end = "" if inspect.isclass(thing) or signature.return_annotation is signature.empty else f" -> {_annotation(signature.return_annotation)}"
+        text = (
+            mark
+            + parameter.name
+            + (
+                ""
+                if parameter.annotation is parameter.empty
+                else f": {_annotation(parameter.annotation)}"
+            )
+        )
+        parts.append(
+            text
+            + ("" if parameter.default is parameter.empty else f" = {_default(parameter.default)}")
+        )
+    end = (
+        ""
+        if inspect.isclass(thing) or signature.return_annotation is signature.empty
+        else f" -> {_annotation(signature.return_annotation)}"
+    )
     line = f"{name}({', '.join(parts)}){end}"
     if len(line) <= 120:
         return line
@@ -90,13 +125,27 @@ def _members(name: str, thing: Any) -> str:
     """Fields of a record that no user makes, and the properties and methods of any class."""
     rows = []
     if name in _MADE_BY_ESTIM and is_dataclass(thing):
-        rows += [f"| `{field.name}` | {_cell(f'`{_annotation(field.type)}`')} |" for field in fields(thing)]
-    for key in sorted({key for kind in thing.__mro__[:-1] if kind.__module__.startswith(("estim", "model")) for key in vars(kind)}):
+        rows += [
+            f"| `{field.name}` | {_cell(f'`{_annotation(field.type)}`')} |"
+            for field in fields(thing)
+        ]
+    for key in sorted(
+        {
+            key
+            for kind in thing.__mro__[:-1]
+            if kind.__module__.startswith(("estim", "model"))
+            for key in vars(kind)
+        }
+    ):
         member = inspect.getattr_static(thing, key)
         if key.startswith("_") or not (isinstance(member, property) or inspect.isfunction(member)):
             continue
         words = " ".join((inspect.getdoc(member) or "").partition("\n\n")[0].split())
-        shown = _signature(key, member).replace("(self, ", "(").replace("(self)", "()") if inspect.isfunction(member) else key
+        shown = (
+            _signature(key, member).replace("(self, ", "(").replace("(self)", "()")
+            if inspect.isfunction(member)
+            else key
+        )
         rows.append(f"| {_cell(f'`{chr(32).join(shown.split())}`')} | {_cell(words)} |")
     return "\n| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
 

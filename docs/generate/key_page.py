@@ -9,15 +9,33 @@ from typing import Any, Literal, Union, get_args, get_origin
 from tables import PRIOR, Key, Kind, all_tables, is_table, keys_of
 
 _HEADS = {
-    "_TopTable": "The file", "LevelTable": "Every level: `[shared]`, `[bodies.NAME]`, `[[runs]]`", "RunTable": "`[[runs]]` of rolling bodies",
-    "NoiseTable": "`noise` of rolling bodies", "WindowTable": "`window` of rolling bodies", "PartTable": "`[parts.NAME]`", "LineTable": "`[line]`",
-    "TrialsTable": "`[trials]`", "DerivedTable": "`[derived]`", "PlanTable": "`[plan]`", "PlannedRunTable": "`[[plan.runs]]`",
-    "ReadingsTable": "`[[plan.readings]]`", "ChangeTable": "`[[plan.change]]`", "CurveTable": "`[curve]`", "AxisTable": "`x` and `y` of `[curve]`",
-    "ParameterTable": "A parameter of a curve", "ReadingErrorTable": "`u_y` and `u_x`", "RangeTable": "`window` of a curve",
-    "ComponentTable": "`errors` of a curve", "CountTable": "`noise` of a curve", "CurveRunTable": "`[[runs]]` of a curve", "PriorTable": "A prior",
+    "_TopTable": "The file",
+    "LevelTable": "Every level: `[shared]`, `[bodies.NAME]`, `[[runs]]`",
+    "RunTable": "`[[runs]]` of rolling bodies",
+    "NoiseTable": "`noise` of rolling bodies",
+    "WindowTable": "`window` of rolling bodies",
+    "PartTable": "`[parts.NAME]`",
+    "LineTable": "`[line]`",
+    "TrialsTable": "`[trials]`",
+    "DerivedTable": "`[derived]`",
+    "PlanTable": "`[plan]`",
+    "PlannedRunTable": "`[[plan.runs]]`",
+    "ReadingsTable": "`[[plan.readings]]`",
+    "ChangeTable": "`[[plan.change]]`",
+    "CurveTable": "`[curve]`",
+    "AxisTable": "`x` and `y` of `[curve]`",
+    "ParameterTable": "A parameter of a curve",
+    "ReadingErrorTable": "`u_y` and `u_x`",
+    "RangeTable": "`window` of a curve",
+    "ComponentTable": "`errors` of a curve",
+    "CountTable": "`noise` of a curve",
+    "CurveRunTable": "`[[runs]]` of a curve",
+    "PriorTable": "A prior",
 }
 _SHARED_HEADS = {
-    "EffectTable": "What else is known of a rolling body", "PriorKeys": "A prior", "DialectKeys": "How a table is written",
+    "EffectTable": "What else is known of a rolling body",
+    "PriorKeys": "A prior",
+    "DialectKeys": "How a table is written",
     "TrackKeys": "Files of the program Tracker",
 }
 _NAMES = {float: "number", int: "whole number", str: "text", bool: "`true` or `false`"}
@@ -44,11 +62,18 @@ def keys_page() -> str:
             of_others = key.owner != table.__name__ and key.owner in _SHARED_HEADS
             title = _SHARED_HEADS[key.owner] if of_others else head_of(table)
             held = sections.setdefault(title, [])
-            if key.owner != table.__name__ and title_of_owner(key) not in (head_of(table), *further.setdefault(head_of(table), [])):
+            if key.owner != table.__name__ and title_of_owner(key) not in (
+                head_of(table),
+                *further.setdefault(head_of(table), []),
+            ):
                 further[head_of(table)].append(title_of_owner(key))
-            if key.name not in [other.name for other in held] and (of_others or key.owner == table.__name__ or table is PRIOR):
+            if key.name not in [other.name for other in held] and (
+                of_others or key.owner == table.__name__ or table is PRIOR
+            ):
                 held.append(key)
-    return _INTRODUCTION + "".join(_section(title, keys, further.get(title, [])) for title, keys in sections.items() if keys)
+    return _INTRODUCTION + "".join(
+        _section(title, keys, further.get(title, [])) for title, keys in sections.items() if keys
+    )
 
 
 def title_of_owner(key: Key) -> str:
@@ -61,8 +86,15 @@ def head_of(table: Kind) -> str:
 
 
 def _section(title: str, keys: list[Key], further: list[str]) -> str:
-    rows = [f"| {_name(key)} | {_holds(key.holds)}{_default(key)} | {_cell(key.words)} |" for key in keys]
-    more = f"\nAnd the keys of {', '.join(f'[{head}](#{_anchor(head)})' for head in further)}.\n" if further else ""
+    rows = [
+        f"| {_name(key)} | {_holds(key.holds)}{_default(key)} | {_cell(key.words)} |"
+        for key in keys
+    ]
+    more = (
+        f"\nAnd the keys of {', '.join(f'[{head}](#{_anchor(head)})' for head in further)}.\n"
+        if further
+        else ""
+    )
     return f"\n## {title}\n\n| key | may hold | |\n|---|---|---|\n" + "\n".join(rows) + "\n" + more
 
 
@@ -91,9 +123,17 @@ def _holds(holds: Any) -> str:
     if origin is Literal:
         return ", ".join(f'`"{choice}"`' for choice in inner)
     if origin is list:
-        return f"list of {_plural(inner[0])}" if not is_table(inner[0]) else f"[tables](#{_anchor(head_of(inner[0]))})"
+        return (
+            f"list of {_plural(inner[0])}"
+            if not is_table(inner[0])
+            else f"[tables](#{_anchor(head_of(inner[0]))})"
+        )
     if origin is dict:
-        return f"names = {_holds(inner[1])}" if not is_table(inner[1]) else f"[tables](#{_anchor(head_of(inner[1]))})"
+        return (
+            f"names = {_holds(inner[1])}"
+            if not is_table(inner[1])
+            else f"[tables](#{_anchor(head_of(inner[1]))})"
+        )
     if is_table(holds):
         return f"[table](#{_anchor(head_of(holds))})"
     return _NAMES[holds]
@@ -106,4 +146,3 @@ def _plural(kind: Any) -> str:
 def _anchor(head: str) -> str:
     """The anchor that Markdown viewers make of a heading."""
     return "".join(c for c in head.lower().replace(" ", "-") if c.isalnum() or c in "-_")
-

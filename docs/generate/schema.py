@@ -1,4 +1,6 @@
-"""JSON Schema of a campaign file, for editors: draft 7, which the TOML extensions of editors read."""
+"""JSON Schema of a campaign file, for editors: draft 7, which the TOML extensions of editors
+read.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,26 @@ _TITLE = "Campaign file of estim"
 
 
 def campaign_schema() -> str:
-    """The schema as JSON.  What a run holds depends on whether there is a `curve`: said by `if`, so that an editor marks the slip alone."""
+    """The schema as JSON.  What a run holds depends on whether there is a `curve`: said by `if`, so
+    that an editor marks the slip alone.
+    """
     top = keys_of(CAMPAIGN)
     found = _object(top)
-    rolling, own = ({key.name: _property(key) for key in keys_of(table)} for table in (RUN, CURVE_RUN))
-    either = {name: held for name, held in (own | rolling).items() if rolling.get(name, held) == own.get(name, held)}
-    found["properties"]["runs"] |= {"items": {"type": "object", "properties": either, "required": ["name", "file"]}}  # for completion
-    of_curve = {"runs": {"type": "array", "minItems": 1, "items": _schema_of(CURVE_RUN)}} | dict.fromkeys(ROLLING_ONLY, False)
+    rolling, own = (
+        {key.name: _property(key) for key in keys_of(table)} for table in (RUN, CURVE_RUN)
+    )
+    either = {
+        name: held
+        for name, held in (own | rolling).items()
+        if rolling.get(name, held) == own.get(name, held)
+    }
+    # for completion
+    found["properties"]["runs"] |= {
+        "items": {"type": "object", "properties": either, "required": ["name", "file"]}
+    }
+    of_curve = {
+        "runs": {"type": "array", "minItems": 1, "items": _schema_of(CURVE_RUN)}
+    } | dict.fromkeys(ROLLING_ONLY, False)
     schema = {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": _TITLE,
@@ -27,21 +42,29 @@ def campaign_schema() -> str:
         "if": {"required": ["curve"]},
         "then": {"properties": of_curve, "required": ["runs"]},
         "else": {"properties": {"runs": {"items": _schema_of(RUN)}}},
-        "definitions": {table.__name__: _object(keys_of(table)) for table in sorted(all_tables()[1:], key=lambda table: table.__name__)},
+        "definitions": {
+            table.__name__: _object(keys_of(table))
+            for table in sorted(all_tables()[1:], key=lambda table: table.__name__)
+        },
     }
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
 def _object(keys: Any) -> dict[str, Any]:
     needed = [key.name for key in keys if key.needed]
-    found = {"type": "object", "additionalProperties": False, "properties": {key.name: _property(key) for key in keys}}
+    found = {
+        "type": "object",
+        "additionalProperties": False,
+        "properties": {key.name: _property(key) for key in keys},
+    }
     return found | ({"required": needed} if needed else {})
 
 
 def _property(key: Key) -> dict[str, Any]:
     said = {"description": key.words.replace("`", "")} if key.words else {}
     held = _schema_of(key.holds)
-    return {"allOf": [held]} | said if "$ref" in held else held | said  # in draft 7 nothing beside a $ref is read
+    # in draft 7 nothing beside a $ref is read
+    return {"allOf": [held]} | said if "$ref" in held else held | said
 
 
 def _schema_of(holds: Any) -> dict[str, Any]:
@@ -58,4 +81,3 @@ def _schema_of(holds: Any) -> dict[str, Any]:
     if is_table(holds):
         return {"$ref": f"#/definitions/{holds.__name__}"}
     return {"type": _NAMES[holds]}
-

@@ -1,4 +1,6 @@
-"""The tables of a campaign file as the code has them: their keys, what each may hold, and what `key_words.toml` says of it."""
+"""The tables of a campaign file as the code has them: their keys, what each may hold, and what
+`key_words.toml` says of it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ Kind = type[msgspec.Struct]
 
 @dataclass(frozen=True)
 class Key:
-    """owner : the table of the code that declares it.  holds : its type.  default : None where it may be left out, `NODEFAULT` where it is needed."""
+    """owner : the table of the code that declares it.  holds : its type.  default : None where it
+    may be left out, `NODEFAULT` where it is needed.
+    """
 
     name: str
     owner: str
@@ -41,8 +45,15 @@ PRIOR = campaign_file.PriorTable
 CURVE, CURVE_RUN = curve_tables.CurveTable, curve_tables.CurveRunTable
 # what the raw tables of the top hold: they are checked one by one, so that a message names the line
 INSIDE: dict[str, Any] = {
-    "shared": LEVEL, "bodies": dict[str, LEVEL], "parts": dict[str, part_table.PartTable], "runs": list[RUN], "line": campaign_file.LineTable,  # type: ignore[valid-type]
-    "trials": trial_table.TrialsTable, "curve": CURVE, "derived": dict[str, str | DerivedTable], "plan": plan_table.PlanTable,
+    "shared": LEVEL,
+    "bodies": dict[str, LEVEL],
+    "parts": dict[str, part_table.PartTable],
+    "runs": list[RUN],
+    "line": campaign_file.LineTable,  # type: ignore[valid-type]
+    "trials": trial_table.TrialsTable,
+    "curve": CURVE,
+    "derived": dict[str, str | DerivedTable],
+    "plan": plan_table.PlanTable,
 }
 ROLLING_ONLY = ("published", "shared", "parts", "bodies", "line", "trials")
 
@@ -50,11 +61,21 @@ ROLLING_ONLY = ("published", "shared", "parts", "bodies", "line", "trials")
 def keys_of(table: Kind) -> tuple[Key, ...]:
     """The keys of a table in their order; those of the table itself before inherited ones."""
     hints = get_type_hints(table)
-    owners = {name: kind.__name__ for kind in reversed(table.__mro__) for name in getattr(kind, "__annotations__", {})}
+    owners = {
+        name: kind.__name__
+        for kind in reversed(table.__mro__)
+        for name in getattr(kind, "__annotations__", {})
+    }
     found = []
     for field in msgspec.structs.fields(table):
-        default = field.default_factory() if field.default_factory is not msgspec.NODEFAULT else field.default
-        holds = INSIDE.get(field.name, hints[field.name]) if table is CAMPAIGN else hints[field.name]
+        default = (
+            field.default_factory()
+            if field.default_factory is not msgspec.NODEFAULT
+            else field.default
+        )
+        holds = (
+            INSIDE.get(field.name, hints[field.name]) if table is CAMPAIGN else hints[field.name]
+        )
         found.append(Key(field.encode_name, owners[field.name], holds, default))
     return tuple(sorted(found, key=lambda key: key.owner != table.__name__))
 
@@ -84,4 +105,9 @@ def without_words() -> list[str]:
     """Keys that `key_words.toml` does not explain, and entries there that no table has."""
     found = {(key.owner, key.name): key for table in all_tables() for key in keys_of(table)}
     missing = [f"[{owner}] {name}" for (owner, name), key in found.items() if not key.words]
-    return missing + [f"[{owner}] {name}, which no table has" for owner, said in WORDS.items() for name in said if (owner, name) not in found]
+    return missing + [
+        f"[{owner}] {name}, which no table has"
+        for owner, said in WORDS.items()
+        for name in said
+        if (owner, name) not in found
+    ]

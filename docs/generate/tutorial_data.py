@@ -1,4 +1,5 @@
-"""Makes the SYNTHETIC data of the tutorials: data/tutorial/tea.csv and data/tutorial/fall.trk, the latter as the program Tracker writes it.
+"""Makes the SYNTHETIC data of the tutorials: data/tutorial/tea.csv and data/tutorial/fall.trk, the
+latter as the program Tracker writes it.
 
     python docs/generate/tutorial_data.py
 """
@@ -21,11 +22,20 @@ def tea() -> str:
     t = np.arange(0.0, 61.0, 2.0)
     read = ROOM + EXCESS * np.exp(-t / TAU) + U_T * rng.standard_normal(t.size)
     rows = [f"{minute:.0f},{temperature:.1f}" for minute, temperature in zip(t, read, strict=True)]
-    return "\n".join(["# SYNTHETIC data: made by docs/generate/tutorial_data.py", "time [min],temperature [°C]", *rows, ""])
+    return "\n".join(
+        [
+            "# SYNTHETIC data: made by docs/generate/tutorial_data.py",
+            "time [min],temperature [°C]",
+            *rows,
+            "",
+        ]
+    )
 
 
 def fall() -> str:
-    """A table tennis ball that falls with drag by the square of its speed, x = (v_t²/g) ln cosh(g (t - t0)/v_t), marked frame by frame."""
+    """A table tennis ball that falls with drag by the square of its speed, x = (v_t²/g) ln cosh(g
+    (t - t0)/v_t), marked frame by frame.
+    """
     rng = np.random.default_rng(9)
     t = np.arange(0.0, 2.0, FRAME_MS / 1e3)
     x = V_T**2 / G * np.log(np.cosh(G * (t - T0) / V_T))
@@ -33,7 +43,15 @@ def fall() -> str:
     column = 642.0 + U_MARK * rng.standard_normal(n)
     row = 48.0 + SCALE * x[:n] + U_MARK * rng.standard_normal(n)
     points = "".join(_point(START + i, column[i], row[i]) for i in range(n))
-    return _TRK.format(points=points, n=n, frames=START + n + 5, start=START, delta_t=FRAME_MS, scale=SCALE, end=660.0 - SCALE)
+    return _TRK.format(
+        points=points,
+        n=n,
+        frames=START + n + 5,
+        start=START,
+        delta_t=FRAME_MS,
+        scale=SCALE,
+        end=660.0 - SCALE,
+    )
 
 
 def _point(frame: int, x: float, y: float) -> str:

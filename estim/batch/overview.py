@@ -20,9 +20,14 @@ _TO_SD = 1.482602218505602  # median absolute deviation of a normal distribution
 class Spread:
     """One quantity in all runs that are ok.
 
-    rows : (n,) which rows.  mean, sd : (n,) of the posteriors.  informed : share of the runs in which the data narrowed it.
-    median : of the means.  scatter : robust sd of the means (1.48 times the median absolute deviation), nan for fewer than five.
-    typical : median of the sds.  apart : rows more than 5 (scatter^2 + sd^2)^(1/2) from the median, of those in which the data narrowed it.
+    rows : (n,) which rows.
+    mean, sd : (n,) of the posteriors.  informed : share of the runs in which the data narrowed it.
+    median : of the means.
+    scatter : robust sd of the means (1.48 times the median absolute deviation), nan for fewer than
+        five.
+    typical : median of the sds.
+    apart : rows more than 5 (scatter^2 + sd^2)^(1/2) from the median, of those in which the data
+        narrowed it.
     """
 
     name: str
@@ -38,7 +43,8 @@ class Spread:
 
 
 def spreads(rows: Sequence[Row]) -> list[Spread]:
-    """Each quantity that a run which is ok has a value of, those that the data determine most often first.
+    """Each quantity that a run which is ok has a value of, those that the data determine most often
+    first.
 
     A name that stands for different units in different campaigns is as many quantities.
     """
@@ -51,12 +57,18 @@ def spreads(rows: Sequence[Row]) -> list[Spread]:
 
 
 def odd_runs(rows: Sequence[Row]) -> list[tuple[Row, str]]:
-    """Runs whose frame interval is not that of most runs of their campaign, each with a sentence: what no run shows by itself."""
+    """Runs whose frame interval is not that of most runs of their campaign, each with a sentence:
+    what no run shows by itself.
+    """
     of_campaign: dict[str, dict[int, float]] = {}
     for i, row in enumerate(rows):
         if row.interval is not None:
             of_campaign.setdefault(row.campaign, {})[i] = row.interval
-    said = {int(i): words for found in of_campaign.values() for i, words in odd_intervals({str(i): dt for i, dt in found.items()}).items()}
+    said = {
+        int(i): words
+        for found in of_campaign.values()
+        for i, words in odd_intervals({str(i): dt for i, dt in found.items()}).items()
+    }
     return [(rows[i], said[i]) for i in sorted(said)]
 
 
@@ -64,8 +76,21 @@ def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) ->
     values = [rows[i].values[name] for i in chosen]
     mean, sd = np.array([v.mean for v in values]), np.array([v.sd for v in values])
     median = float(np.median(mean))
-    scatter = _TO_SD * float(np.median(np.abs(mean - median))) if mean.size >= _FEWEST else float("nan")
+    scatter = (
+        _TO_SD * float(np.median(np.abs(mean - median))) if mean.size >= _FEWEST else float("nan")
+    )
     informed = np.array([v.informed for v in values])
     far = informed & (np.abs(mean - median) > _APART * np.hypot(scatter, sd))
     apart = tuple(i for i, beyond in zip(chosen, far.tolist(), strict=True) if beyond)
-    return Spread(name, unit, tuple(chosen), mean, sd, float(np.mean(informed)), median, scatter, float(np.median(sd)), apart)
+    return Spread(
+        name,
+        unit,
+        tuple(chosen),
+        mean,
+        sd,
+        float(np.mean(informed)),
+        median,
+        scatter,
+        float(np.median(sd)),
+        apart,
+    )

@@ -1,4 +1,6 @@
-"""What is kept of a run in a batch: a line of the table, and the file that says from what its result was made."""
+"""What is kept of a run in a batch: a line of the table, and the file that says from what its
+result was made.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ _LARGEST, _LARGEST_RESULT = 2**24, 2**28
 
 
 class Value(msgspec.Struct, frozen=True):
-    """mean, sd, q025, q975 : of the posterior, SI units.  informed : whether the data narrowed what was stated."""
+    """mean, sd, q025, q975 : of the posterior, SI units.  informed : whether the data narrowed what
+    was stated.
+    """
 
     mean: float
     sd: float
@@ -42,10 +46,13 @@ class Value(msgspec.Struct, frozen=True):
 
 
 class Row(msgspec.Struct, frozen=True):
-    """One run: its status, its values where that is ok, else the first reason; `error` where there is no result at all.
+    """One run: its status, its values where that is ok, else the first reason; `error` where there
+    is no result at all.
 
     kind : of the data, "measured" or "synthetic"; "" where there is no result.
-    key : digest of what the result depends on.  seconds : of one processor.  outputs : in `row.json`, files of the run and their SHA-256 digests.
+    key : digest of what the result depends on.
+    seconds : of one processor.  outputs : in `row.json`, files of the run and their SHA-256
+        digests.
     interval : s between frames, of a run that was imported from a video; None of others.
     """
 
@@ -72,8 +79,17 @@ def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: flo
     """The row of a `result.json`."""
     record = json.loads(result)
     return Row(
-        plain(str(unit.campaign)), unit.run, unit.place, record["kind"], record["status"], next(iter(record["reasons"]), ""), "",
-        _values(record) if record["status"] == "ok" else {}, seconds, key, interval=interval,
+        plain(str(unit.campaign)),
+        unit.run,
+        unit.place,
+        record["kind"],
+        record["status"],
+        next(iter(record["reasons"]), ""),
+        "",
+        _values(record) if record["status"] == "ok" else {},
+        seconds,
+        key,
+        interval=interval,
     )
 
 
@@ -81,7 +97,9 @@ def _values(record: Mapping[str, Any]) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, p in record["parameters"].items():
         if p["mean"] is not None and p["sd"] is not None:
-            found[split_level(name)[0]] = Value(p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], p["measured"])
+            found[split_level(name)[0]] = Value(
+                p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], p["measured"]
+            )
     for run in record["runs"].values():
         for name in run["sought"]:
             p = run["derived"][name]
@@ -115,13 +133,17 @@ def forget(folder: Path, place: str) -> None:
 
 
 def require_places(folder: Path, units: Iterable[Unit]) -> None:
-    """Raises EstimError, before anything is computed, where files of others stand where results of `units` are to go."""
+    """Raises EstimError, before anything is computed, where files of others stand where results of
+    `units` are to go.
+    """
     for unit in units:
         require_room(folder / unit.place, (RESULT,), _written(folder, unit.place), within=folder)
 
 
 def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> Row | None:
-    """The row of a result that is there and was made from the same things, read from that result; None where it has to be made."""
+    """The row of a result that is there and was made from the same things, read from that result;
+    None where it has to be made.
+    """
     row = _row_at(folder, unit.place)
     if row is None or row.key != key or RESULT not in row.outputs:
         return None
@@ -141,15 +163,22 @@ def _written(folder: Path, place: str) -> dict[str, str]:
 
 
 def _row_at(folder: Path, place: str) -> Row | None:
-    """The row that stands there, None where none does.  Raises EstimError for a file of that name that is none of ours."""
+    """The row that stands there, None where none does.  Raises EstimError for a file of that name
+    that is none of ours.
+    """
     path = folder / place / ROW
     data = read_file(path, at_most=_LARGEST, within=folder)
     try:
         row = None if data is None else msgspec.convert(json_of(data), Row)
     except (ValueError, msgspec.ValidationError):
         row = None
-    if row is not None and all(PurePosixPath(name).parts and ".." not in PurePosixPath(name).parts for name in row.outputs):
+    if row is not None and all(
+        PurePosixPath(name).parts and ".." not in PurePosixPath(name).parts for name in row.outputs
+    ):
         return row
     if data is None:
         return None
-    raise InputError("was not written by estim, or was changed since: move it away, or choose another folder", file=path)
+    raise InputError(
+        "was not written by estim, or was changed since: move it away, or choose another folder",
+        file=path,
+    )

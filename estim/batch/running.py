@@ -1,4 +1,6 @@
-"""The runs of a batch, each analysed as `estim fit` does it, its files written by the process that made them."""
+"""The runs of a batch, each analysed as `estim fit` does it, its files written by the process that
+made them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,16 @@ import msgspec
 from estim.batch.rows import RESULT, Row, failed, forget, keep, kept, require_places, row_of
 from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
-from estim.common import EstimError, InputError, inputs_read, key_of, language, phrase, plain, run_parallel
+from estim.common import (
+    EstimError,
+    InputError,
+    inputs_read,
+    key_of,
+    language,
+    phrase,
+    plain,
+    run_parallel,
+)
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
 
@@ -21,12 +32,15 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 Report = Callable[[Campaign, Analysis], Mapping[str, bytes]]
-"""What is written of an analysis, path -> bytes; `result.json` among it.  A function that can be pickled."""
+"""What is written of an analysis, path -> bytes; `result.json` among it.  A function that can
+be pickled.
+"""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws wanted.  kind : a name for what is written.
+    """seed : of every run, as of `estim fit`.  max_step : of the sampler.  ess : effective draws
+    wanted.  kind : a name for what is written.
 
     language : of the words in it; `spoken` chooses it.
     """
@@ -46,10 +60,14 @@ class _TaskRunner:
     resume: bool
 
     def __call__(self, unit: Unit) -> Row:
-        """The row of one run.  Whatever goes wrong with it is told in its row, and stops no other."""
+        """The row of one run.  Whatever goes wrong with it is told in its row, and stops no
+        other.
+        """
         with inputs_read() as inputs:
             row = self._row(unit)
-        return msgspec.structs.replace(row, inputs={plain(path): digest for path, digest in inputs.items()})
+        return msgspec.structs.replace(
+            row, inputs={plain(path): digest for path, digest in inputs.items()}
+        )
 
     def _row(self, unit: Unit) -> Row:
         began = time.process_time()
@@ -58,7 +76,10 @@ class _TaskRunner:
         except EstimError as error:
             said = str(error)
         except Exception as error:  # a fault of estim's own: the night's work goes on
-            said = phrase("this is a bug in the program, please report it: {error}", error=f"{type(error).__name__}: {error}")
+            said = phrase(
+                "this is a bug in the program, please report it: {error}",
+                error=f"{type(error).__name__}: {error}",
+            )
         forget(self.folder, unit.place)
         return failed(unit, said, time.process_time() - began)
 
@@ -71,25 +92,45 @@ class _TaskRunner:
         if self.resume and (row := kept(self.folder, unit, key, interval)) is not None:
             return row
         target = Target(max_step=self.settings.max_step, ess=self.settings.ess)
-        files = self.report(campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target))
-        row = row_of(unit, files[RESULT], key=key, seconds=time.process_time() - began, interval=interval)
+        files = self.report(
+            campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target)
+        )
+        row = row_of(
+            unit, files[RESULT], key=key, seconds=time.process_time() - began, interval=interval
+        )
         keep(self.folder, row, files)
         return row
 
 
 def run_batch(
-    units: Sequence[Unit], folder: Path, *, report: Report, settings: Settings | None = None, resume: bool = False, jobs: int = 1,
-    executor: Executor | None = None, progress: Callable[[int], None] | None = None,
+    units: Sequence[Unit],
+    folder: Path,
+    *,
+    report: Report,
+    settings: Settings | None = None,
+    resume: bool = False,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> list[Row]:
-    """A row for each unit, in their order; their files are in `folder`, which all processes must see.
+    """A row for each unit, in their order; their files are in `folder`, which all processes must
+    see.
 
-    resume : keep the results there that were made from the same campaign, data, settings and versions.
-    executor : does the work in place of `jobs` processes of this machine: any of `concurrent.futures`, `Client.get_executor()` of
-    dask.distributed, `mpi4py.futures.MPIPoolExecutor`.  The results are the same to the last bit.
+    resume : keep the results there that were made from the same campaign, data, settings and
+        versions.
+    executor : does the work in place of `jobs` processes of this machine: any of
+        `concurrent.futures`, `Client.get_executor()` of dask.distributed,
+        `mpi4py.futures.MPIPoolExecutor`.  The results are the same to the last bit.
     progress : called with the number that is done.
 
-    Raises EstimError, before anything is computed, where files that estim did not write stand where its own would go; NumericalError where
-    processes of this machine are killed twice.
+    Raises EstimError, before anything is computed, where files that estim did not write stand where
+    its own would go; NumericalError where processes of this machine are killed twice.
     """
     require_places(folder, units)
-    return run_parallel(_TaskRunner(folder, settings or Settings(), report, resume), units, jobs=jobs, executor=executor, progress=progress)
+    return run_parallel(
+        _TaskRunner(folder, settings or Settings(), report, resume),
+        units,
+        jobs=jobs,
+        executor=executor,
+        progress=progress,
+    )

@@ -20,7 +20,8 @@ _UNSAFE = re.compile(r"[^\w.+-]+", re.ASCII)
 class Unit:
     """One run.
 
-    run : "" where the campaign cannot be read, or has no runs.  place : where its result goes, below the folder of the batch.
+    run : "" where the campaign cannot be read, or has no runs.
+    place : where its result goes, below the folder of the batch.
     """
 
     campaign: Path
@@ -33,23 +34,33 @@ class Unit:
 
 
 def campaigns_in(paths: Iterable[Path]) -> list[Path]:
-    """The campaign files meant by `paths`: files as they are, and every `campaign.toml` in a folder and below.  Raises InputError."""
+    """The campaign files meant by `paths`: files as they are, and every `campaign.toml` in a folder
+    and below.  Raises InputError.
+    """
     found: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
             inside = _campaigns_below(path)
             if not inside:
-                raise InputError(f"holds no {_CAMPAIGN}, nor does a folder below; name the files", field="folder", value=str(path))
+                raise InputError(
+                    f"holds no {_CAMPAIGN}, nor does a folder below; name the files",
+                    field="folder",
+                    value=str(path),
+                )
             found |= dict.fromkeys(inside)
         elif path.exists():
             found[path] = None
         else:
-            raise InputError("cannot be found (no such file or folder)", field="campaign", value=str(path))
+            raise InputError(
+                "cannot be found (no such file or folder)", field="campaign", value=str(path)
+            )
     return list(found)
 
 
 def _campaigns_below(root: Path) -> list[Path]:
-    """Every `campaign.toml`, of whatever kind it is, and what it would be in a folder that cannot be read: whoever reads it says what is wrong."""
+    """Every `campaign.toml`, of whatever kind it is, and what it would be in a folder that cannot
+    be read: whoever reads it says what is wrong.
+    """
     unreadable: list[Path] = []
     walk = os.walk(root, onerror=lambda error: unreadable.append(Path(error.filename)))
     found = [Path(place) / _CAMPAIGN for place, _, files in walk if _CAMPAIGN in files]
@@ -57,7 +68,8 @@ def _campaigns_below(root: Path) -> list[Path]:
 
 
 def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:
-    """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read or has no runs is one unit, which will say so.
+    """The runs of all campaigns meant by `paths`, in their order.  A campaign that cannot be read
+    or has no runs is one unit, which will say so.
 
     Raises InputError where a path is no file or folder.
     """
@@ -74,7 +86,9 @@ def units_of(paths: Iterable[Path]) -> tuple[Unit, ...]:
 
 
 def _names(campaigns: Sequence[Path]) -> dict[Path, str]:
-    """A folder for each: its place below what all have in common, without what is the same in every name."""
+    """A folder for each: its place below what all have in common, without what is the same in every
+    name.
+    """
     full = {path: path.resolve() for path in campaigns}
     root = Path(os.path.commonpath([path.parent for path in full.values()]))
     names: dict[Path, str] = {}
@@ -91,7 +105,9 @@ def _names(campaigns: Sequence[Path]) -> dict[Path, str]:
 
 
 def shard_of(units: Sequence[Unit], text: str | None) -> tuple[Unit, ...]:
-    """Part I of N of the units, by `text` "I/N", every N-th of them; all of them for None.  Raises InputError."""
+    """Part I of N of the units, by `text` "I/N", every N-th of them; all of them for None.  Raises
+    InputError.
+    """
     if text is None:
         return tuple(units)
     match = _SHARD.fullmatch(text)

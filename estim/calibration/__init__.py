@@ -1,4 +1,6 @@
-"""Does the pipeline tell the truth about its uncertainty?  Simulated campaigns: ranks and coverage.  Read `calibration` first."""
+"""Does the pipeline tell the truth about its uncertainty?  Simulated campaigns: ranks and coverage.
+Read `calibration` first.
+"""
 
 from estim.calibration.calibration import (
     COVERAGE_SDS,

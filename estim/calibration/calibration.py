@@ -1,26 +1,31 @@
-"""Does the whole pipeline tell the truth about its own uncertainty?  Simulated campaigns with known truth, analysed as real ones.
+"""Does the whole pipeline tell the truth about its own uncertainty?  Simulated campaigns with known
+truth, analysed as real ones.
 
 Two questions, each with its own answer:
 
-- `simulation_based_calibration`: truths drawn from the priors.  If data, likelihood and computation belong together, the
-  rank of a truth among posterior draws is uniform and an interval of probability p holds it with probability p: exactly,
-  for any priors (Talts, Betancourt, Simpson, Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20
-  (2025) 461).  It finds mistakes.  In joint fits readings of single runs (`estim.fitting.readings`) are read anew around the
-  truth, which is what they are taken for: there ranks are uniform to first order.
-- `coverage`: one truth, the fitted values, so that it speaks of *this* experiment.  The experiment is repeated together
-  with the measurements that its normal and log-normal priors stand for: their centres are drawn anew around the truth
-  with their own standard uncertainty.  With the centre held, a parameter that the data do not determine would be covered
-  always or never.  Uniform and half-normal priors and those of outliers are no measurements and stay.  Where these say
-  little beside the data, intervals cover with their probability to first order.  Where one of them says much (`leaning`),
-  intervals that lean on it cover too often at a truth near its middle and too rarely at its edge, and are right on average
-  over it only: there covering too often is no fault.
+- `simulation_based_calibration`: truths drawn from the priors.  If data, likelihood and computation
+  belong together, the rank of a truth among posterior draws is uniform and an interval of
+  probability p holds it with probability p: exactly, for any priors (Talts, Betancourt, Simpson,
+  Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20 (2025) 461).  It finds
+  mistakes.  In joint fits readings of single runs (`estim.fitting.readings`) are read anew around
+  the truth, which is what they are taken for: there ranks are uniform to first order.
+- `coverage`: one truth, the fitted values, so that it speaks of *this* experiment.  The experiment
+  is repeated together with the measurements that its normal and log-normal priors stand for: their
+  centres are drawn anew around the truth with their own standard uncertainty.  With the centre
+  held, a parameter that the data do not determine would be covered always or never.  Uniform and
+  half-normal priors and those of outliers are no measurements and stay.  Where these say little
+  beside the data, intervals cover with their probability to first order.  Where one of them says
+  much (`leaning`), intervals that lean on it cover too often at a truth near its middle and too
+  rarely at its edge, and are right on average over it only: there covering too often is no fault.
 
-Truths that give no data (`estim.calibration.experiment`) are drawn again and counted.  An experiment of which too few rows are left is
-repeated with a new truth as well: that depends on the data alone, and ranks are uniform for any given data.
+Truths that give no data (`estim.calibration.experiment`) are drawn again and counted.  An
+experiment of which too few rows are left is repeated with a new truth as well: that depends on the
+data alone, and ranks are uniform for any given data.
 
-Each simulated campaign is analysed by the pipeline's own stages: posed with derivative and selection, fit (the search
-starts at the truth), and its posterior computed by importance sampling from the adapted proposal where k-hat is below
-0.5, by the chain otherwise.  Where no posterior comes out, that is a failure: an interval that does not hold the truth.
+Each simulated campaign is analysed by the pipeline's own stages: posed with derivative and
+selection, fit (the search starts at the truth), and its posterior computed by importance sampling
+from the adapted proposal where k-hat is below 0.5, by the chain otherwise.  Where no posterior
+comes out, that is a failure: an interval that does not hold the truth.
 """
 
 from __future__ import annotations
@@ -49,14 +54,25 @@ from estim.calibration.trial import (
     stated_only,
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
-from estim.common import Amount, Finding, Kind, Label, PieceStore, Stream, phrase, run_parallel, stream
+from estim.common import (
+    Amount,
+    Finding,
+    Kind,
+    Label,
+    PieceStore,
+    Stream,
+    phrase,
+    run_parallel,
+    stream,
+)
 from estim.fitting import Fit
 
 IntArray = NDArray[np.int64]
 TrialProgress = Callable[[int], None]
 """Called with the number of trials done."""
 
-UNIFORM_BELOW = 0.001  # chance that ranks are called uneven where none of them are, all quantities considered
+# chance that ranks are called uneven where none of them are, all quantities considered
+UNIFORM_BELOW = 0.001
 COVERAGE_SDS = 3.0
 _MOST_FAILED = 0.01  # of the trials
 _LEANING = 0.3  # posterior sd over prior sd
@@ -67,11 +83,13 @@ _PLAIN = 3.0  # Monte-Carlo standard deviations from which ranks have a directio
 class Calibration:
     """Trials of one design.
 
-    reported : name -> unit.  labels : name -> how it is shown.  truth : (n_trial, n_reported).
+    reported : name -> unit.
+    labels : name -> how it is shown.  truth : (n_trial, n_reported).
     ranks : (n_trial, n_reported) in 0 .. n_rank, -1 where the analysis failed.
     covered : (n_trial, n_reported, 2), for `probabilities`; False where the analysis failed.
     n_rejected : truths drawn again because they gave no data or too few.
-    how : engine -> trials.  n_short : trials whose engine did not meet its target (they count as they are).
+    how : engine -> trials.
+    n_short : trials whose engine did not meet its target (they count as they are).
     failures : sentence -> trials that gave no posterior.
     leaning : parameters of which a prior that is no measurement says much of what is known.
     """
@@ -122,27 +140,50 @@ class Calibration:
 
 
 def simulation_based_calibration(
-    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None,
-    progress: TrialProgress | None = None, store: PieceStore | None = None,
+    design: Experiment,
+    fit: Fit,
+    *,
+    n_trial: int,
+    seed: int,
+    jobs: int = 1,
+    engine: Engine | None = None,
+    progress: TrialProgress | None = None,
+    store: PieceStore | None = None,
 ) -> Calibration:
     """Ranks and coverage for `n_trial` truths drawn from the priors.
 
-    fit : of the real data; it tells which numbers of the report vary at all.  store : keeps each trial, its `inputs` what decides the design.
-    The same seed gives the same numbers for any `jobs`.
+    fit : of the real data; it tells which numbers of the report vary at all.
+    store : keeps each trial, its `inputs` what decides the design.  The same seed gives the same
+        numbers for any `jobs`.
 
     Raises NumericalError where hardly any draw of the priors gives data.
     """
-    return _calibrate(Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed), fit, n_trial, jobs, progress, store)
+    return _calibrate(
+        Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed),
+        fit,
+        n_trial,
+        jobs,
+        progress,
+        store,
+    )
 
 
 def coverage(
-    design: Experiment, fit: Fit, *, n_trial: int, seed: int, jobs: int = 1, engine: Engine | None = None,
-    progress: TrialProgress | None = None, store: PieceStore | None = None,
+    design: Experiment,
+    fit: Fit,
+    *,
+    n_trial: int,
+    seed: int,
+    jobs: int = 1,
+    engine: Engine | None = None,
+    progress: TrialProgress | None = None,
+    store: PieceStore | None = None,
 ) -> Calibration:
     """Coverage for `n_trial` repetitions of the experiment at the fitted values.
 
-    The truth is the posterior mode; a parameter whose mode lies at a bound of its prior has its posterior median instead,
-    since no interval between quantiles can hold a bound.  Otherwise as `simulation_based_calibration`.
+    The truth is the posterior mode; a parameter whose mode lies at a bound of its prior has its
+    posterior median instead, since no interval between quantiles can hold a bound.  Otherwise as
+    `simulation_based_calibration`.
     """
     chosen = engine or Engine()
     truth = fit.values.copy()
@@ -150,26 +191,57 @@ def coverage(
         draws, _, _ = posterior_draws(fit, chosen, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
-    return _calibrate(Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed), fit, n_trial, jobs, progress, store)
+    return _calibrate(
+        Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed),
+        fit,
+        n_trial,
+        jobs,
+        progress,
+        store,
+    )
 
 
 def _varying(fit: Fit) -> dict[str, str]:
     """Numbers of the report that change within a fraction of the posterior's width."""
     step = 1e-3 * np.sqrt(np.diag(fit.cov))
-    inward = [np.where(v + s < p.prior.high, s, -s) for v, s, p in zip(fit.values, step, fit.problem.parameters, strict=True)]
+    inward = [
+        np.where(v + s < p.prior.high, s, -s)
+        for v, s, p in zip(fit.values, step, fit.problem.parameters, strict=True)
+    ]
     return reported_names(fit.problem, np.array([fit.values, fit.values + np.array(inward)]))
 
 
-def _calibrate(plan: Plan, fit: Fit, n_trial: int, jobs: int, progress: TrialProgress | None, store: PieceStore | None) -> Calibration:
-    trial = partial(run_trial, plan) if store is None else partial(_kept_trial, plan, store.given(*plan.inputs))
+def _calibrate(
+    plan: Plan,
+    fit: Fit,
+    n_trial: int,
+    jobs: int,
+    progress: TrialProgress | None,
+    store: PieceStore | None,
+) -> Calibration:
+    trial = (
+        partial(run_trial, plan)
+        if store is None
+        else partial(_kept_trial, plan, store.given(*plan.inputs))
+    )
     trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
     return Calibration(
-        what=plan.what, runs=tuple(run.name for run in plan.design.problem.runs), reported=_varying(fit),
+        what=plan.what,
+        runs=tuple(run.name for run in plan.design.problem.runs),
+        reported=_varying(fit),
         labels=reported_labels(fit.problem, fit.values),
-        truth=np.array([t.truth for t in trials]), ranks=np.array([t.rank for t in trials]), n_rank=N_RANK,
-        covered=np.array([t.covered for t in trials]), probabilities=PROBABILITIES, n_rejected=sum(t.n_rejected for t in trials),
-        how=Counter(t.how for t in trials), n_short=sum(bool(t.shortfall) for t in trials),
-        failures=Counter(t.failure for t in trials if t.failure), leaning=_leaning(fit), engine=plan.engine, seed=plan.seed,
+        truth=np.array([t.truth for t in trials]),
+        ranks=np.array([t.rank for t in trials]),
+        n_rank=N_RANK,
+        covered=np.array([t.covered for t in trials]),
+        probabilities=PROBABILITIES,
+        n_rejected=sum(t.n_rejected for t in trials),
+        how=Counter(t.how for t in trials),
+        n_short=sum(bool(t.shortfall) for t in trials),
+        failures=Counter(t.failure for t in trials if t.failure),
+        leaning=_leaning(fit),
+        engine=plan.engine,
+        seed=plan.seed,
     )
 
 
@@ -179,15 +251,20 @@ def _kept_trial(plan: Plan, store: PieceStore, index: int) -> Trial:
 
 def _leaning(fit: Fit) -> tuple[str, ...]:
     held, sds = stated_only(fit.problem), np.sqrt(np.diag(fit.cov))
-    return tuple(p.name for p, sd in zip(fit.problem.parameters, sds, strict=True) if p.name in held and sd > _LEANING * p.prior.sd)
+    return tuple(
+        p.name
+        for p, sd in zip(fit.problem.parameters, sds, strict=True)
+        if p.name in held and sd > _LEANING * p.prior.sd
+    )
 
 
 def findings(calibration: Calibration) -> tuple[Finding, ...]:
     """Where the calibration fails, and in which direction; empty where it does not.
 
-    Uneven ranks count for truths drawn from the priors only (p < 0.001, divided by the number of quantities): at one truth
-    they need not be uniform.  Coverage counts where it is more than 3 Monte-Carlo standard deviations off; at one truth,
-    where something leans on a prior that is no measurement, only if it is too small.
+    Uneven ranks count for truths drawn from the priors only (p < 0.001, divided by the number of
+    quantities): at one truth they need not be uniform.  Coverage counts where it is more than 3
+    Monte-Carlo standard deviations off; at one truth, where something leans on a prior that is no
+    measurement, only if it is too small.
     """
     found = []
     least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
@@ -195,21 +272,47 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
     for name in calibration.reported:
         p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0
         if p_value < least:
-            found.append(Finding(Kind.RANKS_UNEVEN, test=direction(calibration, name), p=p_value, parameters=(Amount(name),)))
-        for p, held, u in zip(calibration.probabilities, calibration.share(name), calibration.share_sd(), strict=True):
+            found.append(
+                Finding(
+                    Kind.RANKS_UNEVEN,
+                    test=direction(calibration, name),
+                    p=p_value,
+                    parameters=(Amount(name),),
+                )
+            )
+        for p, held, u in zip(
+            calibration.probabilities, calibration.share(name), calibration.share_sd(), strict=True
+        ):
             if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
                 how = direction(calibration, name) or ("narrow" if held < p else "wide")
                 numbers = {"probability": p, "errors": float(abs(held - p) / u)}
-                found.append(Finding(Kind.COVERAGE_OFF, test=how, size=float(held), numbers=numbers, parameters=(Amount(name),)))
+                found.append(
+                    Finding(
+                        Kind.COVERAGE_OFF,
+                        test=how,
+                        size=float(held),
+                        numbers=numbers,
+                        parameters=(Amount(name),),
+                    )
+                )
     if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
         worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
-        found.append(Finding(Kind.TRIALS_FAILED, size=calibration.n_failed, numbers={"trials": calibration.n_trial}, names=(worst,)))
+        found.append(
+            Finding(
+                Kind.TRIALS_FAILED,
+                size=calibration.n_failed,
+                numbers={"trials": calibration.n_trial},
+                names=(worst,),
+            )
+        )
     return tuple(found)
 
 
 def direction(calibration: Calibration, name: str) -> str:
-    """How a quantity is off, where the mean or the spread of its ranks tells: estimates "low" or "high", intervals "narrow" or "wide"; "none"
-    where there is no posterior, "" where neither tells."""
+    """How a quantity is off, where the mean or the spread of its ranks tells: estimates "low" or
+    "high", intervals "narrow" or "wide"; "none" where there is no posterior, "" where neither
+    tells.
+    """
     place = (calibration.ranks_of(name) + 0.5) / (calibration.n_rank + 1)
     if place.size == 0:
         return "none"
@@ -228,6 +331,11 @@ def coverage_sentence(calibration: Calibration, name: str) -> str:
     n = calibration.n_trial
     sd = np.sqrt(max(held * (1.0 - held), 0.25 / n) / n)
     return phrase(
-        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated true values",
-        p=p * 100, name=name, held=100 * held, sd=max(100 * sd, 0.1), n=n,
+        "the {p:.0f} % interval of {name} covered {held:.0f} ± {sd:.2g} % of {n} simulated "
+        "true values",
+        p=p * 100,
+        name=name,
+        held=100 * held,
+        sd=max(100 * sd, 0.1),
+        n=n,
     )

@@ -1,19 +1,21 @@
 """Data that an experiment could have given: for given parameter values, as the noise model says.
 
-`CampaignDesign` simulates at the level of the runs' tables, so that derivative, selection and guard zones are applied to
-the simulated rows as to the real ones.  `PointDesign` simulates at the points of a problem: of a curve of one's own, whose
-readings are fit as they are, inside the window of the real data.  What is kept of the real data is the design of the
-experiment: times, positions of independent speeds, abscissas of one's own curve, standard deviations row by row, the moment
-of release of differentiated runs.  Not simulated:
+`CampaignDesign` simulates at the level of the runs' tables, so that derivative, selection and guard
+zones are applied to the simulated rows as to the real ones.  `PointDesign` simulates at the points
+of a problem: of a curve of one's own, whose readings are fit as they are, inside the window of the
+real data.  What is kept of the real data is the design of the experiment: times, positions of
+independent speeds, abscissas of one's own curve, standard deviations row by row, the moment of
+release of differentiated runs.  Not simulated:
 
 - independent errors of speeds that are computed from positions: refused, no such data exist.
-- the scatter of differentiated speeds is added after differentiation and selection (selection looks at a speed only to
-  tell whether the body turned).
-- errors of x are normal whatever the tails of y are, and so is the distribution of the true abscissas about the readings.
+- the scatter of differentiated speeds is added after differentiation and selection (selection looks
+  at a speed only to tell whether the body turned).
+- errors of x are normal whatever the tails of y are, and so is the distribution of the true
+  abscissas about the readings.
 
-Values for which a fitted row has no place on the curve (the body does not start, or turns before a position at which its
-speed is fit) give no data: `None`.  The posterior density is zero for just these values, so that discarding them is the
-same as a prior cut to where the data are possible.
+Values for which a fitted row has no place on the curve (the body does not start, or turns before a
+position at which its speed is fit) give no data: `None`.  The posterior density is zero for just
+these values, so that discarding them is the same as a prior cut to where the data are possible.
 """
 
 from __future__ import annotations
@@ -52,8 +54,12 @@ class Experiment(Protocol):
     def problem(self) -> Problem:
         """The problem that the real data pose."""
 
-    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
-        """The problem that simulated data pose, with `parameters` as its unknowns; None where `values` (n_par,) give no data."""
+    def simulate(
+        self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator
+    ) -> Problem | None:
+        """The problem that simulated data pose, with `parameters` as its unknowns; None where
+        `values` (n_par,) give no data.
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +70,13 @@ class PointDesign:
 
     def __post_init__(self) -> None:
         if any(run.noise.made_of_positions for run in self.problem.runs):
-            raise InputError("needs the tables of the runs where speeds are differentiated", field="calibration")
+            raise InputError(
+                "needs the tables of the runs where speeds are differentiated", field="calibration"
+            )
 
-    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
+    def simulate(
+        self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator
+    ) -> Problem | None:
         named, runs = self.problem.named(values), []
         for run in self.problem.runs:
             where = run.noise.true_x(run.x, run.noise.x_gain(), named, rng)
@@ -74,7 +84,9 @@ class PointDesign:
             if not np.all(np.isfinite(curve)):
                 return None
             y = run.noise.read(curve, run.noise.reading_gain(), named, rng)
-            runs.append(replace(run, x=run.noise.read_x(where, run.noise.x_gain(), named, rng), y=y))
+            runs.append(
+                replace(run, x=run.noise.read_x(where, run.noise.x_gain(), named, rng), y=y)
+            )
         return Problem(parameters, tuple(runs))
 
 
@@ -82,8 +94,10 @@ class PointDesign:
 class CampaignDesign:
     """Runs of a campaign, fit together.
 
-    problem : of the real data.  release : run -> moment of release (s) on the clock of its data, for differentiated runs.
-    analysed : noise table with which the simulated data are analysed, in place of the campaign's: to see a wrong one fail.
+    problem : of the real data.
+    release : run -> moment of release (s) on the clock of its data, for differentiated runs.
+    analysed : noise table with which the simulated data are analysed, in place of the campaign's:
+        to see a wrong one fail.
     """
 
     campaign: Campaign
@@ -92,7 +106,9 @@ class CampaignDesign:
     release: Mapping[str, float]
     analysed: NoiseTable | None = None
 
-    def simulate(self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator) -> Problem | None:
+    def simulate(
+        self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator
+    ) -> Problem | None:
         named, tables = self.problem.named(values), {}
         for run in self.problem.runs:
             table = self._table(run, self.campaign.tables[run.name], named, rng)
@@ -100,14 +116,26 @@ class CampaignDesign:
                 return None
             tables[run.name] = table
         try:
-            posed = replace(self.campaign, tables=MappingProxyType(tables)).problem(self.names, noise=self.analysed)
-        except InputError:  # too few rows are left to fit: an experiment that would have been thrown away
+            posed = replace(self.campaign, tables=MappingProxyType(tables)).problem(
+                self.names, noise=self.analysed
+            )
+        # too few rows are left to fit: an experiment that would have been thrown away
+        except InputError:
             return None
-        # priors that were taken from the data (moment of release, zero of the positions) stay those of the real data
+        # priors that were taken from the data (moment of release, zero of the positions) stay those
+        # of the real data
         assert tuple(p.name for p in posed.parameters) == tuple(p.name for p in parameters)
-        return Problem(parameters, tuple(_scattered(run, truth, named, rng) for run, truth in zip(posed.runs, self.problem.runs, strict=True)))
+        return Problem(
+            parameters,
+            tuple(
+                _scattered(run, truth, named, rng)
+                for run, truth in zip(posed.runs, self.problem.runs, strict=True)
+            ),
+        )
 
-    def _table(self, run: Observations, table: Run, named: Values, rng: np.random.Generator) -> Run | None:
+    def _table(
+        self, run: Observations, table: Run, named: Values, rng: np.random.Generator
+    ) -> Run | None:
         columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
         if columns is None:
             return None
@@ -116,21 +144,32 @@ class CampaignDesign:
         return replace(table, columns=MappingProxyType({**table.columns, **columns}))
 
 
-def campaign_design(campaign: Campaign, names: Sequence[str], *, fitted: FloatArray, analysed: NoiseTable | None = None) -> Experiment:
-    """The design of runs of a campaign: their tables, or their points where the curve is the user's own.
+def campaign_design(
+    campaign: Campaign,
+    names: Sequence[str],
+    *,
+    fitted: FloatArray,
+    analysed: NoiseTable | None = None,
+) -> Experiment:
+    """The design of runs of a campaign: their tables, or their points where the curve is the user's
+    own.
 
-    fitted : (n_par,) the fit of the real data, at which the moment of release of differentiated runs is taken.
+    fitted : (n_par,) the fit of the real data, at which the moment of release of differentiated
+        runs is taken.
 
     Raises InputError for noise that cannot be simulated.
     """
     problem = campaign.problem(names)
     if all(run.motion is None for run in problem.runs):
         return PointDesign(problem)
-    return CampaignDesign(campaign, tuple(names), problem, release_times(campaign, problem, fitted), analysed)
+    return CampaignDesign(
+        campaign, tuple(names), problem, release_times(campaign, problem, fitted), analysed
+    )
 
 
 def release_times(campaign: Campaign, problem: Problem, fitted: FloatArray) -> Mapping[str, float]:
-    """Run -> moment of release (s) on the clock of its data at `fitted` (n_par,), for differentiated runs.
+    """Run -> moment of release (s) on the clock of its data at `fitted` (n_par,), for
+    differentiated runs.
 
     Raises InputError for noise that cannot be simulated.
     """
@@ -140,12 +179,17 @@ def release_times(campaign: Campaign, problem: Problem, fitted: FloatArray) -> M
         if run.noise.made_of_positions:
             release[run.name] = _release_time(run, problem.named(fitted))
         elif not run.positions and table.rate not in table.columns:
-            rule = "cannot be simulated: independent errors of speeds that are computed from positions (use model = 'differentiated')"
+            rule = (
+                "cannot be simulated: independent errors of speeds that are computed from "
+                "positions (use model = 'differentiated')"
+            )
             raise InputError(rule, field="model", value="independent", file=campaign.source.path)
     return MappingProxyType(release)
 
 
-def _columns(run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator) -> dict[str, FloatArray] | None:
+def _columns(
+    run: Observations, table: Run, named: Values, release: float, rng: np.random.Generator
+) -> dict[str, FloatArray] | None:
     """The columns of a table that are measured anew; None where the values give no data."""
     noise = run.noise
     if noise.made_of_positions:
@@ -160,10 +204,17 @@ def _columns(run: Observations, table: Run, named: Values, release: float, rng: 
     curve = _curve(run, true_x, named)
     if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
         return None
-    # a row that was not fit may lie where the body never comes: there it is at rest, and selection leaves it out again
+    # a row that was not fit may lie where the body never comes: there it is at rest, and selection
+    # leaves it out again
     curve = np.where(np.isfinite(curve), curve, 0.0)
-    y = noise.read(curve, table.columns.get("sigma_x_m" if run.positions else "sigma_v_m_s", same), named, rng)
-    return {table.coordinate: y} if run.positions else {table.coordinate: noise.read_x(true_x, x_gain, named, rng), table.rate: y}
+    y = noise.read(
+        curve, table.columns.get("sigma_x_m" if run.positions else "sigma_v_m_s", same), named, rng
+    )
+    return (
+        {table.coordinate: y}
+        if run.positions
+        else {table.coordinate: noise.read_x(true_x, x_gain, named, rng), table.rate: y}
+    )
 
 
 def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
@@ -172,22 +223,35 @@ def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
         return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
 
 
-def _scattered(run: Observations, truth: Observations, named: Values, rng: np.random.Generator) -> Observations:
+def _scattered(
+    run: Observations, truth: Observations, named: Values, rng: np.random.Generator
+) -> Observations:
     """Differentiated speeds with their further scatter."""
     if not truth.noise.made_of_positions:
         return run
-    return replace(run, y=run.y + np.asarray(truth.noise.size.scatter.at(named)) * rng.standard_normal(run.n_obs))
+    return replace(
+        run,
+        y=run.y + np.asarray(truth.noise.size.scatter.at(named)) * rng.standard_normal(run.n_obs),
+    )
 
 
 def follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
     """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
     if not isinstance(run.curve, Moving):
-        raise InputError("cannot be simulated: its curve does not say where the body is in time", field="run", value=run.name)
-    return np.array(np.broadcast_to(run.curve.position(since, run.bind(named)), np.atleast_2d(since).shape)).reshape(since.shape)
+        raise InputError(
+            "cannot be simulated: its curve does not say where the body is in time",
+            field="run",
+            value=run.name,
+        )
+    return np.array(
+        np.broadcast_to(run.curve.position(since, run.bind(named)), np.atleast_2d(since).shape)
+    ).reshape(since.shape)
 
 
 def _release_time(run: Observations, named: Values) -> float:
-    """The moment of release (s, clock of the data) at which the motion passes closest to the fitted positions."""
+    """The moment of release (s, clock of the data) at which the motion passes closest to the fitted
+    positions.
+    """
     from scipy.optimize import minimize_scalar
 
     assert run.t is not None
@@ -199,4 +263,11 @@ def _release_time(run: Observations, named: Values) -> float:
     span = float(t[-1] - t[0])
     moments = np.linspace(t[0] - 2.0 * span, t[0], _RELEASES)
     best, step = moments[int(np.nanargmin(misfit(moments)))], moments[1] - moments[0]
-    return float(minimize_scalar(lambda m: float(misfit(m)[0]), bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-9}).x)
+    return float(
+        minimize_scalar(
+            lambda m: float(misfit(m)[0]),
+            bounds=(best - step, best + step),
+            method="bounded",
+            options={"xatol": 1e-9},
+        ).x
+    )

@@ -1,4 +1,5 @@
-"""One simulated campaign with known truth, analysed: where does the truth lie among the posterior draws, and in which intervals?
+"""One simulated campaign with known truth, analysed: where does the truth lie among the posterior
+draws, and in which intervals?
 
 The stages are those of the pipeline, with less demanded of the sampler: `Engine` says how much.
 """
@@ -34,7 +35,8 @@ class Engine:
     """How a simulated campaign is analysed.
 
     method : "auto" (importance sampling; the chain where its weights are uneven) or "chain".
-    ess : effective sample size of either.  n_round : draws in each round of adaptation.  max_step : cap of the chain.
+    ess : effective sample size of either.
+    n_round : draws in each round of adaptation.  max_step : cap of the chain.
     """
 
     method: Literal["auto", "chain"] = "auto"
@@ -47,7 +49,8 @@ class Engine:
 class Plan:
     """What is common to all trials.
 
-    truth : (n_par,) the truth of every trial where `what` is "coverage".  reported : names of the numbers that are looked at.
+    truth : (n_par,) the truth of every trial where `what` is "coverage".
+    reported : names of the numbers that are looked at.
     """
 
     design: Experiment
@@ -67,10 +70,12 @@ class Plan:
 class Trial:
     """One simulated campaign.
 
-    truth : (n_reported,).  rank : (n_reported,) of the truth among 99 draws; -1 where there are none.
+    truth : (n_reported,).
+    rank : (n_reported,) of the truth among 99 draws; -1 where there are none.
     covered : (n_reported, 2) whether the 68 and 95 % intervals hold it.
     n_rejected : truths drawn before this one that gave no data, or too few rows.
-    how : "importance sampling", "chain" or "none".  shortfall : what the engine did not reach, or "".  failure : why there are no draws, or "".
+    how : "importance sampling", "chain" or "none".
+    shortfall : what the engine did not reach, or "".  failure : why there are no draws, or "".
     """
 
     truth: FloatArray
@@ -91,14 +96,24 @@ def run_trial(plan: Plan, index: int) -> Trial:
     try:
         draws, how, shortfall = posterior_draws(_fit(problem, values, rng), plan.engine, rng)
     except NumericalError as error:
-        return Trial(truth, np.full(n, -1), np.zeros((n, len(PROBABILITIES)), dtype=bool), n_rejected, "none", "", error.rule)
+        return Trial(
+            truth,
+            np.full(n, -1),
+            np.zeros((n, len(PROBABILITIES)), dtype=bool),
+            n_rejected,
+            "none",
+            "",
+            error.rule,
+        )
     numbers = reported(plan.design.problem, draws, plan.reported)
     rank = _rank(truth, numbers[rng.choice(numbers.shape[0], N_RANK, replace=False)], rng)
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
 
 
 def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
-    """A truth, the problem that its simulated data pose, and how many had to be drawn again.  Raises NumericalError."""
+    """A truth, the problem that its simulated data pose, and how many had to be drawn again.
+    Raises NumericalError.
+    """
     parameters = plan.design.problem.parameters
     for n_rejected in range(_MOST_TRIES):
         if plan.what == "sbc":
@@ -110,21 +125,34 @@ def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Probl
         problem = plan.design.simulate(values, stated, rng)
         if problem is not None:
             return values, problem, n_rejected
-    raise NumericalError(f"calibration cannot start: of {_MOST_TRIES} draws of the priors none gives data that could be fit (state narrower priors)")
+    raise NumericalError(
+        f"calibration cannot start: of {_MOST_TRIES} draws of the priors none gives data "
+        "that could be fit (state narrower priors)"
+    )
 
 
 def stated_only(problem: Problem) -> frozenset[str]:
-    """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of outliers."""
+    """Parameters whose priors stand for no measurement: uniform and half-normal ones, and those of
+    outliers.
+    """
     outliers = {name for run in problem.runs for name in run.noise.outlier_parameters}
     held = {p.name for p in problem.parameters if not p.prior.measured}
     return frozenset(outliers | held)
 
 
-def measured_anew(problem: Problem, truth: FloatArray, rng: np.random.Generator, names: Collection[str] | None = None) -> tuple[Parameter, ...]:
-    """The parameters with the centres of priors that stand for measurements drawn around `truth` (n_par,): of `names`, None for all of them."""
+def measured_anew(
+    problem: Problem,
+    truth: FloatArray,
+    rng: np.random.Generator,
+    names: Collection[str] | None = None,
+) -> tuple[Parameter, ...]:
+    """The parameters with the centres of priors that stand for measurements drawn around `truth`
+    (n_par,): of `names`, None for all of them.
+    """
     held = stated_only(problem) if names is None else set(problem.names).difference(names)
     return tuple(
-        p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng)) for p, value in zip(problem.parameters, truth, strict=True)
+        p if p.name in held else replace(p, prior=_around(p.prior, float(value), rng))
+        for p, value in zip(problem.parameters, truth, strict=True)
     )
 
 
@@ -133,7 +161,8 @@ def _around(prior: Prior, truth: float, rng: np.random.Generator) -> Prior:
     while True:
         try:
             return prior.measured_again(truth, float(rng.standard_normal()))
-        except InputError:  # a measurement so far beyond the limit that nothing is left of its prior
+        # a measurement so far beyond the limit that nothing is left of its prior
+        except InputError:
             continue
 
 
@@ -145,19 +174,31 @@ def _fit(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
         return fit_least_squares(problem, rng=rng)
 
 
-def posterior_draws(fit: Fit, engine: Engine, rng: np.random.Generator) -> tuple[FloatArray, str, str]:
-    """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or "").  Raises NumericalError."""
+def posterior_draws(
+    fit: Fit, engine: Engine, rng: np.random.Generator
+) -> tuple[FloatArray, str, str]:
+    """Draws (n_draw, n_par) of the posterior, which engine gave them, and what it did not reach (or
+    "").  Raises NumericalError.
+    """
     for n_round in (engine.n_round, 4 * engine.n_round):
         proposal = adapt_proposal(fit.sampled, fit.values, fit.cov, rng=rng, n_round=n_round)
         if engine.method == "chain":
             break
         n_draw, most = int(2.0 * engine.ess), int(16.0 * engine.ess)
-        certificate = certify(fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most)
+        certificate = certify(
+            fit.sampled, proposal, rng=rng, n_draw=n_draw, least_ess=engine.ess, max_draw=most
+        )
         if certificate.k_hat < _TRUSTED and certificate.ess >= engine.ess:
             return certificate.draws, "importance sampling", ""
     target = Target(rhat=1.02, ess=engine.ess, n_tau=20.0, max_step=engine.max_step, n_ensemble=2)
-    chain = sample_posterior(fit.sampled, fit.values, fit.cov, target=target, rng=rng, proposal=proposal)
-    return chain.thinned(20_000), "chain", "" if chain.convergence.met else chain.convergence.message
+    chain = sample_posterior(
+        fit.sampled, fit.values, fit.cov, target=target, rng=rng, proposal=proposal
+    )
+    return (
+        chain.thinned(20_000),
+        "chain",
+        "" if chain.convergence.met else chain.convergence.message,
+    )
 
 
 def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -167,9 +208,15 @@ def reported(problem: Problem, draws: FloatArray, names: Sequence[str]) -> Float
 
 
 def reported_names(problem: Problem, draws: FloatArray) -> dict[str, str]:
-    """Name -> unit of every number with an interval in a report: parameters, derived quantities and turning points that vary."""
+    """Name -> unit of every number with an interval in a report: parameters, derived quantities and
+    turning points that vary.
+    """
     columns = _everything(problem, draws)
-    return {name: unit for name, (column, unit, _) in columns.items() if np.all(np.isfinite(column)) and np.ptp(column) > 0.0}
+    return {
+        name: unit
+        for name, (column, unit, _) in columns.items()
+        if np.all(np.isfinite(column)) and np.ptp(column) > 0.0
+    }
 
 
 def reported_labels(problem: Problem, values: FloatArray) -> dict[str, Label]:
@@ -182,22 +229,40 @@ def _everything(problem: Problem, draws: FloatArray) -> dict[str, tuple[FloatArr
     columns = {p.name: (draws[:, i], p.unit, p.label) for i, p in enumerate(problem.parameters)}
     for run in problem.runs:
         arguments, level = run.bind(problem.named(draws)), f"[{run.name}]"
-        derived = [(name, d.values, d.unit, d.notation) for name, d in run.derived(arguments).items()]
-        ends = [] if run.motion is None else [("turning_point", run.end(arguments), run.x_unit, run.motion.end_notation)]
+        derived = [
+            (name, d.values, d.unit, d.notation) for name, d in run.derived(arguments).items()
+        ]
+        ends = (
+            []
+            if run.motion is None
+            else [("turning_point", run.end(arguments), run.x_unit, run.motion.end_notation)]
+        )
         for name, column, unit, notation in (*ends, *derived):
-            columns[name + level] = (np.broadcast_to(column, (draws.shape[0], 1))[:, 0], unit, notation.label(unit, level))
+            columns[name + level] = (
+                np.broadcast_to(column, (draws.shape[0], 1))[:, 0],
+                unit,
+                notation.label(unit, level),
+            )
     return columns
 
 
 def _rank(truth: FloatArray, draws: FloatArray, rng: np.random.Generator) -> IntArray:
-    """(n,) how many of draws (n_rank, n) lie below truth (n,); equal ones (a motion that never stops) count or not, evenly at random."""
-    return np.asarray(np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1))
+    """(n,) how many of draws (n_rank, n) lie below truth (n,); equal ones (a motion that never
+    stops) count or not, evenly at random.
+    """
+    return np.asarray(
+        np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1)
+    )
 
 
 def _covered(truth: FloatArray, draws: FloatArray) -> NDArray[np.bool_]:
-    """(n, 2) whether truth (n,) lies between the quantiles of draws (n_draw, n) that a report quotes."""
+    """(n, 2) whether truth (n,) lies between the quantiles of draws (n_draw, n) that a report
+    quotes.
+    """
     held = []
     for p in PROBABILITIES:
-        ends = np.sort(draws, axis=0)[np.rint(np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p]) * (draws.shape[0] - 1)).astype(int)]
+        ends = np.sort(draws, axis=0)[
+            np.rint(np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p]) * (draws.shape[0] - 1)).astype(int)
+        ]
         held.append((ends[0] <= truth) & (truth <= ends[1]))
     return np.transpose(held)

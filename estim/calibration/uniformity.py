@@ -1,13 +1,14 @@
 """Are ranks uniform?  Simultaneous bands for their distribution function, and a p-value.
 
-Ranks 0 .. n_rank of a true value among n_rank posterior draws are uniform where the posterior tells the truth.  The
-counts of ranks below each of the n_rank inner edges are then binomial, and correlated.  The statistic is the smallest of
-their two-sided binomial tail probabilities,
+Ranks 0 .. n_rank of a true value among n_rank posterior draws are uniform where the posterior tells
+the truth.  The counts of ranks below each of the n_rank inner edges are then binomial, and
+correlated.  The statistic is the smallest of their two-sided binomial tail probabilities,
 
     s = min_i 2 min(P(K_i <= k_i), P(K_i >= k_i)),    K_i ~ Binomial(n, i/(n_rank + 1))
 
-and its distribution comes from simulated uniform ranks, ties and discreteness included (Saeilynoja, Buerkner & Vehtari,
-Statistics and Computing 32 (2022) 32, section 2.2).  A band holds all counts whose tail probability is not below the quantile of s.
+and its distribution comes from simulated uniform ranks, ties and discreteness included (Saeilynoja,
+Buerkner & Vehtari, Statistics and Computing 32 (2022) 32, section 2.2).  A band holds all counts
+whose tail probability is not below the quantile of s.
 """
 
 from __future__ import annotations
@@ -43,7 +44,13 @@ def _tails(n: int, n_rank: int) -> FloatArray:
 
     k = np.arange(n + 1)[:, None]
     z = edges(n_rank)
-    chance = np.exp(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1) + k * np.log(z) + (n - k) * np.log1p(-z))
+    chance = np.exp(
+        gammaln(n + 1)
+        - gammaln(k + 1)
+        - gammaln(n - k + 1)
+        + k * np.log(z)
+        + (n - k) * np.log1p(-z)
+    )
     # each tail summed from its end: no digits are lost
     return 2.0 * np.minimum(np.cumsum(chance, axis=0), np.cumsum(chance[::-1], axis=0)[::-1])
 
@@ -55,20 +62,32 @@ def _null(n: int, n_rank: int) -> FloatArray:
     table, columns = _tails(n, n_rank), np.arange(n_rank)
     found = []
     for _ in range(_N_NULL // _CHUNK):
-        counts = np.cumsum(rng.multinomial(n, np.full(n_rank + 1, 1.0 / (n_rank + 1)), size=_CHUNK), axis=1)[:, :-1]
+        counts = np.cumsum(
+            rng.multinomial(n, np.full(n_rank + 1, 1.0 / (n_rank + 1)), size=_CHUNK), axis=1
+        )[:, :-1]
         found.append(np.min(table[counts, columns], axis=1))
     return np.sort(np.concatenate(found))
 
 
 def uniformity_p_value(ranks: IntArray, n_rank: int) -> float:
-    """Probability that uniform ranks look as uneven as `ranks` (n,), or more; LEAST_P = 1/40001 at the least."""
-    statistic = float(np.min(_tails(ranks.size, n_rank)[rank_counts(ranks, n_rank), np.arange(n_rank)]))
+    """Probability that uniform ranks look as uneven as `ranks` (n,), or more; LEAST_P = 1/40001 at
+    the least.
+    """
+    statistic = float(
+        np.min(_tails(ranks.size, n_rank)[rank_counts(ranks, n_rank), np.arange(n_rank)])
+    )
     null = _null(ranks.size, n_rank)
-    return float((1 + np.searchsorted(null, statistic * (1.0 + 1e-12), side="right")) / (null.size + 1))
+    return float(
+        (1 + np.searchsorted(null, statistic * (1.0 + 1e-12), side="right")) / (null.size + 1)
+    )
 
 
-def uniformity_band(n: int, n_rank: int, probability: float = 0.95) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper end (n_rank,) of the share of n uniform ranks below each edge; all of it inside with `probability` or more."""
+def uniformity_band(
+    n: int, n_rank: int, probability: float = 0.95
+) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper end (n_rank,) of the share of n uniform ranks below each edge; all of it
+    inside with `probability` or more.
+    """
     limit = float(np.quantile(_null(n, n_rank), 1.0 - probability, method="lower"))
     inside = _tails(n, n_rank) >= limit
     low = np.argmax(inside, axis=0)

@@ -1,4 +1,6 @@
-"""A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies` first, `levels` for what runs share."""
+"""A campaign file bound to curves: levels, windows, noise, designs, variations.  Read `bodies`
+first, `levels` for what runs share.
+"""
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
 from estim.campaign.campaign import Campaign, load_campaign
@@ -6,7 +8,25 @@ from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
-from estim.campaign.others import Candidate, CurveModel, TableChoices, campaign_of_table, columns_of, drafted_campaign, pairs, way_back
+from estim.campaign.others import (
+    Candidate,
+    CurveModel,
+    TableChoices,
+    campaign_of_table,
+    columns_of,
+    drafted_campaign,
+    pairs,
+    way_back,
+)
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.variation import NewRun, axis_columns, otherwise, planned_quantities, quantity_of_key, with_own_gamma, with_runs, with_tables
+from estim.campaign.variation import (
+    NewRun,
+    axis_columns,
+    otherwise,
+    planned_quantities,
+    quantity_of_key,
+    with_own_gamma,
+    with_runs,
+    with_tables,
+)

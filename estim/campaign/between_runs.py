@@ -1,7 +1,8 @@
 """Quantities that vary between runs: `between_runs = {phi_deg = 0.2}` under [shared] or a body.
 
-The value of each run is that of the quantity plus a normal deviation whose standard deviation is inferred: half-normal beforehand, of the scale that
-is said.  The quantity itself is then the mean of the runs.  Sampled as mean, spread and one standard normal shift a run.
+The value of each run is that of the quantity plus a normal deviation whose standard deviation is
+inferred: half-normal beforehand, of the scale that is said.  The quantity itself is then the mean
+of the runs.  Sampled as mean, spread and one standard normal shift a run.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ KEY = "between_runs"
 
 @dataclass(frozen=True)
 class Spread:
-    """How a quantity varies.  name : of the parameter of its standard deviation.  scale : of its half-normal prior, SI."""
+    """How a quantity varies.  name : of the parameter of its standard deviation.  scale : of its
+    half-normal prior, SI.
+    """
 
     quantity: str
     kind: Kind
@@ -33,10 +36,11 @@ class Spread:
 
 
 def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
-    """Quantity -> how it varies, by the most particular level that says so; not those that the run states for itself.
+    """Quantity -> how it varies, by the most particular level that says so; not those that the run
+    states for itself.
 
-    Raises InputError at the key's line for what is no quantity, is no scale, stands at a run, or has nothing to vary: fewer than two of several
-    runs take the quantity from there.
+    Raises InputError at the key's line for what is no quantity, is no scale, stands at a run, or
+    has nothing to vary: fewer than two of several runs take the quantity from there.
     """
     of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
     found: dict[str, Spread] = {}
@@ -44,36 +48,67 @@ def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
         for key, scale in (getattr(level.table, KEY) or {}).items():
             path = (*level.path, KEY, key)
             if level.path[0] == "runs":
-                raise levels.error("belongs under [shared] or a body, whose runs it is about", (*level.path, KEY))
+                raise levels.error(
+                    "belongs under [shared] or a body, whose runs it is about", (*level.path, KEY)
+                )
             if key not in of_key:
                 raise levels.error(f"must name a quantity ({', '.join(sorted(of_key))})", path)
             quantity, kind = of_key[key]
             if not (math.isfinite(scale) and scale > 0.0):
-                raise levels.error("is the scale of a standard deviation: it must be > 0", path, value=scale)
-            runs = [run for run in levels.source.runs if level.path[0] == "shared" or run.body == level.path[1]]
+                raise levels.error(
+                    "is the scale of a standard deviation: it must be > 0", path, value=scale
+                )
+            runs = [
+                run
+                for run in levels.source.runs
+                if level.path[0] == "shared" or run.body == level.path[1]
+            ]
             taking = sum(not _said_by(run, kind) for run in runs)
             if taking < 2 <= len(runs):
-                raise levels.error(f"has nothing to vary: {taking} of {len(runs)} runs take it from here, the others state their own", path)
-            found.setdefault(quantity, Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]))
-    return {quantity: spread for quantity, spread in found.items() if not _said_by(levels.run, spread.kind)}
+                raise levels.error(
+                    f"has nothing to vary: {taking} of {len(runs)} runs take it from here, "
+                    "the others state their own",
+                    path,
+                )
+            found.setdefault(
+                quantity,
+                Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]),
+            )
+    return {
+        quantity: spread
+        for quantity, spread in found.items()
+        if not _said_by(levels.run, spread.kind)
+    }
 
 
-def varied(runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spread]]) -> tuple[tuple[Parameter, ...], tuple[Observations, ...]]:
-    """The runs with values of their own where several of them share a spread, and the unknowns that these need.
+def varied(
+    runs: Sequence[Observations], spreads: Mapping[str, Mapping[str, Spread]]
+) -> tuple[tuple[Parameter, ...], tuple[Observations, ...]]:
+    """The runs with values of their own where several of them share a spread, and the unknowns that
+    these need.
 
-    spreads : run -> quantity -> how it varies.  A run that is fit alone has one value, and nothing that it could vary about.
+    spreads : run -> quantity -> how it varies.  A run that is fit alone has one value, and nothing
+        that it could vary about.
     """
     names = [spread.name for run in runs for spread in spreads[run.name].values()]
     unknowns: dict[str, Parameter] = {}
     found = []
     for run in runs:
-        own = {quantity: spread for quantity, spread in spreads[run.name].items() if names.count(spread.name) > 1}
+        own = {
+            quantity: spread
+            for quantity, spread in spreads[run.name].items()
+            if names.count(spread.name) > 1
+        }
         for spread in own.values():
             unknowns.setdefault(spread.name, _of_spread(spread))
         for quantity, spread in own.items():
             shift = f"{quantity}_shift[{run.name}]"
             notation = Notation(f"z({spread.kind.notation.symbol})")
-            meaning = phrase("{meaning}: deviation of this run from the mean, in standard deviations between runs", meaning=spread.kind.meaning)
+            meaning = phrase(
+                "{meaning}: deviation of this run from the mean, in standard deviations "
+                "between runs",
+                meaning=spread.kind.meaning,
+            )
             unknowns[shift] = Parameter(shift, "1", Normal(0.0, 1.0), meaning, notation)
         found.append(_varying(run, own) if own else run)
     return tuple(unknowns.values()), tuple(found)
@@ -83,7 +118,9 @@ def _of_spread(spread: Spread) -> Parameter:
     kind = spread.kind
     notation = Notation(f"s({kind.notation.symbol})", kind.notation.unit, kind.notation.factor)
     meaning = phrase("{meaning}: standard deviation between runs", meaning=kind.meaning)
-    return Parameter(spread.name, kind.unit, HalfNormal(spread.scale), meaning, notation, between=True)
+    return Parameter(
+        spread.name, kind.unit, HalfNormal(spread.scale), meaning, notation, between=True
+    )
 
 
 def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
@@ -91,7 +128,9 @@ def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
     further |= {shift_of(quantity): f"{quantity}_shift[{run.name}]" for quantity in own}
     quantities = tuple(own)
     return replace(
-        run, curve=VaryingCurve(cast(SpeedCurve, run.curve), quantities), motion=VaryingMotion(run.body, quantities),
+        run,
+        curve=VaryingCurve(cast(SpeedCurve, run.curve), quantities),
+        motion=VaryingMotion(run.body, quantities),
         arguments=MappingProxyType({**run.arguments, **further}),
     )
 

@@ -1,4 +1,5 @@
-"""What a campaign file says of the quantities of a run or a body: where each is found, its prior or exact value, whether it can be.
+"""What a campaign file says of the quantities of a run or a body: where each is found, its prior or
+exact value, whether it can be.
 
 A quantity that stands nowhere may follow from the masses, or from the parts (`parts`), of the body.
 """
@@ -14,7 +15,16 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
 from estim.campaign.levels import Level, body_levels, read_key
-from estim.campaign.parts import OF_PARTS, OUTPUTS, PartedBody, not_independent, of_one_disk, parted_body, spread_apart, weighed
+from estim.campaign.parts import (
+    OF_PARTS,
+    OUTPUTS,
+    PartedBody,
+    not_independent,
+    of_one_disk,
+    parted_body,
+    spread_apart,
+    weighed,
+)
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import DefaultError, Prior, as_prior
@@ -29,7 +39,9 @@ _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """A quantity of one run: a prior (then `name` is its parameter) or an exact value in SI units."""
+    """A quantity of one run: a prior (then `name` is its parameter) or an exact value in SI
+    units.
+    """
 
     name: str
     source: float | Prior
@@ -37,9 +49,15 @@ class Bound:
 
 
 def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
-    """gamma as stated for a body, from its masses or directly; None where it is not, or only guessed (no normal prior)."""
+    """gamma as stated for a body, from its masses or directly; None where it is not, or only
+    guessed (no normal prior).
+    """
     tables = body_levels(source, body)
-    if not any(getattr(level.table, key) is not None for level in tables for key in ("gamma", "mass_particle_kg", "parts")):
+    if not any(
+        getattr(level.table, key) is not None
+        for level in tables
+        for key in ("gamma", "mass_particle_kg", "parts")
+    ):
         return None
     stated = _bind(source, tables, "gamma", f"body '{body}'").source
     if isinstance(stated, float):
@@ -52,7 +70,11 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
     tables = [level.table for level in body_levels(source, body) if level.table.gamma is None]
     if any(table.mass_particle_kg is not None for table in tables):
         return phrase("from the masses")
-    return phrase("from the parts") if any(table.parts is not None for table in tables) else phrase("as stated")
+    return (
+        phrase("from the parts")
+        if any(table.parts is not None for table in tables)
+        else phrase("as stated")
+    )
 
 
 def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
@@ -61,15 +83,22 @@ def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
 
 
 def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | None:
-    """The coefficient of static friction, None where it is not said: no parameter, for no curve depends on it while the body rolls."""
+    """The coefficient of static friction, None where it is not said: no parameter, for no curve
+    depends on it while the body rolls.
+    """
     for level in levels:
         if level.table.friction is not None:
-            return _checked(source, read_key(source, level, "friction"), GRIP, (*level.path, "friction"))
+            return _checked(
+                source, read_key(source, level, "friction"), GRIP, (*level.path, "friction")
+            )
     return None
 
 
-def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are said and not 0, or usual.
+def bind_quantities(
+    source: CampaignFile, levels: Iterable[Level], *, where: str
+) -> dict[str, Bound]:
+    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are
+    said and not 0, or usual.
 
     where : what they are of, in messages.
 
@@ -79,7 +108,10 @@ def bind_quantities(source: CampaignFile, levels: Iterable[Level], *, where: str
     bound = {name: _bind(source, tables, name, where) for name in QUANTITIES}
     effects = {name: _bind(source, tables, name, where) for name in EFFECTS}
     bound |= {name: b for name, b in effects.items() if b.source != 0.0}
-    centre = {name: b.source if isinstance(b.source, float) else b.source.centre for name, b in bound.items()}
+    centre = {
+        name: b.source if isinstance(b.source, float) else b.source.centre
+        for name, b in bound.items()
+    }
     others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
     if others > 1.0:
         home = next((level for level in tables if level.table.gamma is not None), tables[0])
@@ -98,37 +130,56 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
         if said:
             value = read_key(source, level, said[0], factor=kind.keys[said[0]])
             if name == "gamma" and masses:
-                _check_masses(source, levels, value, (*level.path, "gamma"), _bind(source, levels, "rho", where).source)
+                _check_masses(
+                    source,
+                    levels,
+                    value,
+                    (*level.path, "gamma"),
+                    _bind(source, levels, "rho", where).source,
+                )
             return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, said[0])))
         if level.table.parts is not None:
             if masses:
                 raise source.places.error("must not stand beside 'parts'", (*level.path, masses[0]))
             if name in OF_PARTS:
-                value, suffix = _from_parts(source, levels, level)[0].get(name, Quantity(0.0)), _suffix(source, level, name)
+                value = _from_parts(source, levels, level)[0].get(name, Quantity(0.0))
+                suffix = _suffix(source, level, name)
                 return Bound(name + suffix, _checked(source, value, kind, (*level.path, "parts")))
         if masses and name in ("gamma", "trailing_fraction"):
             value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
-            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, masses[0])))
+            return Bound(
+                name + level.suffix, _checked(source, value, kind, (*level.path, masses[0]))
+            )
     if kind.usual > 0.0:
         return Bound(name, DefaultError(0.0, kind.usual, -kind.high, kind.high), usual=True)
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"
-    raise source.places.error(rule + (" (or give the masses)" if name == "gamma" else ""), levels[0].path, field=next(iter(kind.keys)))
+    raise source.places.error(
+        rule + (" (or give the masses)" if name == "gamma" else ""),
+        levels[0].path,
+        field=next(iter(kind.keys)),
+    )
 
 
 def parted_bodies(source: CampaignFile) -> tuple[PartedBody, ...]:
-    """The bodies of a file that list their parts, in its order.  Raises InputError with its line."""
+    """The bodies of a file that list their parts, in its order.  Raises InputError with its
+    line.
+    """
     found = []
     for name in source.bodies:
         tables = body_levels(source, name)
         home = next((level for level in tables if level.table.parts is not None), None)
         if home is not None:
-            found.append(parted_body(source, home.table, home.path, _radius(source, tables), name=name))
+            found.append(
+                parted_body(source, home.table, home.path, _radius(source, tables), name=name)
+            )
     return tuple(found)
 
 
-def _from_parts(source: CampaignFile, levels: tuple[Level, ...], level: Level) -> tuple[Mapping[str, Quantity], FloatArray]:
+def _from_parts(
+    source: CampaignFile, levels: tuple[Level, ...], level: Level
+) -> tuple[Mapping[str, Quantity], FloatArray]:
     """What the parts at `level` give, and its correlations."""
     return weighed(source, level.path, _radius(source, levels))
 
@@ -136,16 +187,26 @@ def _from_parts(source: CampaignFile, levels: tuple[Level, ...], level: Level) -
 def _radius(source: CampaignFile, levels: tuple[Level, ...]) -> Input:
     """The rolling radius, which is also that of parts that state none."""
     radius = _bind(source, levels, "radius", "the body of these parts")
-    value, u = (radius.source, 0.0) if isinstance(radius.source, float) else (radius.source.expectation, radius.source.sd)
+    value, u = (
+        (radius.source, 0.0)
+        if isinstance(radius.source, float)
+        else (radius.source.expectation, radius.source.sd)
+    )
     return Input("radius_m" + radius.name.removeprefix("radius"), value, u, unit="m")
 
 
 def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
-    """What a fit leaves out of what the parts say: the correlation of the quantities that it takes from them; None where it takes none or one."""
+    """What a fit leaves out of what the parts say: the correlation of the quantities that it takes
+    from them; None where it takes none or one.
+    """
     tables, home = tuple(levels), None
     taken: list[str] = []
     for name in OF_PARTS:
-        said = [level for level in tables if level.table.parts is not None or getattr(level.table, name) is not None]
+        said = [
+            level
+            for level in tables
+            if level.table.parts is not None or getattr(level.table, name) is not None
+        ]
         if said and getattr(said[0].table, name) is None:
             taken, home = [*taken, name], said[0]
     found, correlation = ({}, None) if home is None else _from_parts(source, tables, home)
@@ -155,35 +216,55 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
     inertia = found["inertia_ratio"]
     return phrase(
-        "{first} and {second} are computed from the parts of the body; their correlation, r = {r}, is neglected here, and so is what "
-        "they share with other bodies (estim body shows it): j is {by_parts} from the parts, {apart} from these values taken as "
+        "{first} and {second} are computed from the parts of the body; their correlation, "
+        "r = {r}, is neglected here, and so is what "
+        "they share with other bodies (estim body shows it): j is {by_parts} from the "
+        "parts, {apart} from these values taken as "
         "independent",
-        first=first, second=second, r=signed(f"{pair[2]:.2f}"), by_parts=format_quantity(inertia.value, inertia.u),
+        first=first,
+        second=second,
+        r=signed(f"{pair[2]:.2f}"),
+        by_parts=format_quantity(inertia.value, inertia.u),
         apart=format_quantity(inertia.value, spread_apart(found)),
     )
 
 
 def _suffix(source: CampaignFile, level: Level, name: str) -> str:
     """Bodies on one disk have one kappa."""
-    alike = of_one_disk(source, str(level.path[1])) if name == "kappa" and level.path[0] == "bodies" else ()
+    alike = (
+        of_one_disk(source, str(level.path[1]))
+        if name == "kappa" and level.path[0] == "bodies"
+        else ()
+    )
     return f"[{'+'.join(alike)}]" if len(alike) > 1 else level.suffix
 
 
-def _checked(source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tuple[str | int, ...]) -> float | Prior:
+def _checked(
+    source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tuple[str | int, ...]
+) -> float | Prior:
     """A number or a prior that respects the quantity's physical limit."""
     centre = value.value if isinstance(value, Quantity) else value.centre
     if centre < kind.low or (centre == 0.0 and not kind.zero):
-        raise source.places.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
+        raise source.places.error(
+            f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre
+        )
     if abs(centre) > kind.high and kind.too_large:
         raise source.places.error(kind.too_large, path, value=centre)
     if abs(centre) > kind.high:
-        rule = f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad (degrees go with the key {next(iter(kind.keys))})"
+        rule = (
+            f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad "
+            f"(degrees go with the key {next(iter(kind.keys))})"
+        )
         raise source.places.error(rule, path, value=f"{centre:.4g} rad")
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
     value = value.cut_below(kind.low)
     if value.low < kind.low:
-        raise source.places.error(f"must have a prior that does not reach below {kind.low:g}", path, value=value.describe())
+        raise source.places.error(
+            f"must have a prior that does not reach below {kind.low:g}",
+            path,
+            value=value.describe(),
+        )
     return value
 
 
@@ -198,14 +279,24 @@ def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
         raise source.places.error("is missing: the other masses are given", (*home.path, key))
     mass = read_key(source, level, key)
     if not isinstance(mass, Quantity):
-        raise source.places.error("must be a number or a measured value, not a prior", (*level.path, key))
+        raise source.places.error(
+            "must be a number or a measured value, not a prior", (*level.path, key)
+        )
     if mass.value < 0.0 or (mass.value == 0.0 and key == "mass_disk_kg"):
-        raise source.places.error("must be > 0" if key == "mass_disk_kg" else "must be >= 0", (*level.path, key), value=mass.value)
+        raise source.places.error(
+            "must be > 0" if key == "mass_disk_kg" else "must be >= 0",
+            (*level.path, key),
+            value=mass.value,
+        )
     return mass
 
 
-def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: float | Prior) -> Quantity:
-    """gamma or the trailing fraction with the uncertainty that follows from the masses (linear propagation)."""
+def _from_masses(
+    source: CampaignFile, levels: Iterable[Level], name: str, rho: float | Prior
+) -> Quantity:
+    """gamma or the trailing fraction with the uncertainty that follows from the masses (linear
+    propagation).
+    """
     from uncertainties import ufloat
 
     tables = tuple(levels)
@@ -213,19 +304,39 @@ def _from_masses(source: CampaignFile, levels: Iterable[Level], name: str, rho: 
     disk, particle, trailing = (m.value if m.exact else ufloat(m.value, m.u) for m in read)
     distance = rho if isinstance(rho, float) else ufloat(rho.expectation, rho.sd)
     try:
-        ratio = getattr(Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing), name)
-        return Quantity(ratio) if isinstance(ratio, float) else Quantity(ratio.nominal_value, ratio.std_dev)
+        ratio = getattr(
+            Body.from_masses(1.0, disk, particle, kappa=0.5, rho=distance, mass_trailing=trailing),
+            name,
+        )
+        return (
+            Quantity(ratio)
+            if isinstance(ratio, float)
+            else Quantity(ratio.nominal_value, ratio.std_dev)
+        )
     except (OverflowError, ZeroDivisionError):
         home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error("is too far from the other masses to take a ratio", (*home.path, _MASSES[0])) from None
+        raise source.places.error(
+            "is too far from the other masses to take a ratio", (*home.path, _MASSES[0])
+        ) from None
 
 
-def _check_masses(source: CampaignFile, levels: tuple[Level, ...], gamma: Quantity | Prior, path: tuple[str | int, ...], rho: float | Prior) -> None:
-    """Masses beside a stated gamma give the total mass only; raises InputError where they give another gamma."""
+def _check_masses(
+    source: CampaignFile,
+    levels: tuple[Level, ...],
+    gamma: Quantity | Prior,
+    path: tuple[str | int, ...],
+    rho: float | Prior,
+) -> None:
+    """Masses beside a stated gamma give the total mass only; raises InputError where they give
+    another gamma.
+    """
     weighed = _from_masses(source, levels, "gamma", rho)
     centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
     if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
-        rule = f"contradicts the stated masses, which give {format_quantity(weighed.value, weighed.u)}: state only one of the two"
+        rule = (
+            "contradicts the stated masses, which give "
+            f"{format_quantity(weighed.value, weighed.u)}: state only one of the two"
+        )
         raise source.places.error(rule, path, value=centre)
 
 

@@ -1,7 +1,8 @@
 """The rolling body as the study of a campaign: its quantities, and the problems that its runs pose.
 
-A quantity is looked up at the run, then at its body, then under [shared]; where it is found decides what is one unknown:
-"phi[heavy-04]" belongs to one run, "gamma[heavy]" to one body's runs, a bare "rolling_resistance" to all.
+A quantity is looked up at the run, then at its body, then under [shared]; where it is found decides
+what is one unknown: "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one body's runs, a bare
+"rolling_resistance" to all.
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
 from estim.campaign.expected_information import expected_information_of
-from estim.campaign.forced import KEY, Circumstances, Stance, fit_with_forces, force_scale, possible_force, refuse_force
+from estim.campaign.forced import (
+    KEY,
+    Circumstances,
+    Stance,
+    fit_with_forces,
+    force_scale,
+    possible_force,
+    refuse_force,
+)
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
@@ -32,7 +41,15 @@ from estim.campaign.shared_force import tied_points
 from estim.campaign.unit_slips import unit_slips
 from estim.campaign.without_force import fit_without_force
 from estim.common import InputError, later, phrase, split_level
-from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, MotionCurve, PhaseCurve, RollingMotion, Setting
+from estim.curves import (
+    DisturbedMotion,
+    DisturbedMotionCurve,
+    DisturbedPhaseCurve,
+    MotionCurve,
+    PhaseCurve,
+    RollingMotion,
+    Setting,
+)
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
 from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
@@ -55,35 +72,78 @@ class RollingStudy:
         """The columns of a rolling body are known by name."""
         return ""
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
+    def problem(
+        self,
+        names: Sequence[str],
+        tables: Mapping[str, Run],
+        *,
+        noise: NoiseTable | None = None,
+        usual: bool = False,
+    ) -> Problem:
         """The joint problem of the runs `names` with their tables.  Raises InputError.
 
-        noise : in place of the noise tables of the campaign.  usual : with the usual errors of length scale and clock where nothing is said of them.
+        noise : in place of the noise tables of the campaign.
+        usual : with the usual errors of length scale and clock where nothing is said of them.
         """
         return self._posed(names, tables, noise=noise, usual=usual)
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
-        """The runs `names` as stated, and with what known physics, or the instruments, may add to them that the campaign does not say."""
+        """The runs `names` as stated, and with what known physics, or the instruments, may add to
+        them that the campaign does not say.
+        """
         plain = self._posed(names, tables, white=True)
         found = []
         for sketch in sketches(self._surroundings(plain, tables)):
             problem = self._posed(names, tables, white=True, sketch=sketch)
             own = tuple(name for name in problem.names if name not in plain.names)
             posed = partial(self._posed, names, tables, sketch=sketch, usual=True)
-            found.append(Cause(sketch.name, sketch.words, problem, own, sketch.lines, begin=sketch.begin, posed=posed))
-        for interval, noise in blurs([self.levels(name) for name in names], [tables[name] for name in names]):
+            found.append(
+                Cause(
+                    sketch.name,
+                    sketch.words,
+                    problem,
+                    own,
+                    sketch.lines,
+                    begin=sketch.begin,
+                    posed=posed,
+                )
+            )
+        for interval, noise in blurs(
+            [self.levels(name) for name in names], [tables[name] for name in names]
+        ):
             problem = self._posed(names, tables, white=True, noise=noise)
-            found.append(replace(blur_cause(problem, interval), posed=partial(self._posed, names, tables, noise=noise, as_stated=True, usual=True)))
+            found.append(
+                replace(
+                    blur_cause(problem, interval),
+                    posed=partial(
+                        self._posed, names, tables, noise=noise, as_stated=True, usual=True
+                    ),
+                )
+            )
         for slip in unit_slips(self.source):
             try:
                 problem = RollingStudy(slip.source)._posed(names, tables, white=True)
             except InputError:
                 continue  # no such angle in radians
             own = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
-            found.append(Cause("-".join(("radians", *slip.quantities)), slip.words, problem, own, (), slip.remark, slip=True))
-        return Suspects(plain, phrase("the unmodelled force included in the fit allows for it"), tuple(found))
+            found.append(
+                Cause(
+                    "-".join(("radians", *slip.quantities)),
+                    slip.words,
+                    problem,
+                    own,
+                    (),
+                    slip.remark,
+                    slip=True,
+                )
+            )
+        return Suspects(
+            plain, phrase("the unmodelled force included in the fit allows for it"), tuple(found)
+        )
 
-    def _surroundings(self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()) -> tuple[Surroundings, ...]:
+    def _surroundings(
+        self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()
+    ) -> tuple[Surroundings, ...]:
         """What is known of the runs; without : quantities that are taken as not said."""
         known = []
         for run in plain.runs:
@@ -91,102 +151,236 @@ class RollingStudy:
             bound = bind_quantities(self.source, levels, where=f"run '{run.name}'")
             sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
             reach = float(np.max(np.abs(run.y if run.positions else run.x)))
-            known.append(Surroundings(sources, total_mass(self.source, levels), reach, tables[run.name].coordinate == "theta_rad", run.positions))
+            known.append(
+                Surroundings(
+                    sources,
+                    total_mass(self.source, levels),
+                    reach,
+                    tables[run.name].coordinate == "theta_rad",
+                    run.positions,
+                )
+            )
         return tuple(known)
 
-    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+    def curve_models(
+        self, names: Sequence[str], tables: Mapping[str, Run]
+    ) -> tuple[CurveModel, ...]:
         """The models of the body of the runs `names` that can be compared, the simplest first."""
         stated = self._posed(names, tables, compared=True)
         forced = all(run.force for run in stated.runs)
         known = self._surroundings(stated, tables, without=ADDED)
-        said = {q: source for run in self._surroundings(stated, tables) for q, source in run.sources.items() if source != 0.0}
+        said = {
+            q: source
+            for run in self._surroundings(stated, tables)
+            for q, source in run.sources.items()
+            if source != 0.0
+        }
         every = {sketch.name: sketch for sketch in sketches(known)}
         found, paper = [], frozenset[str]()
         for outline in outlines(said, every, forced=forced):
-            problem = self._posed(names, tables, white=not forced, outline=outline, sketch=outline.sketch, compared=forced, usual=True)
+            problem = self._posed(
+                names,
+                tables,
+                white=not forced,
+                outline=outline,
+                sketch=outline.sketch,
+                compared=forced,
+                usual=True,
+            )
             paper = paper or frozenset(problem.names)
             own = tuple(name for name in problem.names if name not in paper)
             lines = () if outline.sketch is None else outline.sketch.lines
-            found.append(CurveModel(outline.name, outline.words, problem, own, lines, outline.forced, forced))
+            found.append(
+                CurveModel(outline.name, outline.words, problem, own, lines, outline.forced, forced)
+            )
         return tuple(found)
 
-    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
-        """The posterior mode of a model of the body; bad : run -> frames that are shifted, in models without a force."""
+    def fit_model(
+        self,
+        model: CurveModel,
+        tables: Mapping[str, Run],
+        *,
+        bad: Mapping[str, BadFrames],
+        rng: np.random.Generator,
+    ) -> Fit:
+        """The posterior mode of a model of the body; bad : run -> frames that are shifted, in
+        models without a force.
+        """
         problem = model.problem
         if model.forced or not model.roomy:
             return self.fit(problem, tables, rng=rng)
         levels = {run.name: self.levels(run.name) for run in problem.runs}
-        return fit_without_force(self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng)
+        return fit_without_force(
+            self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng
+        )
 
     def _posed(
-        self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, white: bool = False, sketch: Sketch | None = None,
-        outline: Outline | None = None, compared: bool = False, usual: bool = False, as_stated: bool = False,
+        self,
+        names: Sequence[str],
+        tables: Mapping[str, Run],
+        *,
+        noise: NoiseTable | None = None,
+        white: bool = False,
+        sketch: Sketch | None = None,
+        outline: Outline | None = None,
+        compared: bool = False,
+        usual: bool = False,
+        as_stated: bool = False,
     ) -> Problem:
-        """white : with nothing that the curve may lack.  sketch : what is added to every run.  outline : what is left out of it.
+        """white : with nothing that the curve may lack.  sketch : what is added to every run.
+        outline : what is left out of it.
 
-        compared : with room for a force wherever there can be one.  as_stated : whether `noise` is taken as what the campaign states.
+        compared : with room for a force wherever there can be one.
+        as_stated : whether `noise` is taken as what the campaign states.
         """
         without = frozenset[str]() if outline is None else outline.without
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
         every = {name: observe(tables[name], self.levels(name), noise=noise) for name in names}
-        tied = tied_points({name: observed.y.size for name, observed in every.items()}, {name: self.levels(name) for name in names}, KEY)
+        tied = tied_points(
+            {name: observed.y.size for name, observed in every.items()},
+            {name: self.levels(name) for name in names},
+            KEY,
+        )
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
-            bound = {q: Bound(q, 0.0) if q in without else b for q, b in bound.items() if not (q in without and q in EFFECTS)}
-            observed, mass, angular = every[name], total_mass(self.source, levels), tables[name].coordinate == "theta_rad"
-            bound = {q: b for q, b in bound.items() if not b.usual or (usual and not (angular and q == "scale_x"))}  # an encoder has no length scale
+            bound = {
+                q: Bound(q, 0.0) if q in without else b
+                for q, b in bound.items()
+                if not (q in without and q in EFFECTS)
+            }
+            observed = every[name]
+            mass = total_mass(self.source, levels)
+            angular = tables[name].coordinate == "theta_rad"
+            # an encoder has no length scale
+            bound = {
+                q: b
+                for q, b in bound.items()
+                if not b.usual or (usual and not (angular and q == "scale_x"))
+            }
             sources = {q: b.source for q, b in bound.items()}
-            setting = setting_of(levels, sources, mass, positions=observed.positions, angular=angular)
+            setting = setting_of(
+                levels, sources, mass, positions=observed.positions, angular=angular
+            )
             if sketch is not None:
-                bound |= {q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior) for q, prior in sketch.priors.items()}
+                bound |= {
+                    q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior)
+                    for q, prior in sketch.priors.items()
+                }
                 setting = sketch.setting(setting, mass) if sketch.disturbs else setting
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = KINDS_OF_QUANTITIES[quantity]
-                    physics.setdefault(b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation))
+                    physics.setdefault(
+                        b.name, Parameter(b.name, kind.unit, b.source, kind.meaning, kind.notation)
+                    )
             unknowns.update({p.name: p for p in observed.parameters})
-            arguments = {q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()}
-            posed = _observations(name, observed, arguments, mass, setting, grip_of(self.source, levels), angular=angular)
-            circumstances = Circumstances(observed, joint=len(names) > 1, tied=tied[name], replaced=noise is not None and not as_stated)
-            stance = Stance(0.0) if white else (possible_force if compared else force_scale)(levels, circumstances)
+            arguments = {
+                q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()
+            }
+            posed = _observations(
+                name,
+                observed,
+                arguments,
+                mass,
+                setting,
+                grip_of(self.source, levels),
+                angular=angular,
+            )
+            circumstances = Circumstances(
+                observed,
+                joint=len(names) > 1,
+                tied=tied[name],
+                replaced=noise is not None and not as_stated,
+            )
+            stance = (
+                Stance(0.0)
+                if white
+                else (possible_force if compared else force_scale)(levels, circumstances)
+            )
             runs.append(replace(posed, force=stance.scale, complete=stance.complete))
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
         runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
-        further, every_run = varied(runs, {name: {q: one for q, one in own.items() if q not in without} for name, own in spreads.items()})
-        return Problem((*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run)
+        further, every_run = varied(
+            runs,
+            {
+                name: {q: one for q, one in own.items() if q not in without}
+                for name, own in spreads.items()
+            },
+        )
+        return Problem(
+            (*shared_first([*physics.values(), *further], every_run), *unknowns.values()), every_run
+        )
 
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""
         return Levels(self.source, [run.name for run in self.source.runs].index(name))
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
-        """The posterior mode; where there are few parameters, scans through the range of each look for further ones, unless it is `near` a place."""
+    def fit(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        *,
+        rng: np.random.Generator,
+        near: FloatArray | None = None,
+    ) -> Fit:
+        """The posterior mode; where there are few parameters, scans through the range of each look
+        for further ones, unless it is `near` a place.
+        """
         fit = self._white_fit(problem, rng=rng) if near is None else refit(problem, near)
         if not any(run.force for run in problem.runs):
             return fit
-        return fit_with_forces(fit, tables, {run.name: self.levels(run.name) for run in problem.runs}, rng=rng, scanned=near is None)
+        return fit_with_forces(
+            fit,
+            tables,
+            {run.name: self.levels(run.name) for run in problem.runs},
+            rng=rng,
+            scanned=near is None,
+        )
 
     def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
         """The mode with the stated noise alone."""
-        fit = fit_least_squares(problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS)
-        if fit.singular:  # where the body does not move nothing is determined: few starts lead away from there
+        fit = fit_least_squares(
+            problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS
+        )
+        # where the body does not move nothing is determined: few starts lead away from there
+        if fit.singular:
             further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
             fit = further if further.chi2 < fit.chi2 else fit
         return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
-        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises InputError where that cannot be linearised."""
-        return expected_information_of(problem, tables, {run.name: self.levels(run.name) for run in problem.runs}, values, sizes)
+
+    def expected_information(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        values: FloatArray,
+        sizes: Mapping[str, ForceSize],
+    ) -> FloatArray:
+        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises
+        InputError where that cannot be linearised.
+        """
+        return expected_information_of(
+            problem,
+            tables,
+            {run.name: self.levels(run.name) for run in problem.runs},
+            values,
+            sizes,
+        )
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
         observed = self.problem([name], tables).runs[0]
         bound = bind_quantities(self.source, self.levels(name), where=f"run '{name}'")
         sources = {quantity: b.source for quantity, b in bound.items()}
-        check_speeds(observed, sources, angular=tables[name].coordinate == "theta_rad", file=tables[name].file)
+        check_speeds(
+            observed,
+            sources,
+            angular=tables[name].coordinate == "theta_rad",
+            file=tables[name].file,
+        )
 
     def body_of(self, name: str) -> str | None:
         """The name of the body of a run."""
@@ -197,8 +391,14 @@ class RollingStudy:
         return KINDS_OF_QUANTITIES[argument].unit if argument in KINDS_OF_QUANTITIES else "1"
 
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
-        """The models of the noise that the data of a run and its noise table allow.  Raises InputError where there is only one."""
-        return noise_candidates(self.levels(name), table, lambda noise: self.problem([name], {name: table}, noise=noise).runs[0].noise)
+        """The models of the noise that the data of a run and its noise table allow.  Raises
+        InputError where there is only one.
+        """
+        return noise_candidates(
+            self.levels(name),
+            table,
+            lambda noise: self.problem([name], {name: table}, noise=noise).runs[0].noise,
+        )
 
     def place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
         """Where in the file the unknowns of a run are declared."""
@@ -208,37 +408,62 @@ class RollingStudy:
         """A rolling body is what this is about."""
 
     def require_draws(self, problem: Problem) -> None:
-        """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled force, which simulated data lack."""
+        """Every prior of a rolling body can be drawn from; raises InputError for an unmodelled
+        force, which simulated data lack.
+        """
         self.require_complete([run.name for run in problem.runs], "estim calibrate")
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where an unmodelled force was asked for, which `command` does not know."""
+        """Raises InputError where an unmodelled force was asked for, which `command` does not
+        know.
+        """
         for name in names:
             refuse_force(self.levels(name), command)
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
+        """Raises InputError where a run is not fit as speeds with normal errors, which is what
+        `command` knows.
+        """
         for name in names:
             table, path, _ = noise_level(self.levels(name))
             if table.model == "positions":
                 raise self.source.places.error(
-                    f"must not be 'positions' for {command}, which needs speeds: give it a campaign with model = \"differentiated\"", (*path, "model")
+                    f"must not be 'positions' for {command}, which needs speeds: give it a "
+                    'campaign with model = "differentiated"',
+                    (*path, "model"),
                 )
             if table.robust is not None:
-                raise self.source.places.error(f"does not go with {command}, which takes the errors as normal", (*path, "robust"), value=table.robust)
+                raise self.source.places.error(
+                    f"does not go with {command}, which takes the errors as normal",
+                    (*path, "robust"),
+                    value=table.robust,
+                )
 
 
 def _observations(
-    name: str, observed: Observed, arguments: Mapping[str, str | float], mass: float | None, setting: Setting | None, grip: Prior | float | None,
-    *, angular: bool,
+    name: str,
+    observed: Observed,
+    arguments: Mapping[str, str | float],
+    mass: float | None,
+    setting: Setting | None,
+    grip: Prior | float | None,
+    *,
+    angular: bool,
 ) -> Observations:
-    """The points of a run with the curve that explains them: positions in time, or speeds along the way.
+    """The points of a run with the curve that explains them: positions in time, or speeds along the
+    way.
 
     setting : None for the plain motion.
     """
-    position, x_unit = (later("angle turned θ − θ₀"), "rad") if angular else (later("position x"), "m")
+    position, x_unit = (
+        (later("angle turned θ − θ₀"), "rad") if angular else (later("position x"), "m")
+    )
     speed, y_unit = (later("angular rate ω"), "rad/s") if angular else (later("speed v"), "m/s")
-    axes = (later("time t"), "s", position, x_unit) if observed.positions else (position, x_unit, speed, y_unit)
+    axes = (
+        (later("time t"), "s", position, x_unit)
+        if observed.positions
+        else (position, x_unit, speed, y_unit)
+    )
     curve: Curve
     if setting is None:
         motion = RollingMotion(angular, mass, observed.positions, grip=grip)
@@ -246,11 +471,24 @@ def _observations(
     else:
         reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
         motion = DisturbedMotion(angular, mass, observed.positions, setting, reach, grip=grip)
-        curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(angular, setting)
+        curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(
+            angular, setting
+        )
     return Observations(
-        name=name, x=observed.x, y=observed.y, t=observed.t, curve=curve,
-        arguments=MappingProxyType({**arguments, **observed.arguments}), noise=observed.noise,
-        excluded=observed.excluded, excluded_points=observed.excluded_points,
-        x_name=axes[0], x_unit=axes[1], y_name=axes[2], y_unit=axes[3], motion=motion, words=motion.words(),
+        name=name,
+        x=observed.x,
+        y=observed.y,
+        t=observed.t,
+        curve=curve,
+        arguments=MappingProxyType({**arguments, **observed.arguments}),
+        noise=observed.noise,
+        excluded=observed.excluded,
+        excluded_points=observed.excluded_points,
+        x_name=axes[0],
+        x_unit=axes[1],
+        y_name=axes[2],
+        y_unit=axes[3],
+        motion=motion,
+        words=motion.words(),
         positions=observed.positions,
     )

@@ -1,6 +1,7 @@
 """The campaign file: TOML to checked tables, with the line of every key for messages.
 
-`docs/campaign.md` explains the format to its users.  Here it is only read and checked; `estim.campaign.binding` gives it meaning.
+`docs/campaign.md` explains the format to its users.  Here it is only read and checked;
+`estim.campaign.binding` gives it meaning.
 """
 
 from __future__ import annotations
@@ -31,10 +32,29 @@ from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_to
 
 Kind = Literal["synthetic", "measured", "published"]
 
-_FIELDS = frozenset({  # that messages of readers name; any other may be a word of the file
-    "header", "row", "rows", "byte", "text", "size", "number of lines", "XML", "archive", "track", "tracks", "t", "x", "y", "release", "along",
-    "unit", "frame_ms", "drop_duplicates",
-})
+_FIELDS = frozenset(
+    {  # that messages of readers name; any other may be a word of the file
+        "header",
+        "row",
+        "rows",
+        "byte",
+        "text",
+        "size",
+        "number of lines",
+        "XML",
+        "archive",
+        "track",
+        "tracks",
+        "t",
+        "x",
+        "y",
+        "release",
+        "along",
+        "unit",
+        "frame_ms",
+        "drop_duplicates",
+    }
+)
 
 
 class NoiseTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -154,8 +174,10 @@ class OwnCurve:
 class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
-    files : run -> its file as written.  runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.  plan : what might be measured next.  derived : the raw `derived` table.
+    files : run -> its file as written.
+    runs : of rolling bodies; empty where the curve is the user's own.
+    curve : None where the runs are of rolling bodies.
+    plan : what might be measured next.  derived : the raw `derived` table.
     written : the text of a campaign that stands in no file, else "".
     """
 
@@ -183,20 +205,27 @@ class CampaignFile:
         return tuple(self.files)
 
     def file_of(self, index: int) -> Path:
-        """The file of run number `index`.  Raises InputError at its line in the campaign where there is no such file."""
+        """The file of run number `index`.  Raises InputError at its line in the campaign where
+        there is no such file.
+        """
         written = self.files[self.names[index]]
         try:
             found = (self.path.parent / written).exists()
         except OSError:  # a name too long
             found = True  # its reader says why it cannot be read
         if not found:
-            rule = "cannot be found (no such file; names are relative to the folder of the campaign file)"
+            rule = (
+                "cannot be found (no such file; names are relative to the folder of the "
+                "campaign file)"
+            )
             raise self.places.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
 
     @contextmanager
     def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
-        """While a file of the campaign is read: nothing of one outside its folder is quoted in an error, which may be no table at all."""
+        """While a file of the campaign is read: nothing of one outside its folder is quoted in an
+        error, which may be no table at all.
+        """
         try:
             yield
         except InputError as error:
@@ -205,15 +234,21 @@ class CampaignFile:
             raise
 
     def out_of_folder(self, written: str) -> str | None:
-        """A sentence that says so where the file that is written in the campaign lies outside its folder, links followed; else None."""
+        """A sentence that says so where the file that is written in the campaign lies outside its
+        folder, links followed; else None.
+        """
         path = self.path.parent / written
         if not leads_out(path, self.path.parent):
             return None
         home, end = os.path.realpath(self.path.parent), os.path.realpath(path)
         link = phrase(": a link leads to {place}", place=os.path.relpath(end, home))
-        return phrase("{file} lies outside the folder of the campaign", file=written) + link * (os.path.normpath(os.path.join(home, written)) != end)
+        return phrase("{file} lies outside the folder of the campaign", file=written) + link * (
+            os.path.normpath(os.path.join(home, written)) != end
+        )
 
-    def files_outside(self, *, runs: bool = True, line: bool = False, published: bool = False) -> tuple[str, ...]:
+    def files_outside(
+        self, *, runs: bool = True, line: bool = False, published: bool = False
+    ) -> tuple[str, ...]:
         """Such a sentence for each of these files."""
         written = list(self.files.values()) if runs else []
         written += [table.file for table in (self.line, self.trials) if line and table is not None]
@@ -237,37 +272,76 @@ def _of_text(path: Path, text: str, digest: str, measured: bool) -> CampaignFile
 
 
 def campaign_file_of(text: str, path: Path, *, said: str) -> CampaignFile:
-    """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors name it.  Raises InputError."""
+    """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors
+    name it.  Raises InputError.
+    """
     tree, _ = parse_toml(text, said)
     digest = hashlib.sha256(text.encode()).hexdigest()
     return replace(_checked_file(path, digest, tree, Places(said, {}), measured=True), written=text)
 
 
-def _checked_file(path: Path, digest: str, tree: dict[str, Any], places: Places, *, measured: bool) -> CampaignFile:
+def _checked_file(
+    path: Path, digest: str, tree: dict[str, Any], places: Places, *, measured: bool
+) -> CampaignFile:
     top = checked(tree, _TopTable, places, ())
     if top.curve is not None:
         return _with_own_curve(path, digest, places, top)
-    parts = {name: checked(table, PartTable, places, ("parts", name)) for name, table in top.parts.items()}
-    bodies = {name: checked(table, LevelTable, places, ("bodies", name)) for name, table in top.bodies.items()}
+    parts = {
+        name: checked(table, PartTable, places, ("parts", name))
+        for name, table in top.parts.items()
+    }
+    bodies = {
+        name: checked(table, LevelTable, places, ("bodies", name))
+        for name, table in top.bodies.items()
+    }
     runs = tuple(checked(table, RunTable, places, ("runs", i)) for i, table in enumerate(top.runs))
     line = None if top.line is None else checked(top.line, LineTable, places, ("line",))
     trials = None if top.trials is None else checked(top.trials, TrialsTable, places, ("trials",))
     shared = checked(top.shared, LevelTable, places, ("shared",))
     if measured and not runs and line is None and trials is None:
-        raise places.error("must hold at least one [[runs]] table, a [line] or a [trials] table", (), field="campaign")
+        raise places.error(
+            "must hold at least one [[runs]] table, a [line] or a [trials] table",
+            (),
+            field="campaign",
+        )
     check_run_names([run.name for run in runs], places)
     check_body_names(bodies, places)
     for i, run in enumerate(runs):
         if run.body not in bodies:
-            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", ("runs", i, "body"), value=run.body)
+            raise places.error(
+                f"must name one of the bodies ({', '.join(bodies) or 'none defined'})",
+                ("runs", i, "body"),
+                value=run.body,
+            )
     for key, table in (("line", line), ("trials", trials)):
         if table is not None and table.body not in bodies:
-            raise places.error(f"must name one of the bodies ({', '.join(bodies) or 'none defined'})", (key, "body"), value=table.body)
+            raise places.error(
+                f"must name one of the bodies ({', '.join(bodies) or 'none defined'})",
+                (key, "body"),
+                value=table.body,
+            )
     files = {run.name: run.file for run in runs}
-    plan = NO_PLAN if top.plan is None else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
+    plan = (
+        NO_PLAN
+        if top.plan is None
+        else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
+    )
     return CampaignFile(
-        path, digest, places, top.title, top.kind, top.published, shared, bodies, files, runs, line, parts,
-        trials=trials, plan=plan, derived=top.derived,
+        path,
+        digest,
+        places,
+        top.title,
+        top.kind,
+        top.published,
+        shared,
+        bodies,
+        files,
+        runs,
+        line,
+        parts,
+        trials=trials,
+        plan=plan,
+        derived=top.derived,
     )
 
 
@@ -281,9 +355,26 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
     plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
-    plan, curve = check_plan(plan, tuple(files), places, own_curve=True), OwnCurve(top.curve or {}, top.runs)
+    plan = check_plan(plan, tuple(files), places, own_curve=True)
+    curve = OwnCurve(top.curve or {}, top.runs)
     shared = LevelTable()
-    return CampaignFile(path, digest, places, top.title, top.kind, None, shared, {}, files, (), None, {}, curve, plan, derived=top.derived)
+    return CampaignFile(
+        path,
+        digest,
+        places,
+        top.title,
+        top.kind,
+        None,
+        shared,
+        {},
+        files,
+        (),
+        None,
+        {},
+        curve,
+        plan,
+        derived=top.derived,
+    )
 
 
 T = TypeVar("T")
@@ -300,20 +391,29 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
         full = (*path, *(int(part) if part.isdigit() else part for part in inner))
         if found := re.search(r"unknown field `(.*)`", message):
-            raise places.error(f"is not a known key here{meant(found[1], known_keys(kind, inner))}", (*full, found[1])) from None
+            raise places.error(
+                f"is not a known key here{meant(found[1], known_keys(kind, inner))}",
+                (*full, found[1]),
+            ) from None
         if found := re.search(r"missing required field `(.*)`", message):
             raise places.error("is missing", (*full, found[1])) from None
         rule = mismatch_words(message, kind, inner)
-        raise places.error(rule, full, field=None if full else "campaign", value=wrong_word(message)) from None
+        raise places.error(
+            rule, full, field=None if full else "campaign", value=wrong_word(message)
+        ) from None
 
 
 def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
-    """Whole numbers fit into 64 bits (what TOML promises to read), and no number is so large or small that its square is none."""
+    """Whole numbers fit into 64 bits (what TOML promises to read), and no number is so large or
+    small that its square is none.
+    """
     if isinstance(tree, dict | list):
         for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
             _check_numbers(value, places, (*path, key))
     elif isinstance(tree, int) and abs(tree) >= 2**63:
-        raise places.error("must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}...")
+        raise places.error(
+            "must be a number of less than 19 digits", path, value=f"{str(tree)[:12]}..."
+        )
     elif isinstance(tree, float) and extreme(tree):
         raise places.error(EXTREME, path, value=tree)
 

@@ -1,9 +1,12 @@
-"""The models of a rolling body that `estim compare-models` puts side by side, by the keys of a campaign; each a problem of the same points.
+"""The models of a rolling body that `estim compare-models` puts side by side, by the keys of a
+campaign; each a problem of the same points.
 
-    paper                 weight and inertia alone: no resistance, exactly at rest when released (arXiv 1403.7220)
-    rolling-resistance    and so on: the paper's model and one thing more, with the prior that the campaign states, else that of `estim fit --explain`
+    paper                 weight and inertia alone: no resistance, exactly at rest when released
+    (arXiv 1403.7220) rolling-resistance    and so on: the paper's model and one thing more, with
+    the prior that the campaign states, else that of `estim fit --explain`
     as-stated             all that the campaign states, where that is more than one of these
-    unmodelled-force      what the campaign states, with room for a force along the track and a free start: what `estim fit` does
+    unmodelled-force      what the campaign states, with room for a force along the track and a free
+    start: what `estim fit` does
 """
 
 from __future__ import annotations
@@ -28,18 +31,25 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
 }
 """Name of a model -> the quantities that it adds to the paper's."""
 
-WORDS: Mapping[str, str] = PhraseTable({
-    "rolling-resistance": later("rolling resistance"),
-    "load-resistance": later("rolling resistance proportional to the load on the ramp"),
-    "resisting-moment": later("a resisting moment (bearing, cord)"),
-    "viscous-drag": later("drag that increases with the speed"),
-    "quadratic-drag": later("drag that increases with the square of the speed (air)"),
-    "moment-once": later("a moment once per turn"),
-    "moment-twice": later("a moment twice per turn"),
-    "free-start": later("a start that is not from rest"),
-})
+WORDS: Mapping[str, str] = PhraseTable(
+    {
+        "rolling-resistance": later("rolling resistance"),
+        "load-resistance": later("rolling resistance proportional to the load on the ramp"),
+        "resisting-moment": later("a resisting moment (bearing, cord)"),
+        "viscous-drag": later("drag that increases with the speed"),
+        "quadratic-drag": later("drag that increases with the square of the speed (air)"),
+        "moment-once": later("a moment once per turn"),
+        "moment-twice": later("a moment twice per turn"),
+        "free-start": later("a start that is not from rest"),
+    }
+)
 ADDED = frozenset(name for names in GROUPS.values() for name in names)
-_ALWAYS = {"rolling-resistance": "rolling_resistance", "viscous-drag": "viscous_drag", "quadratic-drag": "quadratic_drag", "free-start": "start"}
+_ALWAYS = {
+    "rolling-resistance": "rolling_resistance",
+    "viscous-drag": "viscous_drag",
+    "quadratic-drag": "quadratic_drag",
+    "free-start": "start",
+}
 PAPER, STATED, FORCE = "paper", "as-stated", "unmodelled-force"
 
 
@@ -47,9 +57,12 @@ PAPER, STATED, FORCE = "paper", "as-stated", "unmodelled-force"
 class CurveModel:
     """One model of some runs.
 
-    problem : of the same points as that of every other model.  own : names of the parameters that it adds to the paper's.
+    problem : of the same points as that of every other model.
+    own : names of the parameters that it adds to the paper's.
     lines : what a campaign must say for it, beside what it says; empty where it says so already.
-    forced : whether it has an unmodelled force.  roomy : whether its noise has the room that it has beside a force (`estim.deviation.without_force`).
+    forced : whether it has an unmodelled force.
+    roomy : whether its noise has the room that it has beside a force
+        (`estim.deviation.without_force`).
     """
 
     name: str
@@ -63,7 +76,9 @@ class CurveModel:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A model before it is posed.  without : quantities that are left out.  sketch : what is added.  of_campaign : whether it is what is stated."""
+    """A model before it is posed.  without : quantities that are left out.  sketch : what is added.
+    of_campaign : whether it is what is stated.
+    """
 
     name: str
     words: str
@@ -73,27 +88,49 @@ class Outline:
     of_campaign: bool = False
 
 
-def outlines(stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch], *, forced: bool) -> tuple[Outline, ...]:
-    """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches : name -> what it does not say but may have.
+def outlines(
+    stated: Mapping[str, float | Prior], sketches: Mapping[str, Sketch], *, forced: bool
+) -> tuple[Outline, ...]:
+    """The models of runs; stated : quantity -> number or prior of what the campaign says; sketches
+    : name -> what it does not say but may have.
 
     forced : whether an unmodelled force can stand beside the curve.
     """
     said = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    found = [Outline(PAPER, phrase("the paper's model: only weight and inertia, starting from rest"), ADDED, None, of_campaign=not said)]
+    found = [
+        Outline(
+            PAPER,
+            phrase("the paper's model: only weight and inertia, starting from rest"),
+            ADDED,
+            None,
+            of_campaign=not said,
+        )
+    ]
     for name, quantities in GROUPS.items():
-        kept, words = said.intersection(quantities), phrase("the paper's model with {what}", what=WORDS[name])
+        kept = said.intersection(quantities)
+        words = phrase("the paper's model with {what}", what=WORDS[name])
         if kept:
             found.append(Outline(name, words, ADDED - kept, None, of_campaign=kept == said))
         elif _ALWAYS.get(name) in sketches:
             found.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
     if said and not any(outline.of_campaign for outline in found):
-        found.append(Outline(STATED, phrase("everything that the campaign states"), ADDED - said, None, of_campaign=True))
+        found.append(
+            Outline(
+                STATED,
+                phrase("everything that the campaign states"),
+                ADDED - said,
+                None,
+                of_campaign=True,
+            )
+        )
     if forced:
         what = next(outline.name for outline in found if outline.of_campaign)
         words = phrase(
-            "the model stated in the campaign ({what}), with an unmodelled force and a free start (energy ± {sd:g} of the weight times "
+            "the model stated in the campaign ({what}), with an unmodelled force and a "
+            "free start (energy ± {sd:g} of the weight times "
             "R): this is the default of estim fit",
-            what=what, sd=START_SD,
+            what=what,
+            sd=START_SD,
         )
         found.append(Outline(FORCE, words, ADDED - said, None, forced=True, of_campaign=True))
     return tuple(found)

@@ -65,9 +65,11 @@ class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 class CountTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """How y was counted, or that x are times of single events.
 
-        noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it counts belong to single x
-        noise = {model = "binomial", trials = "shots"}                 # or a number
-        noise = {model = "event-times"}                                # x are times of single events within `window`; no y
+    noise = {model = "poisson", bins = ["low_us", "high_us"]}      # or a width; without it
+    counts belong to single x
+    noise = {model = "binomial", trials = "shots"}                 # or a number
+    noise = {model = "event-times"}                                # x are times of single
+    events within `window`; no y
     """
 
     model: Literal["poisson", "binomial", "event-times"]
@@ -120,43 +122,86 @@ def _allowed(pattern: re.Pattern[str], text: str) -> bool:
     return pattern.fullmatch(text) is not None and " ".join(text.split()).isprintable()
 
 
-def check_printable(places: Places, path: Place, *, unit: str | None, name: str | None, meaning: str | None) -> None:
-    """Raises InputError where one of the words of a quantity cannot be shown; None for a word that was not said."""
+def check_printable(
+    places: Places, path: Place, *, unit: str | None, name: str | None, meaning: str | None
+) -> None:
+    """Raises InputError where one of the words of a quantity cannot be shown; None for a word that
+    was not said.
+    """
     for text, limits in ((unit, _UNIT), (name, _NAME), (meaning, _MEANING)):
         if text is not None and not _allowed(limits, text):
-            raise places.error("must have a short unit, symbol and meaning that can be printed, without $ | \\ `", path, value=text)
+            raise places.error(
+                "must have a short unit, symbol and meaning that can be printed, without $ | \\ `",
+                path,
+                value=text,
+            )
 
 
-def stated_word(levels: Sequence[Mapping[str, float | str | ParameterTable]], name: str, word: Literal["unit", "meaning"]) -> str | None:
+def stated_word(
+    levels: Sequence[Mapping[str, float | str | ParameterTable]],
+    name: str,
+    word: Literal["unit", "meaning"],
+) -> str | None:
     """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
     entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
     return next((said for entry in entries if (said := getattr(entry, word)) is not None), None)
 
 
-def check_words(source: CampaignFile, table: CurveTable, runs: Sequence[CurveRunTable], axes: Sequence[AxisTable]) -> None:
+def check_words(
+    source: CampaignFile,
+    table: CurveTable,
+    runs: Sequence[CurveRunTable],
+    axes: Sequence[AxisTable],
+) -> None:
     for key, axis in zip(("x", "y"), axes, strict=True):
         for word, allowed in ((axis.unit, _UNIT), (axis.name or axis.column, _NAME)):
             if not _allowed(allowed, word):
-                raise source.places.error("must have a short name and unit that can be printed, without $ | \\ `", ("curve", key), value=word)
+                raise source.places.error(
+                    "must have a short name and unit that can be printed, without $ | \\ `",
+                    ("curve", key),
+                    value=word,
+                )
     if axes[0].column == axes[1].column:
-        raise source.places.error("must name another column than x", ("curve", "y"), value=axes[1].column)
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+        raise source.places.error(
+            "must name another column than x", ("curve", "y"), value=axes[1].column
+        )
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
+        (("curve",), table),
+        *((("runs", i), run) for i, run in enumerate(runs)),
+    ]
     for path, level in levels:
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
-            if isinstance(error, ReadingErrorTable) and error.column is not None and any(getattr(error, one) is not None for one in _PRIOR):
-                raise source.places.error("must be a 'column' or have a 'prior', not both", (*path, key))
+            if (
+                isinstance(error, ReadingErrorTable)
+                and error.column is not None
+                and any(getattr(error, one) is not None for one in _PRIOR)
+            ):
+                raise source.places.error(
+                    "must be a 'column' or have a 'prior', not both", (*path, key)
+                )
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
                 for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):
                     if text is not None and not _allowed(limits, text):
-                        rule = "must have a short unit and meaning that can be printed, without $ | \\ `"
+                        rule = (
+                            "must have a short unit and meaning that can be printed, without $ "
+                            "| \\ `"
+                        )
                         raise source.places.error(rule, (*path, "parameters", name), value=text)
 
 
-def with_variable(source: CampaignFile, formula: Formula, axis: AxisTable, table: CurveTable, runs: Sequence[CurveRunTable]) -> Formula:
-    """The formula with its abscissa: x, or a name that the column of x bears (t, where that is `t_s` or `time`) and no parameter has.
+def with_variable(
+    source: CampaignFile,
+    formula: Formula,
+    axis: AxisTable,
+    table: CurveTable,
+    runs: Sequence[CurveRunTable],
+) -> Formula:
+    """The formula with its abscissa: x, or a name that the column of x bears (t, where that is
+    `t_s` or `time`) and no parameter has.
 
-    Raises InputError for a formula without x that has a parameter called like the abscissa, or several.
+    Raises InputError for a formula without x that has a parameter called like the abscissa, or
+    several.
     """
     given = {*table.parameters, *(name for run in runs for name in run.parameters)}
     variable = variable_of(formula, axis.column, axis.name, given)
@@ -165,28 +210,45 @@ def with_variable(source: CampaignFile, formula: Formula, axis: AxisTable, table
     alike = {"t", "time", *(word.lower() for word in _called(axis.column, axis.name))}
     taken = [name for name in formula.names if name.lower() in alike]
     if taken:
-        rule = f"must call its variable x, which is the column '{axis.column}' here: write x for {taken[0]}"
+        rule = (
+            f"must call its variable x, which is the column '{axis.column}' here: write x for "
+            f"{taken[0]}"
+        )
         raise source.places.error(rule, ("curve", "expression"), value=formula.text)
     return formula
 
 
-def variable_of(formula: Formula, column: str, name: str | None, given: Collection[str]) -> str | None:
-    """How a formula calls its abscissa: x, or else as its `column` or its `name` is called, where no parameter `given` is; None where it does not."""
+def variable_of(
+    formula: Formula, column: str, name: str | None, given: Collection[str]
+) -> str | None:
+    """How a formula calls its abscissa: x, or else as its `column` or its `name` is called, where
+    no parameter `given` is; None where it does not.
+    """
     if formula.uses_x:
         return "x"
-    called = [found for found in formula.names if found in _called(column, name) and found not in given]
+    called = [
+        found for found in formula.names if found in _called(column, name) and found not in given
+    ]
     return called[0] if len(called) == 1 else None
 
 
 def _called(column: str, name: str | None) -> set[str]:
     words = {column, column.partition("_")[0], name_and_unit(column)[0], *(name or "").split()}
-    return words | ({"t"} if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words) else set())
+    return words | (
+        {"t"}
+        if any(word.lower() == "t" or word.lower().startswith(("time", "zeit")) for word in words)
+        else set()
+    )
 
 
 def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelSum | None]:
-    """The formula of a `[curve]` table, and the models that it names, if it does.  Raises InputError with its line."""
+    """The formula of a `[curve]` table, and the models that it names, if it does.  Raises
+    InputError with its line.
+    """
     if (table.expression is None) == (table.model is None):
-        rule = "must have an 'expression', or a 'model' like \"gaussian + line\"" + ("" if table.model is None else ", not both")
+        rule = "must have an 'expression', or a 'model' like \"gaussian + line\"" + (
+            "" if table.model is None else ", not both"
+        )
         raise source.places.error(rule, ("curve",))
     key = "expression" if table.model is None else "model"
     try:
@@ -198,7 +260,11 @@ def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelS
 
 def is_density(table: CurveTable) -> bool | None:
     """Whether the curve is y per unit of x; None where it is known up to a factor."""
-    return None if table.noise is not None and table.noise.model == "event-times" else table.noise is not None and table.noise.bins is not None
+    return (
+        None
+        if table.noise is not None and table.noise.model == "event-times"
+        else table.noise is not None and table.noise.bins is not None
+    )
 
 
 def check_counts(source: CampaignFile, table: CurveTable) -> None:
@@ -213,43 +279,77 @@ def check_counts(source: CampaignFile, table: CurveTable) -> None:
         return
     for model, key in {"poisson": "bins", "binomial": "trials", "event-times": "cells"}.items():
         if model != noise.model and getattr(noise, key) is not None:
-            raise places.error(f"belongs to model = \"{model}\", not to \"{noise.model}\"", ("curve", "noise", key))
+            raise places.error(
+                f'belongs to model = "{model}", not to "{noise.model}"', ("curve", "noise", key)
+            )
     if noise.model == "binomial" and noise.trials is None:
-        raise places.error("is missing: the number of trials of each row, a column or a number", ("curve", "noise", "trials"))
+        raise places.error(
+            "is missing: the number of trials of each row, a column or a number",
+            ("curve", "noise", "trials"),
+        )
     if isinstance(noise.bins, list) and len(noise.bins) != 2:
         rule = "must be a width, or the names of two columns with low and high edges"
         raise places.error(rule, ("curve", "noise", "bins"), value=noise.bins)
 
 
-def check_parameters(source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]) -> None:
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+def check_parameters(
+    source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]
+) -> None:
+    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
+        (("curve",), table),
+        *((("runs", i), run) for i, run in enumerate(runs)),
+    ]
     for path, level in levels:
         for name in level.parameters:
             if name not in formula.names:
                 alike = same_looks((*formula.names, name)) or None
-                raise source.places.error(f"is not in the formula ({', '.join(formula.names)})", (*path, "parameters", name), value=alike)
+                raise source.places.error(
+                    f"is not in the formula ({', '.join(formula.names)})",
+                    (*path, "parameters", name),
+                    value=alike,
+                )
     for name in table.errors:
         if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
-            raise source.places.error("must be a name that no parameter has", ("curve", "errors", name))
+            raise source.places.error(
+                "must be a name that no parameter has", ("curve", "errors", name)
+            )
 
 
 def is_unstarted(entry: float | str | ParameterTable | None) -> bool:
     """Whether an entry of `parameters` (None: there is none) leaves the start to the points."""
-    return entry is None or (isinstance(entry, ParameterTable) and entry.start is None and entry.value is None and entry.prior is None)
+    return entry is None or (
+        isinstance(entry, ParameterTable)
+        and entry.start is None
+        and entry.value is None
+        and entry.prior is None
+    )
 
 
-def source_of(value: float | str | ParameterTable, field: str, limits: tuple[float | None, float | None] = (None, None)) -> float | Prior:
-    """An exact number, or the prior of an unknown; limits : of the model that has it, which hold where the entry states none."""
+def source_of(
+    value: float | str | ParameterTable,
+    field: str,
+    limits: tuple[float | None, float | None] = (None, None),
+) -> float | Prior:
+    """An exact number, or the prior of an unknown; limits : of the model that has it, which hold
+    where the entry states none.
+    """
     if isinstance(value, ParameterTable) and value.value is None and value.prior is None:
         refuse_keys(value, ("mean", "sd", "scale", "median", "log_sd"), "requires a 'prior'")
-        low, high = (known if stated is None else stated for stated, known in zip((value.low, value.high), limits, strict=True))
+        low, high = (
+            known if stated is None else stated
+            for stated, known in zip((value.low, value.high), limits, strict=True)
+        )
         start = within((low, high)) if value.start is None else value.start
         return Flat(-math.inf if low is None else low, math.inf if high is None else high, start)
     if isinstance(value, ParameterTable) and value.prior is not None:
         refuse_keys(value, ("start", "value"), "must not stand beside 'prior'")
         read = read_value(prior_table(value, field), factor=1.0, field=field)
     elif isinstance(value, ParameterTable):
-        refuse_keys(value, ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"), "must not stand beside 'value'")
+        refuse_keys(
+            value,
+            ("start", "low", "high", "mean", "sd", "scale", "median", "log_sd"),
+            "must not stand beside 'value'",
+        )
         read = read_value(value.value if value.value is not None else 0.0, factor=1.0, field=field)
     else:
         read = read_value(value, factor=1.0, field=field)

@@ -1,8 +1,8 @@
-"""`[derived]` of a campaign: quantities that follow from its parameters by formulas, the same for a rolling body and a user's own curve.
+"""`[derived]` of a campaign: quantities that follow from its parameters by formulas, the same for a
+rolling body and a user's own curve.
 
-    [derived]
-    g = "4*pi**2/slope"
-    heavier = {formula = "gamma[heavy] - gamma[light]", symbol = "Δγ", meaning = "difference of the two disks"}
+    [derived] g = "4*pi**2/slope" heavier = {formula = "gamma[heavy] - gamma[light]", symbol = "Δγ",
+    meaning = "difference of the two disks"}
 
 `docs/campaign.md` explains it to users.
 """
@@ -42,24 +42,40 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
         table = DerivedTable(table) if isinstance(table, str) else table
         check_printable(places, path, unit=table.unit, name=table.symbol, meaning=table.meaning)
         try:
-            found.append(seek(name, table.formula, unit=table.unit, symbol=table.symbol, meaning=table.meaning))
+            found.append(
+                seek(
+                    name, table.formula, unit=table.unit, symbol=table.symbol, meaning=table.meaning
+                )
+            )
         except InputError as error:
             raise places.error(error.rule, path, value=error.value) from None
     return tuple(found)
 
 
-def with_derived(problem: Problem, sought: tuple[SoughtQuantity, ...], bodies: Mapping[str, str | None], unit_of: UnitOf) -> Problem:
-    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where there are none.  unit_of : argument and run.
+def with_derived(
+    problem: Problem,
+    sought: tuple[SoughtQuantity, ...],
+    bodies: Mapping[str, str | None],
+    unit_of: UnitOf,
+) -> Problem:
+    """`problem` whose runs know what was sought.  bodies : of all runs of the campaign, None where
+    there are none.  unit_of : argument and run.
 
-    Raises InputError with the quantity as field, where a formula names what no run has, or its unit contradicts theirs.
+    Raises InputError with the quantity as field, where a formula names what no run has, or its unit
+    contradicts theirs.
     """
     if not sought:
         return problem
     units: dict[str, set[str]] = {}
     for run in problem.runs:
         always = _always(run, problem)
-        check_derived_names(sought, [name for name in run.arguments if " " not in name], list(always))
-        for name, unit in [*((name, unit_of(name, run.name)) for name in run.arguments), *((name, one.unit) for name, one in always.items())]:
+        check_derived_names(
+            sought, [name for name in run.arguments if " " not in name], list(always)
+        )
+        for name, unit in [
+            *((name, unit_of(name, run.name)) for name in run.arguments),
+            *((name, one.unit) for name, one in always.items()),
+        ]:
             for written in (name, f"{name}[{run.name}]", f"{name}[{bodies[run.name]}]"):
                 units.setdefault(written, set()).add(unit)
     told = {written: found.pop() for written, found in units.items() if len(found) == 1}
@@ -72,16 +88,27 @@ def _always(run: Observations, problem: Problem) -> Mapping[str, Derived]:
     return run.derived(run.bind(problem.named(problem.start())))
 
 
-def _sources(one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]) -> dict[str, str | float]:
-    """What each name with a level means among the runs of `problem`; nothing for a level that is not among them."""
+def _sources(
+    one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]
+) -> dict[str, str | float]:
+    """What each name with a level means among the runs of `problem`; nothing for a level that is
+    not among them.
+    """
     found: dict[str, str | float] = {}
     for written, (name, level) in one.of_levels.items():
         if level not in bodies and level not in bodies.values():
-            raise InputError(f"names '{written}', but there is no run or body '{level}'", field=one.name, value=one.text)
+            raise InputError(
+                f"names '{written}', but there is no run or body '{level}'",
+                field=one.name,
+                value=one.text,
+            )
         runs = [run for run in problem.runs if level in (run.name, bodies[run.name])]
         for run in runs:
             if name not in run.arguments:
-                rule = f"names '{written}', but no run has '{name}' ({', '.join(run.arguments)}), and what is derived has no level"
+                rule = (
+                    f"names '{written}', but no run has '{name}' ({', '.join(run.arguments)}), "
+                    "and what is derived has no level"
+                )
                 raise InputError(rule, field=one.name, value=one.text)
         sources = {run.arguments[name] for run in runs}
         if len(sources) > 1:

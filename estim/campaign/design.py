@@ -1,7 +1,8 @@
-"""A synthetic campaign from a design: the mirror image of `campaign.py`, and the only other file that imports `model`.
+"""A synthetic campaign from a design: the mirror image of `campaign.py`, and the only other file
+that imports `model`.
 
-The true values go to `truth.toml`, which no fit reads.  The campaign holds what a laboratory would have: measured
-values, each the truth plus a normal error of its stated uncertainty.
+The true values go to `truth.toml`, which no fit reads.  The campaign holds what a laboratory would
+have: measured values, each the truth plus a normal error of its stated uncertainty.
 """
 
 from __future__ import annotations
@@ -21,10 +22,20 @@ from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import one_line
 from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 from model import Body, ascends, theta_min
-from model.simulate import film_time, frame_times, simulate_positions, simulate_theta_min, simulate_trials
+from model.simulate import (
+    film_time,
+    frame_times,
+    simulate_positions,
+    simulate_theta_min,
+    simulate_trials,
+)
 
 _RANGES: Mapping[str, tuple[float, float]] = {
-    "g": (1e-3, 1e3), "radius_m": (1e-4, 1e3), "mass_disk_kg": (1e-6, 1e6), "kappa": (0.0, 1.0), "ramp_length_m": (1e-4, 1e4),
+    "g": (1e-3, 1e3),
+    "radius_m": (1e-4, 1e3),
+    "mass_disk_kg": (1e-6, 1e6),
+    "kappa": (0.0, 1.0),
+    "ramp_length_m": (1e-4, 1e4),
     "frames_per_second": (1e-3, 1e6),
 }  # wider than any laboratory; kappa: as the prior that the campaign states
 _MOST = 1e3  # an uncertainty, in the unit of its key
@@ -104,33 +115,55 @@ class LoadedDesign:
 
 
 def load_design(path: str | Path) -> LoadedDesign:
-    """The design in the TOML file at `path`.  Raises InputError with file, line, key, rule and value."""
+    """The design in the TOML file at `path`.  Raises InputError with file, line, key, rule and
+    value.
+    """
     text, digest = read_text(Path(path), shown_as=str(path), limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     design = checked(tree, Design, places, ())
-    positive = {("constants", key): getattr(design.constants, key) for key in ("g", "radius_m", "mass_disk_kg", "kappa", "ramp_length_m")}
-    positive |= {("instruments", key): getattr(design.instruments, key) for key in InstrumentsTable.__struct_fields__}
+    positive = {
+        ("constants", key): getattr(design.constants, key)
+        for key in ("g", "radius_m", "mass_disk_kg", "kappa", "ramp_length_m")
+    }
+    positive |= {
+        ("instruments", key): getattr(design.instruments, key)
+        for key in InstrumentsTable.__struct_fields__
+    }
     for key, value in positive.items():
         if not (value > 0.0 and math.isfinite(value)):
-            raise places.error("must be > 0" if math.isfinite(value) else "must be finite", key, value=value)
+            raise places.error(
+                "must be > 0" if math.isfinite(value) else "must be finite", key, value=value
+            )
         low, high = _RANGES.get(key[1], (0.0, _MOST))
         if not low <= value <= high:
             raise places.error(f"must lie between {low:g} and {high:g}", key, value=value)
     if design.constants.ramp_length_m > _MOST_RADII * design.constants.radius_m:
-        raise places.error(f"must be at most {_MOST_RADII:g} radii", ("constants", "ramp_length_m"), value=design.constants.ramp_length_m)
+        raise places.error(
+            f"must be at most {_MOST_RADII:g} radii",
+            ("constants", "ramp_length_m"),
+            value=design.constants.ramp_length_m,
+        )
     if design.seed < 0:
         raise places.error("must be >= 0", ("seed",), value=design.seed)
     for name, body in design.bodies.items():
         if not 0.0 < body.gamma < 1.0:
-            raise places.error("must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma)
+            raise places.error(
+                "must lie between 0 and 1", ("bodies", name, "gamma"), value=body.gamma
+            )
     if not 0.0 <= design.constants.rolling_resistance <= 1.0:
-        raise places.error("must lie between 0 and 1", ("constants", "rolling_resistance"), value=design.constants.rolling_resistance)
+        raise places.error(
+            "must lie between 0 and 1",
+            ("constants", "rolling_resistance"),
+            value=design.constants.rolling_resistance,
+        )
     _check_runs(design, places)
     return LoadedDesign(design, digest, Path(path).name)
 
 
 def _check_runs(design: Design, places: Places) -> None:
-    """Every run starts and has a name of its own that is a file name; every tilt of the line has a smallest angle."""
+    """Every run starts and has a name of its own that is a file name; every tilt of the line has a
+    smallest angle.
+    """
     check_run_names([run.name for run in design.runs], places)
     check_body_names(design.bodies, places)
     resistance = design.constants.rolling_resistance
@@ -141,12 +174,25 @@ def _check_runs(design: Design, places: Places) -> None:
             if not abs(angle) <= 360.0:
                 raise places.error("must lie within ±360", ("runs", i, key), value=angle)
         phi, theta0 = np.radians([run.phi_deg, run.theta0_deg])
-        if not ascends(_body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance):
-            raise places.error("must be an angle from which the body ascends", ("runs", i, "theta0_deg"), value=run.theta0_deg)
-        n_frame = design.instruments.frames_per_second * film_time(**_motion(design, run), x_end=design.constants.ramp_length_m)
+        if not ascends(
+            _body(design, run.body), phi=phi, theta0=theta0, rolling_resistance=resistance
+        ):
+            raise places.error(
+                "must be an angle from which the body ascends",
+                ("runs", i, "theta0_deg"),
+                value=run.theta0_deg,
+            )
+        n_frame = design.instruments.frames_per_second * film_time(
+            **_motion(design, run), x_end=design.constants.ramp_length_m
+        )
         if not _FRAMES[0] <= n_frame <= _FRAMES[1]:
-            rule = f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames before it stops or passes the ramp's end"
-            raise places.error(rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames")
+            rule = (
+                f"must give run '{run.name}' between {_FRAMES[0]} and {_FRAMES[1]} frames "
+                "before it stops or passes the ramp's end"
+            )
+            raise places.error(
+                rule, ("instruments", "frames_per_second"), value=f"{n_frame:.4g} frames"
+            )
     for key, series in (("line", design.line), ("trials", design.trials)):
         if series is not None:
             _check_series(design, key, series, places)
@@ -154,7 +200,9 @@ def _check_runs(design: Design, places: Places) -> None:
         _check_trials(design.trials, places)
 
 
-def _check_series(design: Design, key: str, series: LineDesign | TrialsDesign, places: Places) -> None:
+def _check_series(
+    design: Design, key: str, series: LineDesign | TrialsDesign, places: Places
+) -> None:
     """The body is there and can ascend at every tilt."""
     if series.body not in design.bodies:
         raise places.error("must name one of the bodies", (key, "body"), value=series.body)
@@ -164,46 +212,80 @@ def _check_series(design: Design, key: str, series: LineDesign | TrialsDesign, p
     smallest = theta_min(gamma, np.radians(series.phi_deg), rolling_resistance=resistance)
     if np.any(np.isnan(smallest)):
         steep = series.phi_deg[int(np.argmax(np.isnan(smallest)))]
-        raise places.error("must hold tilts at which the body can ascend", (key, "phi_deg"), value=steep)
+        raise places.error(
+            "must hold tilts at which the body can ascend", (key, "phi_deg"), value=steep
+        )
 
 
 def _check_trials(trials: TrialsDesign, places: Places) -> None:
     limits = {
-        "expected_gamma": (0.001, 1.0), "trials_each": (1, 1000), "step_deg": (0.01, 45.0), "scatter_deg": (0.0, 45.0), "release_deg": (0.0, 45.0),
+        "expected_gamma": (0.001, 1.0),
+        "trials_each": (1, 1000),
+        "step_deg": (0.01, 45.0),
+        "scatter_deg": (0.0, 45.0),
+        "release_deg": (0.0, 45.0),
     }
     for key, (low, high) in limits.items():
         if not low <= getattr(trials, key) <= high:
-            raise places.error(f"must lie between {low:g} and {high:g}", ("trials", key), value=getattr(trials, key))
+            raise places.error(
+                f"must lie between {low:g} and {high:g}",
+                ("trials", key),
+                value=getattr(trials, key),
+            )
 
 
 def _trials_csv(design: Design, trials: TrialsDesign, rng: np.random.Generator) -> str:
     """Both ends at each tilt, with one reading of it."""
     instruments = design.instruments
     phi = np.radians(trials.phi_deg)
-    readings = np.radians(np.round(trials.phi_deg + instruments.u_phi_deg * rng.standard_normal(phi.size), 2))
+    readings = np.radians(
+        np.round(trials.phi_deg + instruments.u_phi_deg * rng.standard_normal(phi.size), 2)
+    )
     rows = []
     for largest in (False, True):
         found = simulate_trials(
-            phi, design.bodies[trials.body].gamma, rolling_resistance=design.constants.rolling_resistance, u_phi=0.0,
-            scatter=float(np.radians(trials.scatter_deg)), release=float(np.radians(trials.release_deg)), expected=trials.expected_gamma,
-            n_trial=trials.trials_each, step=float(np.radians(trials.step_deg)), largest=largest, readings=readings, rng=rng,
+            phi,
+            design.bodies[trials.body].gamma,
+            rolling_resistance=design.constants.rolling_resistance,
+            u_phi=0.0,
+            scatter=float(np.radians(trials.scatter_deg)),
+            release=float(np.radians(trials.release_deg)),
+            expected=trials.expected_gamma,
+            n_trial=trials.trials_each,
+            step=float(np.radians(trials.step_deg)),
+            largest=largest,
+            readings=readings,
+            rng=rng,
         )
-        rows += [f"{np.degrees(p):.2f},{np.degrees(a):.4g},{c:d}" for p, a, c in zip(*found, strict=True)]
+        rows += [
+            f"{np.degrees(p):.2f},{np.degrees(a):.4g},{c:d}" for p, a, c in zip(*found, strict=True)
+        ]
     return "\n".join(["phi_deg,theta_deg,climbed", *rows, ""])
 
 
 def simulate_campaign(loaded: LoadedDesign) -> dict[str, str]:
-    """The files of the synthetic campaign: relative path -> text.  The same design gives the same bytes.
+    """The files of the synthetic campaign: relative path -> text.  The same design gives the same
+    bytes.
 
     Each run has its own random stream, so that adding one leaves the others as they are.
     """
     design = loaded.design
-    streams = iter(np.random.default_rng(design.seed).spawn(len(design.bodies) + len(design.runs) + 3))
-    stamp = f"# SYNTHETIC data: made by `estim simulate` from {one_line(loaded.name)} (SHA-256 {loaded.sha256}), seed {design.seed}.\n"
+    streams = iter(
+        np.random.default_rng(design.seed).spawn(len(design.bodies) + len(design.runs) + 3)
+    )
+    stamp = (
+        f"# SYNTHETIC data: made by `estim simulate` from {one_line(loaded.name)} (SHA-256 "
+        f"{loaded.sha256}), seed {design.seed}.\n"
+    )
     shared_rng = next(streams)
     shared = _shared_lines(design, shared_rng)
-    mass_disk = _measured(design.constants.mass_disk_kg, design.instruments.u_mass_disk_kg, shared_rng)
-    bodies = {name: _body_lines(design, body, mass_disk, next(streams)) for name, body in design.bodies.items()}
+    mass_disk = _measured(
+        design.constants.mass_disk_kg, design.instruments.u_mass_disk_kg, shared_rng
+    )
+    bodies = {
+        name: _body_lines(design, body, mass_disk, next(streams))
+        for name, body in design.bodies.items()
+    }
     line_rng = next(streams)
     files = {"theta_min.csv": stamp + _theta_min_csv(design, line_rng)}
     tables = []
@@ -232,8 +314,11 @@ def _motion(design: Design, run: RunDesign) -> dict[str, Any]:
     """The body and how it moves, as arguments of `model.simulate`."""
     constants = design.constants
     return {
-        "body": _body(design, run.body), "phi": float(np.radians(run.phi_deg)), "theta0": float(np.radians(run.theta0_deg)),
-        "rolling_resistance": constants.rolling_resistance, "g": constants.g,
+        "body": _body(design, run.body),
+        "phi": float(np.radians(run.phi_deg)),
+        "theta0": float(np.radians(run.theta0_deg)),
+        "rolling_resistance": constants.rolling_resistance,
+        "g": constants.g,
     }
 
 
@@ -251,11 +336,13 @@ def _shared_lines(design: Design, rng: np.random.Generator) -> list[str]:
         f"radius_m = {_measured(constants.radius_m, instruments.u_radius_m, rng)}",
         'rolling_resistance = {prior = "half-normal", scale = 0.005}',
         f"ramp_length_m = {constants.ramp_length_m}",
-        f"noise = {{sigma_x_m = {instruments.sigma_x_m}, derivative = \"central\"}}",
+        f'noise = {{sigma_x_m = {instruments.sigma_x_m}, derivative = "central"}}',
     ]
 
 
-def _body_lines(design: Design, body: BodyTable, mass_disk: str, rng: np.random.Generator) -> list[str]:
+def _body_lines(
+    design: Design, body: BodyTable, mass_disk: str, rng: np.random.Generator
+) -> list[str]:
     # u(gamma) = (1 - gamma)^2 u(M_P)/M_D: the particle's mass carries the paper's u(gamma)
     mass = design.constants.mass_disk_kg
     u_particle = design.instruments.u_gamma * mass / (1.0 - body.gamma) ** 2
@@ -279,11 +366,17 @@ def _run_table(design: Design, run: RunDesign, rng: np.random.Generator) -> list
 def _run_csv(design: Design, run: RunDesign, rng: np.random.Generator) -> str:
     constants, instruments = design.constants, design.instruments
     motion = _motion(design, run)
-    t = frame_times(**motion, interval=1.0 / instruments.frames_per_second, x_end=constants.ramp_length_m, rng=rng)
+    t = frame_times(
+        **motion,
+        interval=1.0 / instruments.frames_per_second,
+        x_end=constants.ramp_length_m,
+        rng=rng,
+    )
     x = simulate_positions(t, **motion, sigma_x=instruments.sigma_x_m, rng=rng)
     rows = (f"{ti:.5f},{xi:.5f}" for ti, xi in zip(t - t[0], x, strict=True))
-    return "# t_s: time since the first frame after the release; x_m: distance along the ramp from the release\n" + "\n".join(
-        ["t_s,x_m", *rows, ""]
+    return (
+        "# t_s: time since the first frame after the release; x_m: distance along the ramp "
+        "from the release\n" + "\n".join(["t_s,x_m", *rows, ""])
     )
 
 
@@ -291,16 +384,30 @@ def _theta_min_csv(design: Design, rng: np.random.Generator) -> str:
     constants, instruments, line = design.constants, design.instruments, design.line
     u_phi, u_theta = instruments.u_phi_deg, instruments.u_theta_min_deg
     phi, angle = simulate_theta_min(
-        np.radians(line.phi_deg), design.bodies[line.body].gamma, rolling_resistance=constants.rolling_resistance,
-        u_phi=float(np.radians(u_phi)), u_theta_min=float(np.radians(u_theta)), rng=rng,
+        np.radians(line.phi_deg),
+        design.bodies[line.body].gamma,
+        rolling_resistance=constants.rolling_resistance,
+        u_phi=float(np.radians(u_phi)),
+        u_theta_min=float(np.radians(u_theta)),
+        rng=rng,
     )
-    rows = (f"{p:.2f},{a:.2f},{u_phi},{u_theta}" for p, a in zip(np.degrees(phi), np.degrees(angle), strict=True))
+    rows = (
+        f"{p:.2f},{a:.2f},{u_phi},{u_theta}"
+        for p, a in zip(np.degrees(phi), np.degrees(angle), strict=True)
+    )
     return "\n".join(["phi_deg,theta_min_deg,u_phi_deg,u_theta_min_deg", *rows, ""])
 
 
-def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]) -> str:
+def _campaign_toml(
+    design: Design, shared: list[str], bodies: Mapping[str, list[str]], runs: list[list[str]]
+) -> str:
     blocks = [
-        [f"title = {toml_string(design.title)}", 'kind = "synthetic"', f"published = {toml_string(design.published)}"], ["[shared]", *shared],
+        [
+            f"title = {toml_string(design.title)}",
+            'kind = "synthetic"',
+            f"published = {toml_string(design.published)}",
+        ],
+        ["[shared]", *shared],
     ]
     blocks += [[f"[bodies.{toml_key(name)}]", *lines] for name, lines in bodies.items()]
     blocks += [["[[runs]]", *lines] for lines in runs]
@@ -315,10 +422,19 @@ def _campaign_toml(design: Design, shared: list[str], bodies: Mapping[str, list[
 def _truth_toml(design: Design) -> str:
     constants = design.constants
     lines = ["# The true values.  No fit reads this file; tests compare with it.", ""]
-    lines += [f"radius = {constants.radius_m}", f"rolling_resistance = {constants.rolling_resistance}", f"g = {constants.g}"]
+    lines += [
+        f"radius = {constants.radius_m}",
+        f"rolling_resistance = {constants.rolling_resistance}",
+        f"g = {constants.g}",
+    ]
     for name, body in design.bodies.items():
-        lines += [f"{toml_string(f'gamma[{name}]')} = {body.gamma}", f"{toml_string(f'kappa[{name}]')} = {constants.kappa}"]
+        lines += [
+            f"{toml_string(f'gamma[{name}]')} = {body.gamma}",
+            f"{toml_string(f'kappa[{name}]')} = {constants.kappa}",
+        ]
     for run in design.runs:
-        lines += [f'"theta0[{run.name}]" = {np.radians(run.theta0_deg):.12f}', f'"phi[{run.name}]" = {np.radians(run.phi_deg):.12f}']
+        lines += [
+            f'"theta0[{run.name}]" = {np.radians(run.theta0_deg):.12f}',
+            f'"phi[{run.name}]" = {np.radians(run.phi_deg):.12f}',
+        ]
     return "\n".join(lines) + "\n"
-

@@ -1,4 +1,6 @@
-"""The keys that say how the tables of runs are written: `columns`, `delimiter`, `decimal`, `skip_rows`, `header`, `encoding`."""
+"""The keys that say how the tables of runs are written: `columns`, `delimiter`, `decimal`,
+`skip_rows`, `header`, `encoding`.
+"""
 
 from __future__ import annotations
 
@@ -20,14 +22,30 @@ class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     encoding: Encoding | None = None
 
 
-def dialect_of(levels: Sequence[tuple[tuple[str | int, ...], DialectKeys]], places: Places) -> Dialect:
-    """How a table is written by what the levels say of it, the first of them before the others.  Raises InputError at the key's line."""
+def dialect_of(
+    levels: Sequence[tuple[tuple[str | int, ...], DialectKeys]], places: Places
+) -> Dialect:
+    """How a table is written by what the levels say of it, the first of them before the others.
+    Raises InputError at the key's line.
+    """
     said: dict[str, Any] = {}
     for path, level in reversed(levels):
-        said |= {key: (value, path) for key in DialectKeys.__struct_fields__ if (value := getattr(level, key)) is not None}
+        said |= {
+            key: (value, path)
+            for key in DialectKeys.__struct_fields__
+            if (value := getattr(level, key)) is not None
+        }
     columns = tuple(said["columns"][0]) if "columns" in said else None
     try:
-        return Dialect(columns, **{key: value for key, (value, _) in said.items() if key != "columns"})
+        return Dialect(
+            columns, **{key: value for key, (value, _) in said.items() if key != "columns"}
+        )
     except InputError as error:
-        path = said[str(error.field)][1] if error.field in said else said["header"][1] if "header" in said else ()
+        path = (
+            said[str(error.field)][1]
+            if error.field in said
+            else said["header"][1]
+            if "header" in said
+            else ()
+        )
         raise places.error(error.rule, (*path, str(error.field)), value=error.value) from None

@@ -1,4 +1,6 @@
-"""What a campaign says beside weight and plain rolling resistance: what goes together, and the exact numbers that go with it."""
+"""What a campaign says beside weight and plain rolling resistance: what goes together, and the
+exact numbers that go with it.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ import numpy as np
 from estim.campaign.levels import Levels, Path
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
-from estim.curves import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, RollingMotion, Setting, energy_of_speed
+from estim.curves import (
+    DisturbedMotion,
+    DisturbedMotionCurve,
+    DisturbedPhaseCurve,
+    Place,
+    RollingMotion,
+    Setting,
+    energy_of_speed,
+)
 from estim.problem import Observations, Prior
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
@@ -19,44 +29,80 @@ _SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
 _DEEPEST = 0.1  # of the length
 
 
-def setting_of(levels: Levels, sources: Mapping[str, float | Prior], mass: float | None, *, positions: bool, angular: bool) -> Setting | None:
-    """What is exact of a run with effects among its quantities (`sources`, SI units); None where there are none.
+def setting_of(
+    levels: Levels,
+    sources: Mapping[str, float | Prior],
+    mass: float | None,
+    *,
+    positions: bool,
+    angular: bool,
+) -> Setting | None:
+    """What is exact of a run with effects among its quantities (`sources`, SI units); None where
+    there are none.
 
-    positions : whether positions in time are fit.  Raises InputError where something does not go together or is missing.
+    positions : whether positions in time are fit.  Raises InputError where something does not go
+        together or is missing.
     """
     said = [name for name in EFFECTS if name in sources]
     if not said:
         return None
     for first, second in _EXCLUSIVE:
         if first in said and second in said:
-            raise _error(levels, second, f"must not stand beside '{_place(levels, first)[-1]}', which says the same")
+            raise _error(
+                levels,
+                second,
+                f"must not stand beside '{_place(levels, first)[-1]}', which says the same",
+            )
     if "moment" in said and mass is None:
-        raise _error(levels, "moment", "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less than a light one")
+        raise _error(
+            levels,
+            "moment",
+            "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less "
+            "than a light one",
+        )
     if "distortion" in said and angular:
-        raise _error(levels, "distortion", "does not apply to angles, which an image does not distort")
+        raise _error(
+            levels, "distortion", "does not apply to angles, which an image does not distort"
+        )
     if "release_energy" in said and positions:
-        raise _error(levels, "release_energy", "cannot be combined with positions noise: use release_speed_m_s, in which positions are smooth at 0")
+        raise _error(
+            levels,
+            "release_energy",
+            "cannot be combined with positions noise: use release_speed_m_s, in which "
+            "positions are smooth at 0",
+        )
     if "release_speed" in said and not positions:
         _check_speed(levels, sources)
-    ramp, picture = _length(levels, "sag", "ramp", sources), _length(levels, "distortion", "picture", sources)
+    ramp = _length(levels, "sag", "ramp", sources)
+    picture = _length(levels, "distortion", "picture", sources)
     return Setting(mass, ramp, picture)
 
 
 def _check_speed(levels: Levels, sources: Mapping[str, float | Prior]) -> None:
-    """Speeds depend on the square of the speed at release, with its sign: near 0 not at all, to first order."""
+    """Speeds depend on the square of the speed at release, with its sign: near 0 not at all, to
+    first order.
+    """
     speed = sources["release_speed"]
     if isinstance(speed, float):
         return
     largest = max(abs(speed.centre), speed.sd)
     if abs(speed.centre) < _SDS * speed.sd:
-        centres = {name: source if isinstance(source, float) else source.centre for name, source in sources.items()}
+        centres = {
+            name: source if isinstance(source, float) else source.centre
+            for name, source in sources.items()
+        }
         energy = energy_of_speed(centres | {"release_speed": largest})
-        rule = f'must lie {_SDS:g} standard uncertainties or more from 0, where speeds hardly depend on it: say release_energy = "0 +/- {energy:.1g}"'
+        rule = (
+            f"must lie {_SDS:g} standard uncertainties or more from 0, where speeds hardly "
+            f'depend on it: say release_energy = "0 +/- {energy:.1g}"'
+        )
         raise _error(levels, "release_speed", rule, value=speed.describe())
 
 
 def ramp_of(levels: Levels) -> Place | None:
-    """The ramp of a run as it is stated, from its lower end where nothing is said of the start; None where its length is not."""
+    """The ramp of a run as it is stated, from its lower end where nothing is said of the start;
+    None where its length is not.
+    """
     return _stated_place(levels, "ramp")
 
 
@@ -65,7 +111,8 @@ def with_full_curves(
 ) -> list[Observations]:
     """Runs whose motion knows the curve with everything that may be stated beside.
 
-    ramps : run -> its ramp as stated.  Where nothing is stated, the ramp reaches as far as any of the runs was seen.
+    ramps : run -> its ramp as stated.  Where nothing is stated, the ramp reaches as far as any of
+        the runs was seen.
     centres : unknown -> the centre of its prior.
     """
     reaches = [_reach(run, centres) for run in runs]
@@ -74,14 +121,20 @@ def with_full_curves(
     for run in runs:
         motion, ramp = run.motion, ramps[run.name] or Place(high - low, -low)
         assert isinstance(motion, RollingMotion)
-        setting = replace(motion.setting if isinstance(motion, DisturbedMotion) else Setting(motion.mass), ramp=ramp)
-        full = (DisturbedMotionCurve if run.positions else DisturbedPhaseCurve)(motion.angular, setting)
+        setting = replace(
+            motion.setting if isinstance(motion, DisturbedMotion) else Setting(motion.mass),
+            ramp=ramp,
+        )
+        full = (DisturbedMotionCurve if run.positions else DisturbedPhaseCurve)(
+            motion.angular, setting
+        )
         found.append(replace(run, motion=replace(motion, full=full, ramp_length=ramp.length)))
     return found
 
 
 def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, float]:
     """How far a run was seen on either side of the release, m."""
+
     def centre(argument: str) -> float:
         source = run.arguments.get(argument, 0.0)
         return centres[source] if isinstance(source, str) else source
@@ -96,14 +149,18 @@ def _stated_place(levels: Levels, of_what: str) -> Place | None:
     said = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
         level = next((level for level in levels if getattr(level.table, key) is not None), None)
-        said[key] = (0.0, ()) if level is None else (float(getattr(level.table, key)), (*level.path, key))
+        said[key] = (
+            (0.0, ()) if level is None else (float(getattr(level.table, key)), (*level.path, key))
+        )
     (length, path), (start, where) = said.values()
     if not path:
         return None
     if not (math.isfinite(length) and length > 0.0):
         raise levels.error("must be > 0", path, value=length)
     if not 0.0 <= start <= length:
-        raise levels.error(f"must lie between 0 and '{of_what}_length_m' = {length:g}", where, value=start)
+        raise levels.error(
+            f"must lie between 0 and '{of_what}_length_m' = {length:g}", where, value=start
+        )
     return Place(length, start)
 
 
@@ -111,7 +168,10 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     """Where on a ramp or in a picture the release is, for the quantity `name`."""
     if name not in sources:
         return Place()
-    for key, what in ((f"{of_what}_length_m", "the whole length"), (f"{of_what}_start_m", "where on it the release is")):
+    for key, what in (
+        (f"{of_what}_length_m", "the whole length"),
+        (f"{of_what}_start_m", "where on it the release is"),
+    ):
         if all(getattr(level.table, key) is None for level in levels):
             raise _error(levels, name, f"needs '{key}' beside it, {what}")
     place = _stated_place(levels, of_what)
@@ -119,14 +179,24 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     length, source = place.length, sources[name]
     centre = source if isinstance(source, float) else source.centre
     if abs(centre) > _DEEPEST * length:
-        raise _error(levels, name, f"must be at most a tenth of '{of_what}_length_m' = {length:g}", value=centre)
+        raise _error(
+            levels,
+            name,
+            f"must be at most a tenth of '{of_what}_length_m' = {length:g}",
+            value=centre,
+        )
     return place
 
 
 def _place(levels: Levels, name: str) -> Path:
     """Where in the file an effect stands."""
     keys = EFFECTS[name].keys
-    return next((*level.path, key) for level in levels for key in keys if getattr(level.table, key) is not None)
+    return next(
+        (*level.path, key)
+        for level in levels
+        for key in keys
+        if getattr(level.table, key) is not None
+    )
 
 
 def _error(levels: Levels, name: str, rule: str, *, value: object = None) -> InputError:

@@ -1,7 +1,8 @@
 """What a campaign file says about one run, found by the rule of levels.
 
-A thing is looked up at the run, then at its body, then under [shared].  The level where it stands is the level at which
-it is one unknown, and the suffix of its parameter's name: "phi[heavy-04]", "gamma[heavy]", "rolling_resistance".
+A thing is looked up at the run, then at its body, then under [shared].  The level where it stands
+is the level at which it is one unknown, and the suffix of its parameter's name: "phi[heavy-04]",
+"gamma[heavy]", "rolling_resistance".
 """
 
 from __future__ import annotations
@@ -9,7 +10,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, RunTable, Value, read_value
+from estim.campaign.campaign_file import (
+    CampaignFile,
+    LevelTable,
+    NoiseTable,
+    RunTable,
+    Value,
+    read_value,
+)
 from estim.common import InputError, Quantity
 from estim.problem import Prior
 
@@ -18,7 +26,9 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One table that speaks of a run: where it stands, what it says, and the suffix of names declared there."""
+    """One table that speaks of a run: where it stands, what it says, and the suffix of names
+    declared there.
+    """
 
     path: Path
     table: LevelTable
@@ -41,22 +51,30 @@ class Levels:
         yield Level(("runs", self.index), run, f"[{run.name}]")
         yield from body_levels(self.source, run.body)
 
-    def error(self, rule: str, path: Path, *, field: str | None = None, value: object = None) -> InputError:
+    def error(
+        self, rule: str, path: Path, *, field: str | None = None, value: object = None
+    ) -> InputError:
         return self.source.places.error(rule, path, field=field, value=value)
 
 
 def body_levels(source: CampaignFile, body: str) -> tuple[Level, Level]:
     """The tables that speak of a body, most particular first."""
-    return Level(("bodies", body), source.bodies[body], f"[{body}]"), Level(("shared",), source.shared, "")
+    return Level(("bodies", body), source.bodies[body], f"[{body}]"), Level(
+        ("shared",), source.shared, ""
+    )
 
 
-def read_key(source: CampaignFile, level: Level, key: str, *, factor: float = 1.0) -> Quantity | Prior:
+def read_key(
+    source: CampaignFile, level: Level, key: str, *, factor: float = 1.0
+) -> Quantity | Prior:
     """The value of `key` at `level` in SI units.  Raises InputError with its line."""
     value: Value = getattr(level.table, key)
     return read_at(source, value, (*level.path, key), factor=factor)
 
 
-def read_at(source: CampaignFile, value: Value, path: Path, *, factor: float = 1.0) -> Quantity | Prior:
+def read_at(
+    source: CampaignFile, value: Value, path: Path, *, factor: float = 1.0
+) -> Quantity | Prior:
     """`value`, which stands at `path`, in SI units.  Raises InputError with its line."""
     try:
         return read_value(value, factor=factor, field=str(path[-1]))
@@ -65,11 +83,16 @@ def read_at(source: CampaignFile, value: Value, path: Path, *, factor: float = 1
 
 
 def noise_level(levels: Levels) -> tuple[NoiseTable, Path, str]:
-    """The most particular noise table of a run, where it stands, and the suffix of its parameters' names.
+    """The most particular noise table of a run, where it stands, and the suffix of its parameters'
+    names.
 
     Raises InputError where there is none.
     """
     for level in levels:
         if level.table.noise is not None:
             return level.table.noise, (*level.path, "noise"), level.suffix
-    raise levels.error(f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}", ("runs", levels.index), field="noise")
+    raise levels.error(
+        f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
+        ("runs", levels.index),
+        field="noise",
+    )

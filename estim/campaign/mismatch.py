@@ -1,4 +1,6 @@
-"""What msgspec says of a value of a wrong type, in words for people: what may stand there, and what was likely meant."""
+"""What msgspec says of a value of a wrong type, in words for people: what may stand there, and what
+was likely meant.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +14,22 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import msgspec
 
 _TYPES = {
-    "float": "a number", "int": "a whole number", "str": "text", "bool": "true or false", "object": "a table", "array": "a list",
-    "datetime": "a date", "date": "a date", "time": "a time",
+    "float": "a number",
+    "int": "a whole number",
+    "str": "text",
+    "bool": "true or false",
+    "object": "a table",
+    "array": "a list",
+    "datetime": "a date",
+    "date": "a date",
+    "time": "a time",
 }
 
 
 def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
-    """A mismatch as a rule; any other message of msgspec as it is.  kind : the type that was asked for.  path : where in it, keys and numbers."""
+    """A mismatch as a rule; any other message of msgspec as it is.  kind : the type that was asked
+    for.  path : where in it, keys and numbers.
+    """
     if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
         wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
         return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
@@ -30,7 +41,9 @@ def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
 
 
 def wrong_word(message: str) -> str | None:
-    """The word of which msgspec says that it is none of those that may stand there; it quotes it as Python does."""
+    """The word of which msgspec says that it is none of those that may stand there; it quotes it as
+    Python does.
+    """
     found = re.fullmatch(r"Invalid enum value ('.*'|\".*\")", message)
     return None if found is None else str(ast.literal_eval(found[1]))
 
@@ -43,18 +56,26 @@ def meant(written: str, choices: Sequence[str]) -> str:
 
 def known_keys(kind: object, path: Sequence[str]) -> list[str]:
     """The keys that may stand in the table at `path` in a value of type `kind`."""
-    tables = (one for one in _at(kind, path) if isinstance(one, type) and issubclass(one, msgspec.Struct))
+    tables = (
+        one for one in _at(kind, path) if isinstance(one, type) and issubclass(one, msgspec.Struct)
+    )
     return [key for table in tables for key in table.__struct_fields__]
 
 
 def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
     """The words that may stand at `path` in a value of type `kind`."""
     for one in _at(kind, path):
-        yield from (choice for choice in get_args(one) if get_origin(one) is Literal and isinstance(choice, str))
+        yield from (
+            choice
+            for choice in get_args(one)
+            if get_origin(one) is Literal and isinstance(choice, str)
+        )
 
 
 def _at(kind: object, path: Sequence[str]) -> Iterator[object]:
-    """The types that may stand at `path` in a value of type `kind`; the keys of a mapping are not in the path."""
+    """The types that may stand at `path` in a value of type `kind`; the keys of a mapping are not
+    in the path.
+    """
     origin, inside = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         for one in inside:

@@ -10,29 +10,59 @@ from estim.reading import Places
 
 _MAX_NAME = 100  # bytes
 _REPORT = (  # what stands in the folder where a run gets its own
-    *REPORT_FILES, "result.json", "comparison.json", "models.json", "calibration.json", "origin.json", "figures", "tables",
+    *REPORT_FILES,
+    "result.json",
+    "comparison.json",
+    "models.json",
+    "calibration.json",
+    "origin.json",
+    "figures",
+    "tables",
 )
 
 
 def check_run_names(names: Sequence[str], places: Places) -> None:
-    """Names of runs are unique and can be names of folders beside the files of a report.  Raises InputError."""
+    """Names of runs are unique and can be names of folders beside the files of a report.  Raises
+    InputError.
+    """
     for i, name in enumerate(names):
         if len(name.encode()) > _MAX_NAME:
-            raise places.error(f"must be short enough for the name of a file: at most {_MAX_NAME} bytes", ("runs", i, "name"), value=name)
+            raise places.error(
+                f"must be short enough for the name of a file: at most {_MAX_NAME} bytes",
+                ("runs", i, "name"),
+                value=name,
+            )
         if any(form in _REPORT for form in forms(name)):
-            raise places.error("must not be the name of a file of the report", ("runs", i, "name"), value=name)
+            raise places.error(
+                "must not be the name of a file of the report", ("runs", i, "name"), value=name
+            )
         if not re.fullmatch(r"\w[\w.+-]*", name):
-            raise places.error("must be made of letters, digits and . _ + -, a letter or digit first", ("runs", i, "name"), value=name)
+            raise places.error(
+                "must be made of letters, digits and . _ + -, a letter or digit first",
+                ("runs", i, "name"),
+                value=name,
+            )
     if found := first_alike(names):
         later, first = found
         line = places.lines.get(("runs", first, "name"))
-        rule = "must be unique" if names[later] == names[first] else "must differ from another name in more than case or letters that look alike"
-        raise places.error(rule if line is None else f"{rule} (the other stands on line {line})", ("runs", later, "name"), value=names[later])
+        rule = (
+            "must be unique"
+            if names[later] == names[first]
+            else "must differ from another name in more than case or letters that look alike"
+        )
+        raise places.error(
+            rule if line is None else f"{rule} (the other stands on line {line})",
+            ("runs", later, "name"),
+            value=names[later],
+        )
 
 
 def check_body_names(names: Iterable[str], places: Places) -> None:
     """Names of bodies can be part of the name of a figure's file.  Raises InputError."""
     for name in names:
         if not re.fullmatch(r"[^\W_][\w .+-]*", name) or len(name.encode()) > _MAX_NAME:
-            rule = f"must be made of letters, digits, blanks and . _ + -, a letter or digit first, at most {_MAX_NAME} bytes"
+            rule = (
+                "must be made of letters, digits, blanks and . _ + -, a letter or digit first, "
+                f"at most {_MAX_NAME} bytes"
+            )
             raise places.error(rule, ("bodies", name), field="bodies", value=name)

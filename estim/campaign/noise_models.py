@@ -25,47 +25,94 @@ class Candidate:
     table: NoiseTable
 
 
-def noise_candidates(levels: Levels, data: Run, posed: Callable[[NoiseTable], Noise]) -> tuple[Candidate, ...]:
-    """The models of the noise that the table `data` of a run and its noise table allow.  Raises InputError where there is only one.
+def noise_candidates(
+    levels: Levels, data: Run, posed: Callable[[NoiseTable], Noise]
+) -> tuple[Candidate, ...]:
+    """The models of the noise that the table `data` of a run and its noise table allow.  Raises
+    InputError where there is only one.
 
     posed : noise table -> the noise of the run with it.
     """
     table, path, _ = noise_level(levels)
-    position, speed = ("sigma_x_m", "sigma_v_m_s") if data.coordinate == "x_m" else ("sigma_theta_rad", "sigma_omega_rad_s")
+    position, speed = (
+        ("sigma_x_m", "sigma_v_m_s")
+        if data.coordinate == "x_m"
+        else ("sigma_theta_rad", "sigma_omega_rad_s")
+    )
     read = getattr(table, position) is not None or table.encoder_step_rad is not None
     # a scatter is of what the stated model fits: of positions, or of speeds
-    of_positions, of_speeds = (table.scatter, None) if table.model == "positions" else (None, table.scatter)
+    of_positions, of_speeds = (
+        (table.scatter, None) if table.model == "positions" else (None, table.scatter)
+    )
     found = []
     if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
         plain = NoiseTable(
-            model="positions", encoder_step_rad=table.encoder_step_rad, exposure_s=table.exposure_s, scatter=of_positions,
+            model="positions",
+            encoder_step_rad=table.encoder_step_rad,
+            exposure_s=table.exposure_s,
+            scatter=of_positions,
             **{position: getattr(table, position)},
         )
         found += _with_tails("positions", phrase("positions as read, in time"), plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
-            model="differentiated", derivative=table.derivative, encoder_step_rad=table.encoder_step_rad,
-            exposure_s=table.exposure_s, scatter=of_speeds, **{position: getattr(table, position)},
+            model="differentiated",
+            derivative=table.derivative,
+            encoder_step_rad=table.encoder_step_rad,
+            exposure_s=table.exposure_s,
+            scatter=of_speeds,
+            **{position: getattr(table, position)},
         )
-        found.append(Candidate("differentiated", phrase("speeds from differences of positions, with the resulting covariance"), differentiated))
+        found.append(
+            Candidate(
+                "differentiated",
+                phrase("speeds from differences of positions, with the resulting covariance"),
+                differentiated,
+            )
+        )
         size = _independent_size(posed(differentiated))
         if size > 0.0 and data.rate not in data.columns:
-            plain = NoiseTable(model="independent", derivative=table.derivative or "central", scatter=of_speeds)
+            plain = NoiseTable(
+                model="independent", derivative=table.derivative or "central", scatter=of_speeds
+            )
             naive = msgspec.structs.replace(plain, **{speed: size})
-            found.append(Candidate("independent", phrase("the same speeds as if their errors were independent (they are not)"), naive))
-    if data.rate in data.columns and (getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None):
+            found.append(
+                Candidate(
+                    "independent",
+                    phrase("the same speeds as if their errors were independent (they are not)"),
+                    naive,
+                )
+            )
+    if data.rate in data.columns and (
+        getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None
+    ):
         sigma_x = getattr(table, position) if table.model == "independent" else None
-        plain = NoiseTable(model="independent", scatter=of_speeds, **{speed: getattr(table, speed), position: sigma_x})
+        plain = NoiseTable(
+            model="independent",
+            scatter=of_speeds,
+            **{speed: getattr(table, speed), position: sigma_x},
+        )
         found += _with_tails("independent", phrase("speeds as measured"), plain)
     if len(found) < 2:
-        rule = f"allows one model at most for run '{levels.run.name}': nothing to compare (times and '{position}' would allow several)"
+        rule = (
+            f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
+            f"and '{position}' would allow several)"
+        )
         raise levels.error(rule, path, field="noise")
     return tuple(found)
 
 
 def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
-    shapes: dict[str, str] = {"student-t": phrase("Student-t tails"), "mixture": phrase("a fraction of outlying frames")}
-    robust = [Candidate(f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)) for shape, tails in shapes.items()]
+    shapes: dict[str, str] = {
+        "student-t": phrase("Student-t tails"),
+        "mixture": phrase("a fraction of outlying frames"),
+    }
+    robust = [
+        Candidate(
+            f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)
+        )
+        for shape, tails in shapes.items()
+    ]
     return [Candidate(name, words, plain), *robust]
 
 
@@ -73,4 +120,6 @@ def _independent_size(noise: Noise) -> float:
     """Standard deviation of one differentiated speed, 0 where the size of the noise is inferred."""
     if noise.size.sigma.parameter is not None:
         return 0.0
-    return math.sqrt(noise.size.sigma.value**2 + noise.size.quantisation_variance) * float(np.median(noise.reading_gain()))
+    return math.sqrt(noise.size.sigma.value**2 + noise.size.quantisation_variance) * float(
+        np.median(noise.reading_gain())
+    )

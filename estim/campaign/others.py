@@ -1,4 +1,6 @@
-"""What is asked of campaigns beside their runs: models compared, the frames of the way back, campaigns made of a table."""
+"""What is asked of campaigns beside their runs: models compared, the frames of the way back,
+campaigns made of a table.
+"""
 
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.new_campaign import columns_of, drafted_campaign
@@ -6,4 +8,13 @@ from estim.campaign.noise_models import Candidate
 from estim.campaign.selection import way_back
 from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs
 
-__all__ = ["Candidate", "CurveModel", "TableChoices", "campaign_of_table", "columns_of", "drafted_campaign", "pairs", "way_back"]
+__all__ = [
+    "Candidate",
+    "CurveModel",
+    "TableChoices",
+    "campaign_of_table",
+    "columns_of",
+    "drafted_campaign",
+    "pairs",
+    "way_back",
+]

@@ -1,4 +1,5 @@
-"""A campaign whose curve is the user's own: the `[curve]` table and its runs, and the problems they pose.
+"""A campaign whose curve is the user's own: the `[curve]` table and its runs, and the problems they
+pose.
 
     [curve]
     expression = "A*exp(-b*x)*cos(2*pi*x/T + p) + c"
@@ -8,8 +9,9 @@
     [curve.parameters]
     A = {start = 10.0, low = 0.0, unit = "°", meaning = "amplitude"}
 
-The rule of levels holds: a parameter under [curve.parameters] is one unknown for all runs, one under [runs.parameters] belongs
-to its run and is called "A[run]", as one is that all other runs of a joint fit override.  `docs/your-own-curve.md` explains the keys.
+The rule of levels holds: a parameter under [curve.parameters] is one unknown for all runs, one
+under [runs.parameters] belongs to its run and is called "A[run]", as one is that all other runs of
+a joint fit override.  `docs/your-own-curve.md` explains the keys.
 """
 
 from __future__ import annotations
@@ -47,17 +49,38 @@ from estim.campaign.curve_tables import (
 from estim.campaign.noise_models import Candidate
 from estim.campaign.own_curve_run import RunOfCurve, pose_run
 from estim.common import InputError, phrase, same_unit
-from estim.curves import MAX_OBS, AxisNames, BareFormula, Component, CurveProblem, Formula, ModelSum, Unstarted, started, units_of
+from estim.curves import (
+    MAX_OBS,
+    AxisNames,
+    BareFormula,
+    Component,
+    CurveProblem,
+    Formula,
+    ModelSum,
+    Unstarted,
+    started,
+    units_of,
+)
 from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import Fit, fit_discrepancy, fit_optimum, information, is_resolved, no_scatter, refit, silent_parameters
+from estim.fitting import (
+    Fit,
+    fit_discrepancy,
+    fit_optimum,
+    information,
+    is_resolved,
+    no_scatter,
+    refit,
+    silent_parameters,
+)
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, run_of_table
 
 
 @dataclass(frozen=True, eq=False)
 class CurveStudy:
-    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the inference for some of the runs.
+    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the
+    inference for some of the runs.
 
     told : run -> its axes, whose units are those of its header where the campaign says none.
     """
@@ -90,16 +113,33 @@ class CurveStudy:
         index = [run.name for run in self.runs].index(name)
         return RunOfCurve(self.source, self.table, self.runs[index], index)
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
-        """The joint problem of the runs `names` with their tables.  Raises InputError, also where other noise is asked for.
+    def problem(
+        self,
+        names: Sequence[str],
+        tables: Mapping[str, Run],
+        *,
+        noise: NoiseTable | None = None,
+        usual: bool = False,
+    ) -> Problem:
+        """The joint problem of the runs `names` with their tables.  Raises InputError, also where
+        other noise is asked for.
 
-        usual : changes nothing: what is usual of a user's own axes nobody knows (`[curve.shared_errors]` says it).
+        usual : changes nothing: what is usual of a user's own axes nobody knows
+            (`[curve.shared_errors]` says it).
         """
         if noise is not None:
             raise self._only_noise()
         components, runs = self._components(), {name: self._run(name) for name in names}
-        bound = {name: {argument: self._bind(argument, run) for argument in self.curve.names} for name, run in runs.items()}
-        uses = Counter(one.name for found in bound.values() for one in found.values() if isinstance(one, Parameter))
+        bound = {
+            name: {argument: self._bind(argument, run) for argument in self.curve.names}
+            for name, run in runs.items()
+        }
+        uses = Counter(
+            one.name
+            for found in bound.values()
+            for one in found.values()
+            if isinstance(one, Parameter)
+        )
         if any(count > 1 for count in uses.values()):
             self._refuse_other_units(names)
         parameters: dict[str, Parameter] = {}
@@ -107,66 +147,149 @@ class CurveStudy:
         shared: dict[str, Parameter] = {}
         observed = []
         for name, run in runs.items():
-            unknown = {argument: one for argument, one in bound[name].items() if isinstance(one, Parameter)}
+            unknown = {
+                argument: one for argument, one in bound[name].items() if isinstance(one, Parameter)
+            }
             if len(names) > 1:  # one that all other runs override is of this run
-                unknown = {argument: replace(one, name=f"{argument}[{name}]") if uses[argument] == 1 else one for argument, one in unknown.items()}
+                unknown = {
+                    argument: replace(one, name=f"{argument}[{name}]")
+                    if uses[argument] == 1
+                    else one
+                    for argument, one in unknown.items()
+                }
             known = {argument: parameters.get(one.name, one) for argument, one in unknown.items()}
-            chosen = {argument for argument, one in unknown.items() if one.name not in parameters and is_unstarted(self._entry(argument, run))}
-            values = {argument: known[argument].prior if isinstance(one, Parameter) else one for argument, one in bound[name].items()}
-            stated = {argument: unit for argument in self.curve.names if (unit := self._word(argument, run, "unit")) is not None}
+            chosen = {
+                argument
+                for argument, one in unknown.items()
+                if one.name not in parameters and is_unstarted(self._entry(argument, run))
+            }
+            values = {
+                argument: known[argument].prior if isinstance(one, Parameter) else one
+                for argument, one in bound[name].items()
+            }
+            stated = {
+                argument: unit
+                for argument in self.curve.names
+                if (unit := self._word(argument, run, "unit")) is not None
+            }
             posed = pose_run(
-                run, tables[name], curve=self.curve, axes=self.told[name], values=values, units=stated, components=components, chosen=chosen
+                run,
+                tables[name],
+                curve=self.curve,
+                axes=self.told[name],
+                values=values,
+                units=stated,
+                components=components,
+                chosen=chosen,
             )
             if posed.posed.lacks is not None and posed.posed.lacks.deviation and len(names) > 1:
-                rule = "does not go with a joint fit, which needs a deviation that runs share: fit the runs one by one"
+                rule = (
+                    "does not go with a joint fit, which needs a deviation that runs share: "
+                    "fit the runs one by one"
+                )
                 raise run.error(rule, "deviation")
             begun = self._started(posed.posed, {*self.curve.names} - chosen)
-            parameters |= {known[argument].name: replace(known[argument], prior=begun[argument].prior) for argument in known}
-            shared |= {one.parameter_name: one.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit) for one in components}
-            arguments = {argument: known[argument].name if isinstance(one, Parameter) else one for argument, one in bound[name].items()}
-            points, further = posed.observed(self.axes, MappingProxyType({**arguments, **{component: component for component in shared}}))
+            parameters |= {
+                known[argument].name: replace(known[argument], prior=begun[argument].prior)
+                for argument in known
+            }
+            shared |= {
+                one.parameter_name: one.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
+                for one in components
+            }
+            arguments = {
+                argument: known[argument].name if isinstance(one, Parameter) else one
+                for argument, one in bound[name].items()
+            }
+            points, further = posed.observed(
+                self.axes,
+                MappingProxyType({**arguments, **{component: component for component in shared}}),
+            )
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
         if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_OBS:
-            rule = f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the runs one by one"
-            raise self.source.places.error(rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed))
-        return Problem((*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()), tuple(observed))
+            rule = (
+                f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the "
+                "runs one by one"
+            )
+            raise self.source.places.error(
+                rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed)
+            )
+        return Problem(
+            (*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()),
+            tuple(observed),
+        )
 
     def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
-        """Argument -> parameter, with starts found from the points but for those `held`.  Raises InputError."""
+        """Argument -> parameter, with starts found from the points but for those `held`.  Raises
+        InputError.
+        """
         try:
             return {one.name: one for one in started(posed, self.asked, held=held).parameters}
         except InputError as error:
-            raise error.at(self.source.path, self.source.places.lines.get(("curve", "parameters"))) from None
+            raise error.at(
+                self.source.path, self.source.places.lines.get(("curve", "parameters"))
+            ) from None
 
     def _refuse_other_units(self, names: Sequence[str]) -> None:
         """Raises InputError where the headers of runs that share a parameter have other units."""
         for key in ("x", "y"):
-            units = {name: unit for name in names if (unit := getattr(self.told[name], f"{key}_unit")) != "1"}
+            units = {
+                name: unit
+                for name in names
+                if (unit := getattr(self.told[name], f"{key}_unit")) != "1"
+            }
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
                 if same_unit(unit, wanted) is False:
-                    rule = f"is in {wanted} by the header of run '{first}', in {unit} by that of '{name}': runs that share a parameter need one unit"
+                    rule = (
+                        f"is in {wanted} by the header of run '{first}', in {unit} by that of "
+                        f"'{name}': runs that share a parameter need one unit"
+                    )
                     raise self.source.places.error(rule, ("curve", key))
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
-        room = phrase("another curve may explain them; if this one is known to be right, the errors of successive readings may be "
-                      "correlated: correlated = true under [curve]")
+        room = phrase(
+            "another curve may explain them; if this one is known to be right, the errors "
+            "of successive readings may be "
+            "correlated: correlated = true under [curve]"
+        )
         return Suspects(self.problem(names, tables), room)
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
-        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data determine none."""
+    def fit(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        *,
+        rng: np.random.Generator,
+        near: FloatArray | None = None,
+    ) -> Fit:
+        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data
+        determine none.
+        """
         try:
             fit = fit_optimum(problem, rng=rng) if near is None else refit(problem, near)
         except InputError as error:
             raise self._place_of(error, problem, tables) from None
         self._require_scatter(fit)
         self._require_determined(fit)
-        return fit_discrepancy(fit, rng=rng) if any(run.lacks is not None for run in problem.runs) else fit
+        return (
+            fit_discrepancy(fit, rng=rng)
+            if any(run.lacks is not None for run in problem.runs)
+            else fit
+        )
 
-    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
-        """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the campaign asks for that."""
+    def expected_information(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        values: FloatArray,
+        sizes: Mapping[str, ForceSize],
+    ) -> FloatArray:
+        """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the
+        campaign asks for that.
+        """
         self._refuse_discrepancy("estim plan")
         return information(problem.linearised(values), values)
 
@@ -194,16 +317,30 @@ class CurveStudy:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
 
-    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+    def curve_models(
+        self, names: Sequence[str], tables: Mapping[str, Run]
+    ) -> tuple[CurveModel, ...]:
         """Raises InputError: the models that are compared are those of a rolling body."""
-        raise self.source.places.error("is a formula of your own; estim compare-models compares models of a rolling body", ("curve",))
+        raise self.source.places.error(
+            "is a formula of your own; estim compare-models compares models of a rolling body",
+            ("curve",),
+        )
 
-    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+    def fit_model(
+        self,
+        model: CurveModel,
+        tables: Mapping[str, Run],
+        *,
+        bad: Mapping[str, BadFrames],
+        rng: np.random.Generator,
+    ) -> Fit:
         """The mode of the problem of a model."""
         return self.fit(model.problem, tables, rng=rng)
 
     def _only_noise(self) -> InputError:
-        return self.source.places.error("is fit with the noise that its own tables state: no other model to compare", ("curve",))
+        return self.source.places.error(
+            "is fit with the noise that its own tables state: no other model to compare", ("curve",)
+        )
 
     def place_of_unknowns(self, name: str) -> Place:
         """Where in the file the unknowns of a run are declared."""
@@ -211,10 +348,14 @@ class CurveStudy:
 
     def require_body(self) -> None:
         """Raises InputError: there is no rolling body to speak of."""
-        raise self.source.places.error("has no rolling body, which this command is about", ("curve",))
+        raise self.source.places.error(
+            "has no rolling body, which this command is about", ("curve",)
+        )
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError: what a user's own curve may lack is no business of commands that know rolling bodies."""
+        """Raises InputError: what a user's own curve may lack is no business of commands that know
+        rolling bodies.
+        """
         self.require_body()
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
@@ -222,89 +363,141 @@ class CurveStudy:
         self.require_body()
 
     def _require_determined(self, fit: Fit) -> None:
-        """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior exists to draw from."""
+        """Raises InputError where neither the data nor a prior hold a parameter, so that no
+        posterior exists to draw from.
+        """
         if fit.unheld is not None:
             rule = (
-                "is hardly constrained by the data: far from here minus twice the log of the posterior density is only "
-                f"{fit.unheld.size:.1f} above its least, so that no posterior exists to draw from; give it limits (low and high), or a prior"
+                "is hardly constrained by the data: far from here minus twice the log of "
+                "the posterior density is only "
+                f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
+                "draw from; give it limits (low and high), or a prior"
             )
             raise self.source.places.error(rule, self._place(fit.unheld.parameters[0].name))
         flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
-        curvature = np.sqrt(np.diag(fit.cov))  # not the standard deviations, which a parameter beside a limit does not have
+        # not the standard deviations, which a parameter beside a limit does not have
+        curvature = np.sqrt(np.diag(fit.cov))
         held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
-        unheld = [name for name, known in zip(fit.names, held, strict=True) if name in flat and not known]
+        unheld = [
+            name for name, known in zip(fit.names, held, strict=True) if name in flat and not known
+        ]
         if not unheld:
             return
         if is_resolved(fit):
             rule = (
-                "has terms that all but cancel at these x: rounding errors leave too few digits to draw from the posterior; "
+                "has terms that all but cancel at these x: rounding errors leave too few "
+                "digits to draw from the posterior; "
                 "write it in x - x0, with x0 in the middle of the data"
             )
             raise self.source.places.error(rule, ("curve", "expression"))
         first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
         path = self._place(first)
         if not others:
-            raise self.source.places.error("is not determined by the data: give it limits (low and high), or a prior", path)
+            raise self.source.places.error(
+                "is not determined by the data: give it limits (low and high), or a prior", path
+            )
         together = " and ".join(f"'{other}'" for other in others)
-        rule = f"is not determined by the data, nor is {together}, only a combination of them: give one a value, limits (low and high), or a prior"
+        rule = (
+            f"is not determined by the data, nor is {together}, only a combination of them: "
+            "give one a value, limits (low and high), or a prior"
+        )
         raise self.source.places.error(rule, path)
 
     def _require_scatter(self, fit: Fit) -> None:
-        """Raises InputError where nothing is stated of the size of the errors, and the residuals are zero."""
+        """Raises InputError where nothing is stated of the size of the errors, and the residuals
+        are zero.
+        """
         if self.table.noise is not None:
             return
-        stated = {run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None}
+        stated = {
+            run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None
+        }
         for run in fit.problem.runs:
             if run.name not in stated and no_scatter(run, fit):
-                rule = f"must be stated: the curve meets every point of run '{run.name}', so nothing shows their errors (were the data computed?)"
+                rule = (
+                    f"must be stated: the curve meets every point of run '{run.name}', so "
+                    "nothing shows their errors (were the data computed?)"
+                )
                 raise self.source.places.error(rule, ("curve", "u_y"))
 
     def require_draws(self, problem: Problem) -> None:
-        """Raises InputError where the prior of a parameter is flat without limits, so that no true value can be drawn from it."""
+        """Raises InputError where the prior of a parameter is flat without limits, so that no true
+        value can be drawn from it.
+        """
         self._refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
-            rule = "is not supported by estim calibrate, which simulates counts, not times: count them in bins (model = \"poisson\") for that"
+            rule = (
+                "is not supported by estim calibrate, which simulates counts, not times: count "
+                'them in bins (model = "poisson") for that'
+            )
             raise self.source.places.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
-                rule = "is flat without limits, so that nothing can be simulated: give it limits (low and high), or a prior"
+                rule = (
+                    "is flat without limits, so that nothing can be simulated: give it limits "
+                    "(low and high), or a prior"
+                )
                 raise self.source.places.error(rule, self._place(parameter.name))
 
-    def _place_of(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
-        """An error of the search for an optimum with its place: the first row at which alone the curve is not finite at the start."""
+    def _place_of(
+        self, error: InputError, problem: Problem, tables: Mapping[str, Run]
+    ) -> InputError:
+        """An error of the search for an optimum with its place: the first row at which alone the
+        curve is not finite at the start.
+        """
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
-                finite = np.broadcast_to(np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs))[0]
+                finite = np.broadcast_to(
+                    np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs)
+                )[0]
             if np.any(finite) and not np.all(finite):
                 table = tables[run.name]
                 row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))
-                return table.error("is where the curve is not finite, at the start and around: leave the row out by a window", self.x_column, row)
+                return table.error(
+                    "is where the curve is not finite, at the start and around: leave the "
+                    "row out by a window",
+                    self.x_column,
+                    row,
+                )
         return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
 
     def _place(self, parameter: str) -> Place:
         """Where a parameter stands in the campaign file."""
         name, _, level = parameter.partition("[")
         run = [r.name for r in self.runs].index(level[:-1]) if level else 0
-        return ("runs", run, "parameters", name) if level and name in self.runs[run].parameters else ("curve", "parameters", name)
+        return (
+            ("runs", run, "parameters", name)
+            if level and name in self.runs[run].parameters
+            else ("curve", "parameters", name)
+        )
 
     def _bind(self, name: str, run: RunOfCurve) -> Parameter | float:
         """A parameter of the formula for one run: an unknown, or an exact value."""
         entry = self._entry(name, run)
         if entry is None and not isinstance(self.asked, ModelSum):
             rule = (
-                f"is missing for run '{run.table.name}': say it under [curve.parameters] or [runs.parameters], as {name} = {{start = 1.0}}, or "
+                f"is missing for run '{run.table.name}': say it under [curve.parameters] or "
+                f"[runs.parameters], as {name} = {{start = 1.0}}, or "
                 f"{name} = {{}}"
             )
             raise self.source.places.error(rule, ("curve", "parameters"), field=name)
         try:
-            source = source_of(ParameterTable() if entry is None else entry, name, self.asked.limits.get(name, (None, None)))
+            source = source_of(
+                ParameterTable() if entry is None else entry,
+                name,
+                self.asked.limits.get(name, (None, None)),
+            )
         except InputError as error:
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
             raise self.source.places.error(rule, run.place(name), value=error.value) from None
         named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
         meaning = self._word(name, run, "meaning") or phrase("parameter of the curve")
-        return source if isinstance(source, float) else Parameter(named, self.unit_of(name, run.table.name), source, meaning)
+        return (
+            source
+            if isinstance(source, float)
+            else Parameter(named, self.unit_of(name, run.table.name), source, meaning)
+        )
 
     def _entry(self, name: str, run: RunOfCurve) -> float | str | ParameterTable | None:
         """What the nearest level says of a parameter of one run."""
@@ -314,20 +507,30 @@ class CurveStudy:
         components = []
         for name, written in self.table.errors.items():
             try:
-                kind, u = (name, written) if isinstance(written, float | int) else (written.kind, written.u)
+                kind, u = (
+                    (name, written)
+                    if isinstance(written, float | int)
+                    else (written.kind, written.u)
+                )
                 components.append(Component(kind, float(u), name))
             except InputError as error:
-                raise self.source.places.error(f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value) from None
+                raise self.source.places.error(
+                    f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value
+                ) from None
         return tuple(components)
 
 
-def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]) -> tuple[CurveStudy, Mapping[str, Run]]:
+def read_curve_study(
+    source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]
+) -> tuple[CurveStudy, Mapping[str, Run]]:
     """The curve of a campaign and the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
     places = source.places
-    table = checked(_with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",))
+    table = checked(
+        _with_names(written_curve.table, places, ("curve",)), CurveTable, places, ("curve",)
+    )
     written = [_with_names(run, places, ("runs", i)) for i, run in enumerate(written_curve.runs)]
     runs = tuple(checked(run, CurveRunTable, places, ("runs", i)) for i, run in enumerate(written))
     formula, named = read_curve(source, table)
@@ -337,16 +540,26 @@ def read_curve_study(source: CampaignFile, written_curve: OwnCurve, *, only: Col
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    asked = {run.name: RunOfCurve(source, table, run, i) for i, run in enumerate(runs) if run.name in only}
+    asked = {
+        run.name: RunOfCurve(source, table, run, i)
+        for i, run in enumerate(runs)
+        if run.name in only
+    }
     read = {name: run.read() for name, run in asked.items()}
     told = MappingProxyType({name: run.told(axes, read[name]) for name, run in asked.items()})
-    study = CurveStudy(source, formula, axes, table, runs, BareFormula(formula) if named is None else named, told)
-    found = {name: replace(run_of_table(one, name), warnings=of_any_curve(one.warnings)) for name, one in read.items()}
+    study = CurveStudy(
+        source, formula, axes, table, runs, BareFormula(formula) if named is None else named, told
+    )
+    found = {
+        name: replace(run_of_table(one, name), warnings=of_any_curve(one.warnings))
+        for name, one in read.items()
+    }
     return study, MappingProxyType(found)
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
-    """A table with the names of its parameters as Python reads them in a formula (the micro sign is the letter mu).
+    """A table with the names of its parameters as Python reads them in a formula (the micro sign is
+    the letter mu).
 
     The parameters are checked one by one, for their lines.  Raises InputError.
     """
@@ -356,6 +569,8 @@ def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str
         checked(entry, kind, places, (*path, "parameters", name))
         read = unicodedata.normalize("NFKC", name)
         if read in named:
-            raise places.error("is the same name as another in a formula", (*path, "parameters", name))
+            raise places.error(
+                "is the same name as another in a formula", (*path, "parameters", name)
+            )
         named[read] = entry
     return {**raw, "parameters": named} if named else dict(raw)

@@ -1,7 +1,9 @@
-"""One run of a campaign's `[curve]`: its columns, and the problem that its rows pose as they would in `fit_curve`.
+"""One run of a campaign's `[curve]`: its columns, and the problem that its rows pose as they would
+in `fit_curve`.
 
-What is said at the run has the last word, else what is said of the curve.  Only what rows are, which of them are fit, and keys that Python does not
-have are decided here; all else by `estim.curves.pose_curve`, whose errors get the line of their cell or key.
+What is said at the run has the last word, else what is said of the curve.  Only what rows are,
+which of them are fit, and keys that Python does not have are decided here; all else by
+`estim.curves.pose_curve`, whose errors get the line of their cell or key.
 """
 
 from __future__ import annotations
@@ -17,7 +19,15 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, read_value
-from estim.campaign.curve_tables import CurveRunTable, CurveTable, Place, ReadingErrorTable, axis_of, prior_table, y_axis
+from estim.campaign.curve_tables import (
+    CurveRunTable,
+    CurveTable,
+    Place,
+    ReadingErrorTable,
+    axis_of,
+    prior_table,
+    y_axis,
+)
 from estim.campaign.dialect_table import DialectKeys, dialect_of
 from estim.campaign.robust import shape_of
 from estim.campaign.track_table import choices_of
@@ -41,7 +51,15 @@ from estim.curves import (
 )
 from estim.fitting import PERFECT
 from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
-from estim.reading import Choices, Run, Table, columns_sentence, is_tracker_file, read_columns, track_columns
+from estim.reading import (
+    Choices,
+    Run,
+    Table,
+    columns_sentence,
+    is_tracker_file,
+    read_columns,
+    track_columns,
+)
 
 _MIN_ROWS = 3
 _LACKS = ("deviation", "correlated")
@@ -73,7 +91,11 @@ class RunOfCurve:
     def said(self, key: str) -> tuple[Any, Place]:
         """What the run says of a key, else the curve, and where; None where neither does."""
         own = getattr(self.table, key, None)
-        return (own, ("runs", self.index, key)) if own is not None else (getattr(self.curve, key, None), ("curve", key))
+        return (
+            (own, ("runs", self.index, key))
+            if own is not None
+            else (getattr(self.curve, key, None), ("curve", key))
+        )
 
     def error(self, rule: str, key: str, *, value: object = None) -> InputError:
         """An InputError at the line of a key."""
@@ -81,14 +103,23 @@ class RunOfCurve:
 
     def place(self, parameter: str) -> Place:
         """Where a parameter is stated."""
-        return ("runs", self.index, "parameters", parameter) if parameter in self.table.parameters else ("curve", "parameters", parameter)
+        return (
+            ("runs", self.index, "parameters", parameter)
+            if parameter in self.table.parameters
+            else ("curve", "parameters", parameter)
+        )
 
     @cached_property
     def columns(self) -> Mapping[str, str]:
         """Argument of `pose_curve` -> the column that gives it."""
-        noise, said = self.curve.noise, {key: self.said(key)[0] for key in ("u_y", "u_x", "correlated")}
+        noise = self.curve.noise
+        said = {key: self.said(key)[0] for key in ("u_y", "u_x", "correlated")}
         found: dict[str, object] = {"x": self.x, "y": self.y, "correlated": said["correlated"]}
-        found |= {key: written.column for key, written in said.items() if isinstance(written, ReadingErrorTable)}
+        found |= {
+            key: written.column
+            for key, written in said.items()
+            if isinstance(written, ReadingErrorTable)
+        }
         if noise is not None:
             low, high = noise.bins if isinstance(noise.bins, list) else (None, None)
             found |= {"low": low, "bins": high, "trials": noise.trials}
@@ -98,55 +129,88 @@ class RunOfCurve:
         """Raises InputError where the curve may lack something, which `command` does not know."""
         for key in _LACKS:
             if self.said(key)[0]:
-                raise self.error(f"does not go with {command}, which takes the curve as complete: leave it out for that", key)
+                raise self.error(
+                    f"does not go with {command}, which takes the curve as complete: leave "
+                    "it out for that",
+                    key,
+                )
 
     def read(self) -> Table:
         """The columns of its file.  Raises InputError."""
-        path, levels = self.source.file_of(self.index), ((("runs", self.index), self.table), (("curve",), self.curve))
-        dialect, needed = dialect_of(levels, self.source.places), list(dict.fromkeys(self.columns.values()))
+        path = self.source.file_of(self.index)
+        levels = ((("runs", self.index), self.table), (("curve",), self.curve))
+        dialect = dialect_of(levels, self.source.places)
+        needed = list(dict.fromkeys(self.columns.values()))
         choices = choices_of(self.table) or (Choices() if is_tracker_file(path) else None)
-        if choices is not None and any(getattr(self.table, key) is not None for key in DialectKeys.__struct_fields__):
+        if choices is not None and any(
+            getattr(self.table, key) is not None for key in DialectKeys.__struct_fields__
+        ):
             rule = "does not go with a file of Tracker, which says itself how it is written"
             raise self.source.places.error(rule, ("runs", self.index), field="columns")
         with self.source.reading(path, needed):
-            table = track_columns(path, choices, needed=needed, shown_as=str(path)) if choices is not None else read_columns(
-                path, needed=needed, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
+            table = (
+                track_columns(path, choices, needed=needed, shown_as=str(path))
+                if choices is not None
+                else read_columns(
+                    path, needed=needed, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
+                )
             )
-        for key, of, axis in (("u_y", self.y, y_axis(self.curve)), ("u_x", self.x, axis_of(self.curve.x))):
+        for key, of, axis in (
+            ("u_y", self.y, y_axis(self.curve)),
+            ("u_x", self.x, axis_of(self.curve.x)),
+        ):
             if key in self.columns:
                 table.require_unit(self.columns[key], of)
                 _require_unit_of_axis(table, self.columns[key], of, axis.unit)
         return table
 
     def told(self, axes: AxisNames, table: Table) -> AxisNames:
-        """The axes with the units of the header where the campaign says none.  Raises InputError where it says another."""
+        """The axes with the units of the header where the campaign says none.  Raises InputError
+        where it says another.
+        """
         found = []
         for key, axis in (("x", axis_of(self.curve.x)), ("y", y_axis(self.curve))):
             stated = table.units.get(axis.column, "")
             if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
-                raise self.source.places.error(f"must be in {stated}, as {where} says; nothing is converted", ("curve", key), value=axis.unit)
+                raise self.source.places.error(
+                    f"must be in {stated}, as {where} says; nothing is converted",
+                    ("curve", key),
+                    value=axis.unit,
+                )
             found.append(stated if stated and axis.unit == "1" else axis.unit)
         return replace(axes, x_unit=found[0], y_unit=found[1])
 
     def columns_sentence(self, axes: AxisNames, table: Run) -> str:
-        """Which columns are x, y and their uncertainties, with units, and which columns of numbers are not read."""
+        """Which columns are x, y and their uncertainties, with units, and which columns of numbers
+        are not read.
+        """
         said = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
-        said += [(key, self.columns[key], unit) for key, unit in (("u_y", axes.y_unit), ("u_x", axes.x_unit)) if key in self.columns]
+        said += [
+            (key, self.columns[key], unit)
+            for key, unit in (("u_y", axes.y_unit), ("u_x", axes.x_unit))
+            if key in self.columns
+        ]
         return columns_sentence(said, table.unread)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
-    """Raises InputError where the header states another unit for uncertainties than the campaign for what they are of."""
+    """Raises InputError where the header states another unit for uncertainties than the campaign
+    for what they are of.
+    """
     stated = table.units.get(u, "")
     if unit != "1" and stated and not table.units.get(of) and same_unit(stated, unit) is False:
         rule = f"must be in the unit that the campaign says of '{of}', {unit}; nothing is converted"
-        raise InputError(rule, field=u, value=stated, file=table.file, line=table.header_line or None)
+        raise InputError(
+            rule, field=u, value=stated, file=table.file, line=table.header_line or None
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class PosedRun:
-    """A run with the table of its data, posed.  kept : (n_obs,) rows that are fit.  size : prior of the errors of y, None where they are stated."""
+    """A run with the table of its data, posed.  kept : (n_obs,) rows that are fit.  size : prior of
+    the errors of y, None where they are stated.
+    """
 
     run: RunOfCurve
     data: Run
@@ -156,37 +220,64 @@ class PosedRun:
     size: Prior | None
     posed: CurveProblem
 
-    def observed(self, axes: AxisNames, arguments: Mapping[str, str | float]) -> tuple[Observations, tuple[Parameter, ...]]:
+    def observed(
+        self, axes: AxisNames, arguments: Mapping[str, str | float]
+    ) -> tuple[Observations, tuple[Parameter, ...]]:
         """The points, and what is unknown of their errors."""
         posed, name = self.posed, self.run.table.name
         tails, unknown = shape_of(self.run.said("robust")[0], f"[{name}]")
         sigma = Scale(1.0)
-        if not posed.stated and posed.lacks is not None:  # the residuals say its size, together with what the curve lacks
+        # the residuals say its size, together with what the curve lacks
+        if not posed.stated and posed.lacks is not None:
             sigma = Scale(_roughness(posed.y))
         elif not posed.stated:
             of_all = self.size is not None and self.run.table.u_y is None
             prior: Prior = self.size or Unstated(_roughness(posed.y), SIGMA_SPREAD)
-            meaning = phrase("standard deviation of one reading") if self.size else phrase("standard deviation of one reading, not stated")
-            size = Parameter(SIGMA if of_all else f"{SIGMA}[{name}]", axes.y_unit, prior, meaning, SIGMA_NOTATION)
+            meaning = (
+                phrase("standard deviation of one reading")
+                if self.size
+                else phrase("standard deviation of one reading, not stated")
+            )
+            size = Parameter(
+                SIGMA if of_all else f"{SIGMA}[{name}]", axes.y_unit, prior, meaning, SIGMA_NOTATION
+            )
             sigma, unknown = Scale(parameter=size.name), (size, *unknown)
         lacks, along = posed.lacks, self.run.columns.get("correlated")
         if lacks is not None and lacks.along is not None:
-            of_column = axis_of(self.run.curve.x).unit if along == self.run.x else phrase("of column '{column}'", column=along)
+            of_column = (
+                axis_of(self.run.curve.x).unit
+                if along == self.run.x
+                else phrase("of column '{column}'", column=along)
+            )
             lacks = replace(lacks, along_unit=phrase("readings") if along is None else of_column)
         run = replace(
-            posed.observed(sigma, tails=tails), name=name, arguments=arguments, x_unit=axes.x_unit, y_unit=axes.y_unit,
-            excluded=self.excluded, excluded_points=self.left_out, lacks=lacks,
+            posed.observed(sigma, tails=tails),
+            name=name,
+            arguments=arguments,
+            x_unit=axes.x_unit,
+            y_unit=axes.y_unit,
+            excluded=self.excluded,
+            excluded_points=self.left_out,
+            lacks=lacks,
         )
         return run, unknown
 
 
 def pose_run(
-    run: RunOfCurve, data: Run, *, curve: Formula, axes: AxisNames, values: Mapping[str, float | Prior], units: Mapping[str, str],
-    components: tuple[Component, ...], chosen: Collection[str],
+    run: RunOfCurve,
+    data: Run,
+    *,
+    curve: Formula,
+    axes: AxisNames,
+    values: Mapping[str, float | Prior],
+    units: Mapping[str, str],
+    components: tuple[Component, ...],
+    chosen: Collection[str],
 ) -> PosedRun:
     """The rows of a run as the points of a curve.
 
-    values : argument of the curve -> exact value, or prior.  units : the same -> stated unit.  chosen : those whose start nobody stated.
+    values : argument of the curve -> exact value, or prior.
+    units : the same -> stated unit.  chosen : those whose start nobody stated.
 
     Raises InputError with file and line.
     """
@@ -194,21 +285,45 @@ def pose_run(
     size = _size(run, data, kept)
     priors = {name: value for name, value in values.items() if not isinstance(value, float)}
     deviation, correlated = run.said("deviation")[0], run.said("correlated")[0]
-    along = _column(run, data, kept, "correlated") if isinstance(correlated, str) else kept.astype(float) if correlated else False
+    along = (
+        _column(run, data, kept, "correlated")
+        if isinstance(correlated, str)
+        else kept.astype(float)
+        if correlated
+        else False
+    )
     try:
         posed = pose_curve(
-            curve, data.columns[run.x][kept], None if run.events else data.columns[run.y][kept],
-            start={name: prior.centre for name, prior in priors.items()}, u_y=None if isinstance(size, Prior) else size, cov_y=None,
-            u_x=_error_of_x(run, data, kept), bounds={}, priors=priors, errors=components, units=units, axes=axes,
-            fixed={name: value for name, value in values.items() if isinstance(value, float)}, deviation=deviation or 0.0, correlated=along,
-            noise=_counting(run, data, kept), chosen=chosen,
+            curve,
+            data.columns[run.x][kept],
+            None if run.events else data.columns[run.y][kept],
+            start={name: prior.centre for name, prior in priors.items()},
+            u_y=None if isinstance(size, Prior) else size,
+            cov_y=None,
+            u_x=_error_of_x(run, data, kept),
+            bounds={},
+            priors=priors,
+            errors=components,
+            units=units,
+            axes=axes,
+            fixed={name: value for name, value in values.items() if isinstance(value, float)},
+            deviation=deviation or 0.0,
+            correlated=along,
+            noise=_counting(run, data, kept),
+            chosen=chosen,
         )
     except InputError as error:
         raise _placed(error, run, data, kept) from None
     _check_keys(run, posed, size)
     whole = posed.counted is None or posed.counted.noise.law.word == "counts"
-    left_out = np.column_stack([data.columns[run.x][~inside], data.columns[run.y][~inside]]) if whole and not run.events else np.zeros((0, 2))
-    return PosedRun(run, data, kept, excluded, left_out, size if isinstance(size, Prior) else None, posed)
+    left_out = (
+        np.column_stack([data.columns[run.x][~inside], data.columns[run.y][~inside]])
+        if whole and not run.events
+        else np.zeros((0, 2))
+    )
+    return PosedRun(
+        run, data, kept, excluded, left_out, size if isinstance(size, Prior) else None, posed
+    )
 
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
@@ -216,17 +331,27 @@ def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
     robust = run.said("robust")[0] is not None
     for key in ("robust", "every") if posed.counted is not None else ():
         if run.said(key)[0] is not None:
-            raise run.error("does not go with 'noise', which says how counts scatter: leave it out", key)
+            raise run.error(
+                "does not go with 'noise', which says how counts scatter: leave it out", key
+            )
     if posed.lacks is not None:
         key = "deviation" if posed.lacks.deviation else "correlated"
         if robust:
-            raise run.error("does not go with 'robust' errors: it takes those of the readings as normal", key)
+            raise run.error(
+                "does not go with 'robust' errors: it takes those of the readings as normal", key
+            )
         if isinstance(size, Prior):
-            raise run.error("does not go with a 'u_y' that has an uncertainty itself: state a number, or leave 'u_y' out", key)
+            raise run.error(
+                "does not go with a 'u_y' that has an uncertainty itself: state a number, "
+                "or leave 'u_y' out",
+                key,
+            )
 
 
 def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> InputError:
-    """An error of an argument of `pose_curve` at the cell, the parameter or the key that it comes from."""
+    """An error of an argument of `pose_curve` at the cell, the parameter or the key that it comes
+    from.
+    """
     argument, _, of = (error.field or "").partition("[")
     column, of = run.columns.get(argument), of.removesuffix("]")
     if error.file is not None:
@@ -249,15 +374,24 @@ def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int6
     return run.source.places.error(error.rule, path, value=error.value)
 
 
-def _rows(run: RunOfCurve, data: Run) -> tuple[NDArray[np.int64], NDArray[np.bool_], tuple[Finding, ...]]:
-    """The rows that are fit, in order of x, which lie within the window (n_row,), and why others are left out."""
+def _rows(
+    run: RunOfCurve, data: Run
+) -> tuple[NDArray[np.int64], NDArray[np.bool_], tuple[Finding, ...]]:
+    """The rows that are fit, in order of x, which lie within the window (n_row,), and why others
+    are left out.
+    """
     window, path = run.said("window")
     low = -math.inf if window is None or window.min is None else window.min
     high = math.inf if window is None or window.max is None else window.max
     if not low < high:
-        raise run.source.places.error("must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}")
+        raise run.source.places.error(
+            "must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}"
+        )
     if run.events and not (math.isfinite(low) and math.isfinite(high)):
-        rule = "must state the 'min' and 'max' between which events were recorded: their density is normalised over it"
+        rule = (
+            "must state the 'min' and 'max' between which events were recorded: their density "
+            "is normalised over it"
+        )
         raise run.source.places.error(rule, path, field="window")
     stated = run.said("every")[0]
     every = 1 if stated is None else stated
@@ -267,17 +401,37 @@ def _rows(run: RunOfCurve, data: Run) -> tuple[NDArray[np.int64], NDArray[np.boo
     inside, order = (x >= low) & (x <= high), np.argsort(x, kind="stable")
     within = order[inside[order]]
     kept = within[::every]
-    excluded: tuple[Finding, ...] = (Finding(Kind.OUTSIDE_WINDOW, size=x.size - within.size),) if within.size < x.size else ()
-    excluded += (Finding(Kind.ROWS_BETWEEN, size=within.size - kept.size, numbers={"every": every}),) if every > 1 else ()
+    excluded: tuple[Finding, ...] = (
+        (Finding(Kind.OUTSIDE_WINDOW, size=x.size - within.size),) if within.size < x.size else ()
+    )
+    excluded += (
+        (Finding(Kind.ROWS_BETWEEN, size=within.size - kept.size, numbers={"every": every}),)
+        if every > 1
+        else ()
+    )
     dense = run.curve.noise is not None or run.said("u_x")[0] is not None
     most = MAX_EVENTS if run.events else MAX_DENSE if dense else MAX_OBS
     if not _MIN_ROWS <= kept.size <= most:
-        cure = f": say every = {-(-kept.size * every // most)}, or state a window" if kept.size > most and run.curve.noise is None else ""
+        cure = (
+            f": say every = {-(-kept.size * every // most)}, or state a window"
+            if kept.size > most and run.curve.noise is None
+            else ""
+        )
         if excluded:
-            rule = f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of {data.file} to fit{cure}"
-            raise run.source.places.error(rule, ("runs", run.index, "window"), field="window", value=int(kept.size))
+            rule = (
+                f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
+                f"{data.file} to fit{cure}"
+            )
+            raise run.source.places.error(
+                rule, ("runs", run.index, "window"), field="window", value=int(kept.size)
+            )
         where = " where x has errors" if run.said("u_x")[0] is not None else ""
-        raise InputError(f"must be between {_MIN_ROWS} and {most}{where}{cure}", field="rows", value=kept.size, file=data.file)
+        raise InputError(
+            f"must be between {_MIN_ROWS} and {most}{where}{cure}",
+            field="rows",
+            value=kept.size,
+            file=data.file,
+        )
     return kept, inside, excluded
 
 
@@ -294,9 +448,15 @@ def _counting(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> Counting |
         window = run.said("window")[0]
         return EventTimes(window.min, window.max, noise.cells)
     if noise.model == "binomial":
-        return Binomial(_column(run, data, kept, "trials") if isinstance(noise.trials, str) else float(noise.trials or 0.0))
+        return Binomial(
+            _column(run, data, kept, "trials")
+            if isinstance(noise.trials, str)
+            else float(noise.trials or 0.0)
+        )
     if isinstance(noise.bins, list):
-        return Poisson(np.column_stack([_column(run, data, kept, "low"), _column(run, data, kept, "bins")]))
+        return Poisson(
+            np.column_stack([_column(run, data, kept, "low"), _column(run, data, kept, "bins")])
+        )
     return Poisson(noise.bins)
 
 
@@ -318,18 +478,30 @@ def _size(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatA
     if "u_y" in run.columns:
         return _column(run, data, kept, "u_y")
     try:
-        read = read_value(prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written, factor=1.0, field="u_y")
+        read = read_value(
+            prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,
+            factor=1.0,
+            field="u_y",
+        )
     except InputError as error:
         raise run.error(error.rule, "u_y", value=error.value) from None
     centre = read.value if isinstance(read, Quantity) else read.centre
     if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
-        raise run.error("must be > 0, and a prior of it must not reach below 0", "u_y", value=centre)
+        raise run.error(
+            "must be > 0, and a prior of it must not reach below 0", "u_y", value=centre
+        )
     if not isinstance(read, Quantity):
         return read
     if not read.exact:
         return as_prior(read, low=0.0)
-    if run.curve.noise is None and read.value < PERFECT * float(np.max(np.abs(data.columns[run.y][kept]))):
-        raise run.error("must be above the last digit that a number of the size of y has here", "u_y", value=read.value)
+    if run.curve.noise is None and read.value < PERFECT * float(
+        np.max(np.abs(data.columns[run.y][kept]))
+    ):
+        raise run.error(
+            "must be above the last digit that a number of the size of y has here",
+            "u_y",
+            value=read.value,
+        )
     return read.value
 
 

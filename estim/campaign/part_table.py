@@ -1,4 +1,6 @@
-"""One piece of a body as a TOML table, `[parts.NAME]`, and which keys go with which kind of piece."""
+"""One piece of a body as a TOML table, `[parts.NAME]`, and which keys go with which kind of
+piece.
+"""
 
 from __future__ import annotations
 
@@ -31,17 +33,39 @@ class PartTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
 
 
 PART_UNITS: Mapping[str, str] = MappingProxyType(
-    {"mass_kg": "kg", "radius_m": "m", "inner_radius_m": "m", "length_m": "m", "diameter_m": "m", "distance_m": "m", "angle_deg": "°"}
+    {
+        "mass_kg": "kg",
+        "radius_m": "m",
+        "inner_radius_m": "m",
+        "length_m": "m",
+        "diameter_m": "m",
+        "distance_m": "m",
+        "angle_deg": "°",
+    }
 )
 NEEDED: Mapping[str, frozenset[str]] = MappingProxyType(
-    {kind: frozenset(keys) for kind, keys in {
-        "disk": (), "ring": ("inner_radius_m",), "rod": ("length_m",), "bolt": ("distance_m",), "point": ("distance_m",), "trailing": (),
-    }.items()}
-)  # fmt: skip
+    {
+        kind: frozenset(keys)
+        for kind, keys in {
+            "disk": (),
+            "ring": ("inner_radius_m",),
+            "rod": ("length_m",),
+            "bolt": ("distance_m",),
+            "point": ("distance_m",),
+            "trailing": (),
+        }.items()
+    }
+)
 POSSIBLE: Mapping[str, frozenset[str]] = MappingProxyType(
-    {kind: frozenset({"mass_kg", *keys}) for kind, keys in {
-        "disk": ("radius_m", "distance_m", "angle_deg"), "ring": ("radius_m", "inner_radius_m", "distance_m", "angle_deg"),
-        "rod": ("length_m", "diameter_m", "distance_m", "angle_deg"), "bolt": ("diameter_m", "distance_m", "angle_deg"),
-        "point": ("distance_m", "angle_deg"), "trailing": (),
-    }.items()}
-)  # fmt: skip
+    {
+        kind: frozenset({"mass_kg", *keys})
+        for kind, keys in {
+            "disk": ("radius_m", "distance_m", "angle_deg"),
+            "ring": ("radius_m", "inner_radius_m", "distance_m", "angle_deg"),
+            "rod": ("length_m", "diameter_m", "distance_m", "angle_deg"),
+            "bolt": ("diameter_m", "distance_m", "angle_deg"),
+            "point": ("distance_m", "angle_deg"),
+            "trailing": (),
+        }.items()
+    }
+)

@@ -1,7 +1,9 @@
-"""Bodies built of parts: what the weighed pieces of a campaign file say of mass, gamma, kappa, rho and their like, with their uncertainties.
+"""Bodies built of parts: what the weighed pieces of a campaign file say of mass, gamma, kappa, rho
+and their like, with their uncertainties.
 
-A part stands once in the file, whatever bodies hold it, and is one input: bodies that share a piece share its error.  A part listed twice in a body
-is two pieces of the same weight, whose error is common too.
+A part stands once in the file, whatever bodies hold it, and is one input: bodies that share a piece
+share its error.  A part listed twice in a body is two pieces of the same weight, whose error is
+common too.
 """
 
 from __future__ import annotations
@@ -34,21 +36,40 @@ OUTPUTS: Mapping[str, tuple[Notation, str, str]] = MappingProxyType(
         "gamma": (Notation("γ"), "1", later("distance of the centre of mass from the axle / R")),
         "kappa": (Notation("κ"), "1", later("inertia of the disk / (M_D R²)")),
         "rho": (Notation("ρ"), "1", later("distance of the particle from the axle / R")),
-        "particle_gyration": (Notation("k_P"), "1", later("radius of gyration of the particle / R")),
-        "trailing_fraction": (Notation("τ"), "1", later("fraction of the mass that does not rotate")),
-        "inertia_ratio": (Notation("j"), "1", later("moment of inertia of all rotating parts / (M R²)")),
-        "direction": (Notation("δ", "°", float(np.degrees(1.0))), "rad", later("direction of the centre of mass from the mark")),
+        "particle_gyration": (
+            Notation("k_P"),
+            "1",
+            later("radius of gyration of the particle / R"),
+        ),
+        "trailing_fraction": (
+            Notation("τ"),
+            "1",
+            later("fraction of the mass that does not rotate"),
+        ),
+        "inertia_ratio": (
+            Notation("j"),
+            "1",
+            later("moment of inertia of all rotating parts / (M R²)"),
+        ),
+        "direction": (
+            Notation("δ", "°", float(np.degrees(1.0))),
+            "rad",
+            later("direction of the centre of mass from the mark"),
+        ),
     }
 )
-OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})  # quantities of a campaign among them
+# quantities of a campaign among them
+OF_PARTS = frozenset({"gamma", "kappa", "rho", "particle_gyration", "trailing_fraction"})
 
 
 @dataclass(frozen=True, eq=False)
 class PartedBody:
     """A body given by its parts, ready to be propagated.
 
-    name : as shown.  particle : numbers of its parts.
-    inputs : name -> what was measured, exact numbers too; those of a shared part are the same for every body.
+    name : as shown.
+    particle : numbers of its parts.
+    inputs : name -> what was measured, exact numbers too; those of a shared part are the same for
+        every body.
     outputs : names of what `values` gives, those of `OUTPUTS` that are not 0 for this kind of body.
     """
 
@@ -61,25 +82,42 @@ class PartedBody:
 
     def values(self, q: Mapping[str, Any]) -> tuple[ArrayLike, ...]:
         """The outputs at the values `q` of the inputs, numbers or arrays of one shape."""
-        made = assemble([_part(name, table, q, q[self.radius]) for name, table in self.parts], q[self.radius], particle=self.particle)
+        made = assemble(
+            [_part(name, table, q, q[self.radius]) for name, table in self.parts],
+            q[self.radius],
+            particle=self.particle,
+        )
         body = made.body
         found = {"inertia_ratio": body.inertia_ratio, "direction": made.direction}
         every = [found[name] if name in found else getattr(body, name) for name in self.outputs]
         return tuple(np.asarray(value) + 0.0 * np.asarray(body.mass) for value in every)
 
 
-def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Input, *, name: str) -> PartedBody:
-    """The body whose parts `table` (at `path`) lists, rolling on `radius`.  Raises InputError with its line."""
+def parted_body(
+    source: CampaignFile, table: LevelTable, path: Path, radius: Input, *, name: str
+) -> PartedBody:
+    """The body whose parts `table` (at `path`) lists, rolling on `radius`.  Raises InputError with
+    its line.
+    """
     listed = table.parts or []
     if not 1 <= len(listed) <= _MOST_PARTS:
-        raise source.places.error(f"must list 1 to {_MOST_PARTS} parts", (*path, "parts"), value=len(listed))
+        raise source.places.error(
+            f"must list 1 to {_MOST_PARTS} parts", (*path, "parts"), value=len(listed)
+        )
     for i, part in enumerate(listed):
         if part not in source.parts:
             known = ", ".join(source.parts) or "none defined"
-            raise source.places.error(f"must name parts ({known})", (*path, "parts", i), field="parts", value=part)
+            raise source.places.error(
+                f"must name parts ({known})", (*path, "parts", i), field="parts", value=part
+            )
     for i, part in enumerate(table.particle or []):
         if part not in listed:
-            raise source.places.error("must name some of the parts of this body", (*path, "particle", i), field="particle", value=part)
+            raise source.places.error(
+                "must name some of the parts of this body",
+                (*path, "particle", i),
+                field="particle",
+                value=part,
+            )
     parts = tuple((part, source.parts[part]) for part in listed)
     if all(one.kind == "trailing" for _, one in parts):
         raise source.places.error("must hold a part that rotates", (*path, "parts"))
@@ -88,32 +126,62 @@ def parted_body(source: CampaignFile, table: LevelTable, path: Path, radius: Inp
         inputs |= _inputs(source, part, one)
     _require_metres(source, inputs, radius)
     named = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
-    off = named or tuple(i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m")))
+    off = named or tuple(
+        i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m"))
+    )
     angles = any(one.angle_deg is not None for _, one in parts)
     point = len(off) == 1 and parts[off[0]][1].kind == "point"
     trailing = tuple(i for i, (_, one) in enumerate(parts) if one.kind == "trailing")
     if len({*off, *trailing}) == len(parts):
-        raise source.places.error("must leave a part for the disk: say which are the particle, particle = [...]", (*path, "parts"))
-    silent = {out for out, there in {"particle_gyration": off and not point, "trailing_fraction": trailing, "direction": angles}.items() if not there}
-    body = PartedBody(name, parts, off, radius.name, MappingProxyType(inputs), tuple(out for out in OUTPUTS if out not in silent))
+        raise source.places.error(
+            "must leave a part for the disk: say which are the particle, particle = [...]",
+            (*path, "parts"),
+        )
+    silent = {
+        out
+        for out, there in {
+            "particle_gyration": off and not point,
+            "trailing_fraction": trailing,
+            "direction": angles,
+        }.items()
+        if not there
+    }
+    body = PartedBody(
+        name,
+        parts,
+        off,
+        radius.name,
+        MappingProxyType(inputs),
+        tuple(out for out in OUTPUTS if out not in silent),
+    )
     at = dict(zip(body.outputs, (float(np.asarray(v)) for v in _values(body)), strict=True))
     if not all(np.isfinite(list(at.values()))) or at["kappa"] < 0.0 or at["rho"] <= 0.0:
-        rule = "make no body of disk and particle (is the particle on the axle, the disk far out of balance?): say which are it, particle = [...]"
+        rule = (
+            "make no body of disk and particle (is the particle on the axle, the disk far out "
+            "of balance?): say which are it, particle = [...]"
+        )
         raise source.places.error(rule, (*path, "parts"))
     return body
 
 
 def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: Input) -> None:
-    """Raises InputError for a length that no piece of a body of this radius has: one in millimetres."""
+    """Raises InputError for a length that no piece of a body of this radius has: one in
+    millimetres.
+    """
     for name, one in inputs.items():
         part, _, key = name.rpartition(".")
         if name != radius.name and one.unit == "m" and one.value > _LARGEST * radius.value:
-            rule = f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} m: is it in metres?"
+            rule = (
+                f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} "
+                "m: is it in metres?"
+            )
             raise source.places.error(rule, ("parts", part, key), value=one.value)
 
 
 def _off_axle(distance: Input | None) -> bool:
-    """Whether a part is meant to be off the axle; "0.0000(5)" is a centre that is not quite on it."""
+    """Whether a part is meant to be off the axle; "0.0000(5)" is a centre that is not quite on
+    it.
+    """
     return distance is not None and distance.value != 0.0
 
 
@@ -127,9 +195,13 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
     path = ("parts", name)
     for key in table.said:
         if key not in POSSIBLE[table.kind]:
-            raise source.places.error(f"does not go with a part of kind '{table.kind}'", (*path, key))
+            raise source.places.error(
+                f"does not go with a part of kind '{table.kind}'", (*path, key)
+            )
     for key in sorted(NEEDED[table.kind] - set(table.said)):
-        raise source.places.error(f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}")
+        raise source.places.error(
+            f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}"
+        )
     found = {}
     for key in table.said:
         try:
@@ -137,11 +209,17 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
         except InputError as error:
             raise source.places.error(error.rule, (*path, key), value=error.value) from None
         if key != "angle_deg" and (value.value < 0.0 or (value.value == 0.0 and key == "mass_kg")):
-            raise source.places.error("must be > 0" if key == "mass_kg" else "must be >= 0", (*path, key), value=value.value)
+            raise source.places.error(
+                "must be > 0" if key == "mass_kg" else "must be >= 0",
+                (*path, key),
+                value=value.value,
+            )
         found[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
     outer, inner = (found.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
     if outer is not None and inner is not None and inner.value > outer.value:
-        raise source.places.error("must be at most 'radius_m'", (*path, "inner_radius_m"), value=inner.value)
+        raise source.places.error(
+            "must be at most 'radius_m'", (*path, "inner_radius_m"), value=inner.value
+        )
     return found
 
 
@@ -158,28 +236,48 @@ def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -
         square = rod(said("length_m"), said("diameter_m"))
     elif table.kind == "bolt":
         square = bolt(said("diameter_m"))
-    return Part(said("mass_kg"), square, said("distance_m"), np.radians(said("angle_deg")), table.kind != "trailing")
+    return Part(
+        said("mass_kg"),
+        square,
+        said("distance_m"),
+        np.radians(said("angle_deg")),
+        table.kind != "trailing",
+    )
 
 
-def weighed(source: CampaignFile, path: Path, radius: Input) -> tuple[Mapping[str, Quantity], FloatArray]:
-    """What the parts listed at `path` give, by linear propagation: output -> value and standard uncertainty, and their correlations.
+def weighed(
+    source: CampaignFile, path: Path, radius: Input
+) -> tuple[Mapping[str, Quantity], FloatArray]:
+    """What the parts listed at `path` give, by linear propagation: output -> value and standard
+    uncertainty, and their correlations.
 
-    k_P and the trailing fraction are exact here where their uncertainty moves j by less than a twentieth of its own: no fit could tell.
-    Raises InputError where the parts are wrong, or linear propagation has no answer.
+    k_P and the trailing fraction are exact here where their uncertainty moves j by less than a
+    twentieth of its own: no fit could tell.  Raises InputError where the parts are wrong, or linear
+    propagation has no answer.
     """
     return _weighed(source, path, radius.name, radius.value, radius.u)
 
 
 @lru_cache(maxsize=64)
-def _weighed(source: CampaignFile, path: Path, radius: str, value: float, u: float) -> tuple[Mapping[str, Quantity], FloatArray]:
+def _weighed(
+    source: CampaignFile, path: Path, radius: str, value: float, u: float
+) -> tuple[Mapping[str, Quantity], FloatArray]:
     table = source.shared
     if path[0] != "shared":
         table = source.runs[int(path[1])] if path[0] == "runs" else source.bodies[str(path[1])]
     body = parted_body(source, table, path, Input(radius, value, u, unit="m"), name=str(path[-1]))
     linear = propagate_linear(body.values, list(body.inputs.values()))
     if notes := notes_of(linear, body.values):
-        raise source.places.error(f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place", (*path, "parts"))
-    found = {out: Quantity(float(v), float(s)) for out, v, s in zip(body.outputs, linear.value, known_to(linear.value, linear.u), strict=True)}
+        raise source.places.error(
+            f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place",
+            (*path, "parts"),
+        )
+    found = {
+        out: Quantity(float(v), float(s))
+        for out, v, s in zip(
+            body.outputs, linear.value, known_to(linear.value, linear.u), strict=True
+        )
+    }
     slopes = _ratios(found).inertia_ratio_gradient()
     for out in _HARDLY_MATTER & set(found):
         if abs(slopes[out]) * found[out].u < _NEGLIGIBLE * found["inertia_ratio"].u:
@@ -187,12 +285,18 @@ def _weighed(source: CampaignFile, path: Path, radius: str, value: float, u: flo
     return MappingProxyType(found), correlations(linear.covariance)
 
 
-def notes_of(linear: LinearResult, values: Callable[[Mapping[str, Any]], Sequence[ArrayLike]]) -> tuple[str, ...]:
-    """What a reader must know of a linear result of `values`, those outputs aside that are exact but for rounding."""
+def notes_of(
+    linear: LinearResult, values: Callable[[Mapping[str, Any]], Sequence[ArrayLike]]
+) -> tuple[str, ...]:
+    """What a reader must know of a linear result of `values`, those outputs aside that are exact
+    but for rounding.
+    """
     kept = ~(linear.u <= _ROUNDING * np.abs(linear.value))
     if not linear.notes or not np.any(kept):
         return ()
-    return propagate_linear(lambda q: [v for v, keep in zip(values(q), kept, strict=True) if keep], linear.inputs).notes
+    return propagate_linear(
+        lambda q: [v for v, keep in zip(values(q), kept, strict=True) if keep], linear.inputs
+    ).notes
 
 
 def known_to(value: FloatArray, u: FloatArray) -> FloatArray:
@@ -208,27 +312,53 @@ def correlations(covariance: FloatArray) -> FloatArray:
 
 
 def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:
-    """The bodies, in the order of the file, whose kappa is one number with that of `body`: they have the same disk, on the axle.
+    """The bodies, in the order of the file, whose kappa is one number with that of `body`: they
+    have the same disk, on the axle.
 
     Those that state kappa or a radius of their own are none of them.
     """
     own = _disk(source, body)
-    return (body,) if own is None else tuple(other for other in source.bodies if _disk(source, other) == own)
+    return (
+        (body,)
+        if own is None
+        else tuple(other for other in source.bodies if _disk(source, other) == own)
+    )
 
 
 def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
     table = source.bodies[body]
-    if table.parts is None or table.kappa is not None or table.radius_m is not None or not all(part in source.parts for part in table.parts):
+    if (
+        table.parts is None
+        or table.kappa is not None
+        or table.radius_m is not None
+        or not all(part in source.parts for part in table.parts)
+    ):
         return None
     turning = [part for part in table.parts if source.parts[part].kind != "trailing"]
-    inputs = {name: one for part in turning for name, one in _inputs(source, part, source.parts[part]).items()}
-    off = [part for part in turning if (part in table.particle if table.particle else _off_axle(inputs.get(f"{part}.distance_m")))]
+    inputs = {
+        name: one
+        for part in turning
+        for name, one in _inputs(source, part, source.parts[part]).items()
+    }
+    off = [
+        part
+        for part in turning
+        if (
+            part in table.particle
+            if table.particle
+            else _off_axle(inputs.get(f"{part}.distance_m"))
+        )
+    ]
     rest = sorted(part for part in turning if part not in off)
     return None if any(source.parts[part].distance_m is not None for part in rest) else tuple(rest)
 
 
-def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]) -> tuple[str, str, float] | None:
-    """The two of the quantities `stated` (which a fit takes from the parts) that are correlated most, and by how much; None for fewer than two."""
+def not_independent(
+    found: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]
+) -> tuple[str, str, float] | None:
+    """The two of the quantities `stated` (which a fit takes from the parts) that are correlated
+    most, and by how much; None for fewer than two.
+    """
     names: Sequence[str] = [name for name in found if name in set(stated) and found[name].u > 0.0]
     pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
     order = list(found)
@@ -239,9 +369,15 @@ def not_independent(found: Mapping[str, Quantity], correlation: FloatArray, stat
 
 
 def spread_apart(found: Mapping[str, Quantity]) -> float:
-    """Standard uncertainty that the inertia ratio j would have if the quantities it is made of were independent."""
+    """Standard uncertainty that the inertia ratio j would have if the quantities it is made of were
+    independent.
+    """
     slopes = _ratios(found).inertia_ratio_gradient()
-    return float(np.sqrt(sum((slope * found[name].u) ** 2 for name, slope in slopes.items() if name in found)))
+    return float(
+        np.sqrt(
+            sum((slope * found[name].u) ** 2 for name, slope in slopes.items() if name in found)
+        )
+    )
 
 
 def _ratios(found: Mapping[str, Quantity]) -> Body:

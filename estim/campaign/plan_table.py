@@ -53,19 +53,39 @@ class PlanTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, rename=
 NO_PLAN = PlanTable()
 
 
-def check_plan(plan: PlanTable, names: tuple[str, ...], places: Places, *, own_curve: bool = False) -> PlanTable:
-    """The plan itself.  Raises InputError where a plan names what is not there, or asks for what cannot be counted."""
+def check_plan(
+    plan: PlanTable, names: tuple[str, ...], places: Places, *, own_curve: bool = False
+) -> PlanTable:
+    """The plan itself.  Raises InputError where a plan names what is not there, or asks for what
+    cannot be counted.
+    """
     if own_curve and plan.runs:
-        raise places.error("is for a rolling body (use [[plan.readings]])", ("plan", "runs", 0, "like"), field="plan.runs")
+        raise places.error(
+            "is for a rolling body (use [[plan.readings]])",
+            ("plan", "runs", 0, "like"),
+            field="plan.runs",
+        )
     if plan.readings and not own_curve:
-        raise places.error("is for a curve of your own (use [[plan.runs]])", ("plan", "readings", 0, "x"), field="plan.readings")
+        raise places.error(
+            "is for a curve of your own (use [[plan.runs]])",
+            ("plan", "readings", 0, "x"),
+            field="plan.readings",
+        )
     for i, run in enumerate(plan.runs):
         if run.like not in names:
-            raise places.error(f"must name one of the runs ({', '.join(names)})", ("plan", "runs", i, "like"), value=run.like)
+            raise places.error(
+                f"must name one of the runs ({', '.join(names)})",
+                ("plan", "runs", i, "like"),
+                value=run.like,
+            )
         _whole(run.repeats, _MOST_REPEATS, places, ("plan", "runs", i, "repeats"))
     for i, readings in enumerate(plan.readings):
         if readings.run is not None and readings.run not in names:
-            raise places.error(f"must name one of the runs ({', '.join(names)})", ("plan", "readings", i, "run"), value=readings.run)
+            raise places.error(
+                f"must name one of the runs ({', '.join(names)})",
+                ("plan", "readings", i, "run"),
+                value=readings.run,
+            )
         if not math.isfinite(readings.x):
             raise places.error("must be finite", ("plan", "readings", i, "x"), value=readings.x)
         _whole(readings.n, _MOST_READINGS, places, ("plan", "readings", i, "n"))
@@ -75,20 +95,39 @@ def check_plan(plan: PlanTable, names: tuple[str, ...], places: Places, *, own_c
 
 
 def _check_change(change: ChangeTable, i: int, places: Places, *, own_curve: bool) -> None:
-    factors: Mapping[str, float] = {key: getattr(change, key) for key in ("frames", "reading_error", "reach")}
+    factors: Mapping[str, float] = {
+        key: getattr(change, key) for key in ("frames", "reading_error", "reach")
+    }
     low, high = _FACTORS
     for key, factor in factors.items():
         if not low <= factor <= high:
-            raise places.error(f"is a factor: it must lie between {low:g} and {high:g}", ("plan", "change", i, key), value=factor)
+            raise places.error(
+                f"is a factor: it must lie between {low:g} and {high:g}",
+                ("plan", "change", i, key),
+                value=factor,
+            )
     if own_curve and change.reach != 1.0:
-        raise places.error("is for rolling bodies; for a curve of your own use [[plan.readings]]", ("plan", "change", i, "reach"))
+        raise places.error(
+            "is for rolling bodies; for a curve of your own use [[plan.readings]]",
+            ("plan", "change", i, "reach"),
+        )
     if change.reach < 1.0:
-        raise places.error("is how many times farther a run goes: it must be at least 1", ("plan", "change", i, "reach"), value=change.reach)
+        raise places.error(
+            "is how many times farther a run goes: it must be at least 1",
+            ("plan", "change", i, "reach"),
+            value=change.reach,
+        )
     for key, u in change.u.items():
         if not (u > 0.0 and math.isfinite(u)):
-            raise places.error("must be an uncertainty > 0", ("plan", "change", i, "u", key), value=u)
+            raise places.error(
+                "must be an uncertainty > 0", ("plan", "change", i, "u", key), value=u
+            )
     if not change.u and all(factor == 1.0 for factor in factors.values()):
-        raise places.error("changes nothing: say u, frames, reading_error or reach", ("plan", "change", i), field="change")
+        raise places.error(
+            "changes nothing: say u, frames, reading_error or reach",
+            ("plan", "change", i),
+            field="change",
+        )
 
 
 def _whole(count: int, most: int, places: Places, path: tuple[str | int, ...]) -> None:

@@ -1,4 +1,6 @@
-"""Numbers that are surely a slip of the unit: errors of reading as large as the path, speeds that gravity cannot give."""
+"""Numbers that are surely a slip of the unit: errors of reading as large as the path, speeds that
+gravity cannot give.
+"""
 
 from __future__ import annotations
 
@@ -19,28 +21,40 @@ _HEAVIEST = 0.95  # share of the mass in the particle, beyond which nothing is s
 _HEAVIER = 4.0  # times M v^2/2, kinetic energy of any body that rolls
 _TOO_FAST = 3.0  # times the energy that gravity can give
 _TOO_SLOW = 1e-6  # of that energy
-_SPAN = 8.0  # speeds are taken over this part of the time, where errors of the positions do not matter
+# speeds are taken over this part of the time, where errors of the positions do not matter
+_SPAN = 8.0
 
 
-def check_reading_error(sigma: Scale, key: str, position: NDArray[np.float64], levels: Levels, path: Path) -> None:
+def check_reading_error(
+    sigma: Scale, key: str, position: NDArray[np.float64], levels: Levels, path: Path
+) -> None:
     """The stated standard deviation of a position against the path (n_row,), both in the same unit.
 
-    Raises InputError at its line where it is a tenth of the path or more: of such positions nothing can be learnt.
+    Raises InputError at its line where it is a tenth of the path or more: of such positions nothing
+    can be learnt.
     """
     reach = float(np.ptp(position))
     if sigma.parameter is None and sigma.value >= _SHARE * reach > 0.0:
         unit = "m" if key == "sigma_x_m" else "rad"
         slip = "is it in mm?" if unit == "m" else "is it in degrees?"
-        rule = f"must be well below the length of the run, {reach:.4g} {unit} ({slip} The key is in {unit})"
+        rule = (
+            f"must be well below the length of the run, {reach:.4g} {unit} ({slip} The key is "
+            f"in {unit})"
+        )
         raise levels.error(rule, (*path, key), value=sigma.value)
 
 
-def check_speeds(run: Observations, quantities: Mapping[str, float | Prior], *, angular: bool, file: str) -> None:
-    """The speeds of a body released at x = 0, against its energy; raises InputError where units must be wrong.
+def check_speeds(
+    run: Observations, quantities: Mapping[str, float | Prior], *, angular: bool, file: str
+) -> None:
+    """The speeds of a body released at x = 0, against its energy; raises InputError where units
+    must be wrong.
 
-    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho), with what is said of a push, a sag and moments beside.  The centre of mass can
-    fall by no more, and the kinetic energy is M v^2/2 times at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths
-    in cm exceed that bound a hundredfold; times in ms make motions of a millionth of it, which is rest.  quantities : of the run, SI units.
+    v^2 <= 2 g (|x| sin|phi| + 2 gamma R)/(1 - gamma/rho), with what is said of a push, a sag and
+    moments beside.  The centre of mass can fall by no more, and the kinetic energy is M v^2/2 times
+    at least 1 - gamma/rho (only the particle can be slower than the axle).  Lengths in cm exceed
+    that bound a hundredfold; times in ms make motions of a millionth of it, which is rest.
+    quantities : of the run, SI units.
     """
     radius, gamma, rho, g = (_largest(quantities[name]) for name in ("radius", "gamma", "rho", "g"))
     position = run.y if run.positions else run.x
@@ -52,30 +66,58 @@ def check_speeds(run: Observations, quantities: Mapping[str, float | Prior], *, 
 
     tilt = min(said("phi") + said("phi_zero") + said("phi_slope") * reach * unit, 0.5 * math.pi)
     share = gamma / min(rho, _centre(quantities["rho"]))
-    turning = sum(said(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin"))
-    fall = reach * unit * math.sin(tilt) + (2.0 * (gamma + turning) + said("release_energy")) * radius + 4.0 * said("sag")
+    turning = sum(
+        said(f"moment_{part}") for part in ("once_cos", "once_sin", "twice_cos", "twice_sin")
+    )
+    fall = (
+        reach * unit * math.sin(tilt)
+        + (2.0 * (gamma + turning) + said("release_energy")) * radius
+        + 4.0 * said("sag")
+    )
     if not fall > 0.0 or share > _HEAVIEST:
         return
-    bound = math.sqrt(2.0 * g * fall / (1.0 - share) + _HEAVIER * said("release_speed") ** 2 / (1.0 - share)) / unit
+    bound = (
+        math.sqrt(
+            2.0 * g * fall / (1.0 - share) + _HEAVIER * said("release_speed") ** 2 / (1.0 - share)
+        )
+        / unit
+    )
     name, rate = ("theta_rad", "rad/s") if angular else ("x_m", "m/s")
     if speed > math.sqrt(_TOO_FAST) * bound:
         slip = "degrees" if angular else "cm or mm"
-        length = f"{reach:.4g} rad" if angular else f"{reach:.4g} m, {reach / _centre(quantities['radius']):.0f} radii,"
+        length = (
+            f"{reach:.4g} rad"
+            if angular
+            else f"{reach:.4g} m, {reach / _centre(quantities['radius']):.0f} radii,"
+        )
         most = f"gravity gives this body at most {bound:.3g} {rate} from rest"
-        rule = f"reaches {length} at {speed:.3g} {rate}, where {most}: is it in {slip}, or the time not in s?"
+        rule = (
+            f"reaches {length} at {speed:.3g} {rate}, where {most}: is it in {slip}, or the "
+            "time not in s?"
+        )
         raise InputError(rule, field=name, file=file)
     if run.t is not None and 0.0 < speed < math.sqrt(_TOO_SLOW) * bound:
-        rule = f"spans {np.ptp(run.t):.4g} s at {speed:.3g} {rate} or less, where gravity gives this body up to {bound:.3g} {rate}: is it in ms?"
+        rule = (
+            f"spans {np.ptp(run.t):.4g} s at {speed:.3g} {rate} or less, where gravity gives "
+            f"this body up to {bound:.3g} {rate}: is it in ms?"
+        )
         raise InputError(rule, field="t_s", file=file)
 
 
 def _typical_speed(run: Observations, position: FloatArray) -> float:
-    """Nearly the largest speed: means over an eighth of the time where times are known; a few bad frames do not matter."""
+    """Nearly the largest speed: means over an eighth of the time where times are known; a few bad
+    frames do not matter.
+    """
     if run.t is None:
         return float(np.quantile(np.abs(run.y), 0.9))
     later = np.searchsorted(run.t, run.t + np.ptp(run.t) / _SPAN)
     first = np.flatnonzero(later < run.t.size)
-    return float(np.quantile(np.abs(position[later[first]] - position[first]) / (run.t[later[first]] - run.t[first]), 0.9))
+    return float(
+        np.quantile(
+            np.abs(position[later[first]] - position[first]) / (run.t[later[first]] - run.t[first]),
+            0.9,
+        )
+    )
 
 
 def _centre(source: float | Prior) -> float:

@@ -1,6 +1,8 @@
-"""From the table of a run to the points that are fit and their noise, as the campaign's noise and window tables say.
+"""From the table of a run to the points that are fit and their noise, as the campaign's noise and
+window tables say.
 
-Speeds at known positions (`independent`, `differentiated`), or positions at known times (`positions`).
+Speeds at known positions (`independent`, `differentiated`), or positions at known times
+(`positions`).
 """
 
 from __future__ import annotations
@@ -35,17 +37,22 @@ from estim.problem import (
 from estim.reading import Run
 
 _SCALES = {  # key -> parameter and symbol
-    "sigma_x_m": ("sigma_x", "σ_x"), "sigma_v_m_s": ("sigma_v", "σ_v"), "sigma_theta_rad": ("sigma_theta", "σ_θ"),
-    "sigma_omega_rad_s": ("sigma_omega", "σ_ω"), "scatter": ("scatter", "scatter"),
+    "sigma_x_m": ("sigma_x", "σ_x"),
+    "sigma_v_m_s": ("sigma_v", "σ_v"),
+    "sigma_theta_rad": ("sigma_theta", "σ_θ"),
+    "sigma_omega_rad_s": ("sigma_omega", "σ_ω"),
+    "scatter": ("scatter", "scatter"),
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out; noise and its unknowns.
+    """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out;
+    noise and its unknowns.
 
     positions : whether the points are positions at known times.
-    arguments : of the curve that are not physics (offset, and release_time of positions): a parameter's name or a fixed number.
+    arguments : of the curve that are not physics (offset, and release_time of positions): a
+        parameter's name or a fixed number.
     """
 
     x: FloatArray
@@ -77,12 +84,18 @@ _UNITS = {
 
 
 def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Observed:
-    """The points of `run` with the noise that the campaign states for it, or with `noise` in its place.  Raises InputError."""
+    """The points of `run` with the noise that the campaign states for it, or with `noise` in its
+    place.  Raises InputError.
+    """
     table, path, suffix = noise_level(levels)
     table = noise or table
     model = table.model or ("differentiated" if "t_s" in run.columns else "independent")
     _check_keys(table, model, run, levels, path)
-    make = {"differentiated": _differentiated, "independent": _independent, "positions": _positions}[model]
+    make = {
+        "differentiated": _differentiated,
+        "independent": _independent,
+        "positions": _positions,
+    }[model]
     found = make(run, levels, table, path, suffix)
     if not run.left_out:
         return found
@@ -93,45 +106,92 @@ def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: P
     units = _UNITS[run.coordinate]
     keys = {"model", "scatter", units.position_sigma}
     if model == "independent":
-        keys |= {units.speed_sigma, "robust"} | (set() if run.rate in run.columns else {"derivative"})
+        keys |= {units.speed_sigma, "robust"} | (
+            set() if run.rate in run.columns else {"derivative"}
+        )
     else:
-        keys |= {"exposure_s", "derivative" if model == "differentiated" else "robust"} | ({"encoder_step_rad"} if units.position == "rad" else set())
+        keys |= {"exposure_s", "derivative" if model == "differentiated" else "robust"} | (
+            {"encoder_step_rad"} if units.position == "rad" else set()
+        )
     for key in table.__struct_fields__:
         if key not in keys and getattr(table, key) is not None:
-            rule = f"does not go with {model} noise of a run in {units.position} (known: {', '.join(sorted(keys))})"
+            rule = (
+                f"does not go with {model} noise of a run in {units.position} (known: "
+                f"{', '.join(sorted(keys))})"
+            )
             if key == "robust":
-                rule = "requires model = 'positions' or 'independent': one bad frame affects several differentiated speeds"
+                rule = (
+                    "requires model = 'positions' or 'independent': one bad frame affects "
+                    "several differentiated speeds"
+                )
             raise levels.error(rule, (*path, key))
 
 
-def _differentiated(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
+def _differentiated(
+    run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str
+) -> Observed:
     units = _UNITS[run.coordinate]
     _need_times(run, "differentiated", levels, path)
     step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position reading"))
+    sigma, parameter = _scale(
+        table,
+        units.position_sigma,
+        units.position,
+        levels,
+        path,
+        suffix,
+        phrase("standard deviation of one position reading"),
+    )
     typical = _typical(sigma, parameter, step)
     if typical == 0.0:
-        wanted = f"'{units.position_sigma}'" + (" or 'encoder_step_rad'" if units.position == "rad" else "")
+        wanted = f"'{units.position_sigma}'" + (
+            " or 'encoder_step_rad'" if units.position == "rad" else ""
+        )
         raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("additional independent error of each speed"))
+    scatter, scatter_parameter = _scale(
+        table,
+        "scatter",
+        units.speed,
+        levels,
+        path,
+        suffix,
+        phrase("additional independent error of each speed"),
+    )
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     if "sigma_x_m" in run.columns:
-        rule = f"is not used: differentiated noise takes one '{units.position_sigma}' for all positions; start the column's name with _ to skip it"
+        rule = (
+            f"is not used: differentiated noise takes one '{units.position_sigma}' for all "
+            "positions; start the column's name with _ to skip it"
+        )
         raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
-    blur = relative_blur(table, run, np.full(run.n_row, 0.0 if parameter else typical), levels, path)
+    blur = relative_blur(
+        table, run, np.full(run.n_row, 0.0 if parameter else typical), levels, path
+    )
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
-    selection = select(position[rows], derivative.value, t[rows], window=_window(run, levels), sigma_position=typical)
+    selection = select(
+        position[rows],
+        derivative.value,
+        t[rows],
+        window=_window(run, levels),
+        sigma_position=typical,
+    )
     in_bands = scatter_parameter is None and (parameter is None or scatter.value == 0.0)
     check_count(selection, run, levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
     kept = rows[selection.kept]
     zero, zero_parameter = _stated_offset(levels, units)
     return Observed(
-        x=position[kept], y=derivative.value[selection.kept], t=t[kept],
-        noise=Differentiated(sigma, scatter, step, derivative, selection.kept, blur, table.exposure_s or 0.0),
-        parameters=_some(zero_parameter, parameter, scatter_parameter), arguments=zero,
-        excluded=blank + selection.reasons, excluded_points=_others(position[rows], derivative.value, selection),
+        x=position[kept],
+        y=derivative.value[selection.kept],
+        t=t[kept],
+        noise=Differentiated(
+            sigma, scatter, step, derivative, selection.kept, blur, table.exposure_s or 0.0
+        ),
+        parameters=_some(zero_parameter, parameter, scatter_parameter),
+        arguments=zero,
+        excluded=blank + selection.reasons,
+        excluded_points=_others(position[rows], derivative.value, selection),
     )
 
 
@@ -143,23 +203,67 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         speed = run.columns[rate]
     elif t is not None and table.derivative is not None:
         derivative, blank = _speeds(run, table)
-        rows, speed, gain = derivative.rows, derivative.value, derivative.stencil.noise_gain / derivative.interval
+        rows = derivative.rows
+        speed = derivative.value
+        gain = derivative.stencil.noise_gain / derivative.interval
     else:
-        rule = f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to compute them)"
+        rule = (
+            f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to "
+            "compute them)"
+        )
         raise levels.error(rule, (*path, "model"), value="independent")
-    sigma, parameter = _scale(table, units.speed_sigma, units.speed, levels, path, suffix, phrase("standard deviation of one speed"))
-    scatter, scatter_parameter = _scale(table, "scatter", units.speed, levels, path, suffix, phrase("additional independent error of each speed"))
-    sigma_x, x_parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position"))
+    sigma, parameter = _scale(
+        table,
+        units.speed_sigma,
+        units.speed,
+        levels,
+        path,
+        suffix,
+        phrase("standard deviation of one speed"),
+    )
+    scatter, scatter_parameter = _scale(
+        table,
+        "scatter",
+        units.speed,
+        levels,
+        path,
+        suffix,
+        phrase("additional independent error of each speed"),
+    )
+    sigma_x, x_parameter = _scale(
+        table,
+        units.position_sigma,
+        units.position,
+        levels,
+        path,
+        suffix,
+        phrase("standard deviation of one position"),
+    )
     tails, tail_parameters = shape_of(table.robust, suffix)
     typical_x = _typical(sigma_x, x_parameter, 0.0)
-    sigma_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, typical_x > 0.0, units.position, levels, (*path, units.position_sigma))
+    sigma_x, relative_x = _by_row(
+        run,
+        "sigma_x_m",
+        sigma_x,
+        typical_x > 0.0,
+        units.position,
+        levels,
+        (*path, units.position_sigma),
+    )
     stated = run.columns.get("sigma_v_m_s")
     said = _typical(sigma, parameter, 0.0) > 0.0
     if not said and stated is None and scatter.parameter is None and scatter.value == 0.0:
-        raise levels.error(f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise", path, field="noise")
-    sigma, relative = _by_row(run, "sigma_v_m_s", sigma, said, units.position, levels, (*path, units.speed_sigma))
+        raise levels.error(
+            f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise",
+            path,
+            field="noise",
+        )
+    sigma, relative = _by_row(
+        run, "sigma_v_m_s", sigma, said, units.position, levels, (*path, units.speed_sigma)
+    )
     guard = typical_x if relative_x is None else float(np.median(relative_x))
-    # of speeds made by differences the error of a position follows from that of a speed: the same guard zones as `differentiated`
+    # of speeds made by differences the error of a position follows from that of a speed: the same
+    # guard zones as `differentiated`
     reading = guard or _typical(sigma, parameter, 0.0) / gain
     where, when = position[rows], None if t is None else t[rows]
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
@@ -167,34 +271,77 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     kept = selection.kept
     zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
-        sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[rows][kept],
-        sigma_x=sigma_x if guard > 0.0 else None, relative_x=None if relative_x is None else relative_x[rows][kept], tails=tails,
+        sigma=sigma,
+        scatter=scatter,
+        relative=np.ones(kept.size) if relative is None else relative[rows][kept],
+        sigma_x=sigma_x if guard > 0.0 else None,
+        relative_x=None if relative_x is None else relative_x[rows][kept],
+        tails=tails,
     )
     return Observed(
-        x=where[kept], y=speed[kept], t=None if when is None else when[kept], noise=noise,
-        parameters=_some(zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters), arguments=zero,
-        excluded=blank + selection.reasons, excluded_points=_others(where, speed, selection),
+        x=where[kept],
+        y=speed[kept],
+        t=None if when is None else when[kept],
+        noise=noise,
+        parameters=_some(
+            zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters
+        ),
+        arguments=zero,
+        excluded=blank + selection.reasons,
+        excluded_points=_others(where, speed, selection),
     )
 
 
 def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
     """Every frame inside the window, on both ways.
 
-    Unless the campaign says otherwise the moment of release is unknown, and the zero of the positions as good as one reading.
+    Unless the campaign says otherwise the moment of release is unknown, and the zero of the
+    positions as good as one reading.
     """
     units = _UNITS[run.coordinate]
     _need_times(run, "positions", levels, path)
     step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(table, units.position_sigma, units.position, levels, path, suffix, phrase("standard deviation of one position reading"))
-    scatter, scatter_parameter = _scale(table, "scatter", units.position, levels, path, suffix, phrase("additional independent error of "
-                                                                                                       "each position"))
+    sigma, parameter = _scale(
+        table,
+        units.position_sigma,
+        units.position,
+        levels,
+        path,
+        suffix,
+        phrase("standard deviation of one position reading"),
+    )
+    scatter, scatter_parameter = _scale(
+        table,
+        "scatter",
+        units.position,
+        levels,
+        path,
+        suffix,
+        phrase("additional independent error of each position"),
+    )
     tails, tail_parameters = shape_of(table.robust, suffix)
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
     said = _typical(sigma, parameter, 0.0) > 0.0
-    if not said and step == 0.0 and "sigma_x_m" not in run.columns and scatter.parameter is None and scatter.value == 0.0:
-        raise levels.error(f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise", path, field="noise")
-    sigma, relative = _by_row(run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma))
-    rest = np.full(run.n_row, 0.0 if parameter else _typical(sigma, parameter, step)) if relative is None else relative
+    if (
+        not said
+        and step == 0.0
+        and "sigma_x_m" not in run.columns
+        and scatter.parameter is None
+        and scatter.value == 0.0
+    ):
+        raise levels.error(
+            f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise",
+            path,
+            field="noise",
+        )
+    sigma, relative = _by_row(
+        run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma)
+    )
+    rest = (
+        np.full(run.n_row, 0.0 if parameter else _typical(sigma, parameter, step))
+        if relative is None
+        else relative
+    )
     blur = relative_blur(table, run, rest, levels, path)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
@@ -208,25 +355,41 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         relative = blur if relative is None else blur * relative
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
     sources, unknowns = {}, []
-    release = Parameter("release_time", "s", Uniform(early, float(started)), phrase("time of release on the clock of the data"), Notation("t₀"))
+    release = Parameter(
+        "release_time",
+        "s",
+        Uniform(early, float(started)),
+        phrase("time of release on the clock of the data"),
+        Notation("t₀"),
+    )
     for key, unknown in (("release_time_s", release), (units.offset, _offset(units, zero))):
         sources[unknown.name], of_level = _nuisance(levels, key, unknown)
         unknowns.append(of_level)
     return Observed(
-        x=x, y=y, t=x, arguments=sources,
+        x=x,
+        y=y,
+        t=x,
+        arguments=sources,
         noise=Independent(
-            sigma=sigma, scatter=scatter, relative=np.ones(kept.size) if relative is None else relative[kept], encoder_step=step,
-            tails=tails, exposure=table.exposure_s or 0.0,
+            sigma=sigma,
+            scatter=scatter,
+            relative=np.ones(kept.size) if relative is None else relative[kept],
+            encoder_step=step,
+            tails=tails,
+            exposure=table.exposure_s or 0.0,
         ),
         positions=True,
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
-        excluded=selection.reasons, excluded_points=_others(t, position, selection),
+        excluded=selection.reasons,
+        excluded_points=_others(t, position, selection),
     )
 
 
 def _need_times(run: Run, model: str, levels: Levels, path: Path) -> None:
     if "t_s" not in run.columns:
-        raise levels.error("needs times: the run's file has no t_s column", (*path, "model"), value=model)
+        raise levels.error(
+            "needs times: the run's file has no t_s column", (*path, "model"), value=model
+        )
 
 
 def _some(*parameters: Parameter | None) -> tuple[Parameter, ...]:
@@ -242,21 +405,29 @@ def _encoder_step(table: NoiseTable, levels: Levels, path: Path) -> float:
 
 def _typical(sigma: Scale, parameter: Parameter | None, step: float) -> float:
     """Standard deviation of a reading as stated, or where its prior has its centre."""
-    return math.hypot(sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0))
+    return math.hypot(
+        sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0)
+    )
 
 
 def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...]]:
     """Speeds by differences, and how many frames have none."""
     stencil = STENCILS[table.derivative or "central"]
-    derivative = differentiate(run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines)
+    derivative = differentiate(
+        run.columns["t_s"], run.columns[run.coordinate], stencil, file=run.file, lines=run.lines
+    )
     missing = run.n_row - derivative.rows.size
-    return derivative, (Finding(Kind.NO_DERIVATIVE, test=stencil.name, size=missing),) if missing else ()
+    return derivative, (
+        Finding(Kind.NO_DERIVATIVE, test=stencil.name, size=missing),
+    ) if missing else ()
 
 
 def _by_row(
     run: Run, column: str, sigma: Scale, said: bool, unit: str, levels: Levels, path: Path
 ) -> tuple[Scale, FloatArray | None]:
-    """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise table."""
+    """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise
+    table.
+    """
     if column not in run.columns:
         return sigma, None
     if unit != "m":
@@ -267,7 +438,9 @@ def _by_row(
     return Scale(1.0), run.columns[column]
 
 
-def _stated_offset(levels: Levels, units: _Units) -> tuple[dict[str, str | float], Parameter | None]:
+def _stated_offset(
+    levels: Levels, units: _Units
+) -> tuple[dict[str, str | float], Parameter | None]:
     """The zero of the positions for speeds: exact unless the campaign states it."""
     if all(getattr(level.table, units.offset) is None for level in levels):
         return {}, None
@@ -276,7 +449,13 @@ def _stated_offset(levels: Levels, units: _Units) -> tuple[dict[str, str | float
 
 
 def _offset(units: _Units, sd: float) -> Parameter:
-    return Parameter("offset", units.position, Normal(0.0, sd), phrase("reading of the position at release"), Notation("x₀"))
+    return Parameter(
+        "offset",
+        units.position,
+        Normal(0.0, sd),
+        phrase("reading of the position at release"),
+        Notation("x₀"),
+    )
 
 
 def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
@@ -297,7 +476,9 @@ def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float
 def _scale(
     table: NoiseTable, key: str, unit: str, levels: Levels, path: Path, suffix: str, meaning: str
 ) -> tuple[Scale, Parameter | None]:
-    """A standard deviation of the noise table: fixed, or a parameter where it has an uncertainty or a prior."""
+    """A standard deviation of the noise table: fixed, or a parameter where it has an uncertainty or
+    a prior.
+    """
     written = getattr(table, key)
     if written is None:
         return Scale(0.0), None
@@ -308,9 +489,13 @@ def _scale(
         return Scale(value.value), None
     prior = as_prior(value, low=0.0) if isinstance(value, Quantity) else value
     if prior.low < 0.0 and not isinstance(value, Quantity):
-        raise levels.error("is a standard deviation: its prior must not reach below 0", (*path, key))
+        raise levels.error(
+            "is a standard deviation: its prior must not reach below 0", (*path, key)
+        )
     name, symbol = _SCALES[key]
-    return Scale(parameter=name + suffix), Parameter(name + suffix, unit, prior, meaning, Notation(symbol))
+    return Scale(parameter=name + suffix), Parameter(
+        name + suffix, unit, prior, meaning, Notation(symbol)
+    )
 
 
 def _window(run: Run, levels: Levels) -> Window:
@@ -322,10 +507,14 @@ def _window(run: Run, levels: Levels) -> Window:
 
 
 def _read_window(table: WindowTable, run: Run, levels: Levels, path: Path) -> Window:
-    here, other = (("x_min_m", "x_max_m"), ("theta_min_rad", "theta_max_rad"))[:: 1 if run.coordinate == "x_m" else -1]
+    here, other = (("x_min_m", "x_max_m"), ("theta_min_rad", "theta_max_rad"))[
+        :: 1 if run.coordinate == "x_m" else -1
+    ]
     for key in other:
         if getattr(table, key) is not None:
-            raise levels.error(f"does not fit a run whose positions are {run.coordinate}", (*path, key))
+            raise levels.error(
+                f"does not fit a run whose positions are {run.coordinate}", (*path, key)
+            )
     if "t_s" not in run.columns and (table.t_min_s is not None or table.t_max_s is not None):
         raise levels.error("needs times: the run's file has no t_s column", path, field="window")
 
@@ -335,10 +524,20 @@ def _read_window(table: WindowTable, run: Run, levels: Levels, path: Path) -> Wi
             raise levels.error("must be finite", (*path, key), value=number)
         return otherwise if number is None else float(number)
 
-    window = Window(limit("t_min_s", -math.inf), limit("t_max_s", math.inf), limit(here[0], -math.inf), limit(here[1], math.inf))
+    window = Window(
+        limit("t_min_s", -math.inf),
+        limit("t_max_s", math.inf),
+        limit(here[0], -math.inf),
+        limit(here[1], math.inf),
+    )
     if window.low >= window.high or window.t_min >= window.t_max:
-        shown = f"t {window.t_min:g} to {window.t_max:g}, {run.coordinate} {window.low:g} to {window.high:g}"
-        raise levels.error("must have its lower limits below its upper ones", path, field="window", value=shown)
+        shown = (
+            f"t {window.t_min:g} to {window.t_max:g}, {run.coordinate} {window.low:g} to "
+            f"{window.high:g}"
+        )
+        raise levels.error(
+            "must have its lower limits below its upper ones", path, field="window", value=shown
+        )
     return window
 
 

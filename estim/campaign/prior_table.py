@@ -19,7 +19,9 @@ _NO_UNIT = ("log_sd",)
 
 
 class PriorKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The keys of a prior, for tables that may hold one; which of them it needs is checked by `read_prior`."""
+    """The keys of a prior, for tables that may hold one; which of them it needs is checked by
+    `read_prior`.
+    """
 
     prior: PriorKind | None = None
     mean: float | None = None
@@ -42,18 +44,28 @@ Value = float | str | PriorTable
 
 def numbers_of(table: PriorKeys) -> dict[str, float]:
     """The numbers that a prior's table gives, by key."""
-    return {key: number for key in PriorKeys.__struct_fields__ if key != "prior" and (number := getattr(table, key)) is not None}
+    return {
+        key: number
+        for key in PriorKeys.__struct_fields__
+        if key != "prior" and (number := getattr(table, key)) is not None
+    }
 
 
 def times(table: PriorTable, factor: float) -> PriorTable:
     """The same prior in a unit `factor` times as small."""
-    return msgspec.structs.replace(table, **{key: number * factor for key, number in numbers_of(table).items() if key not in _NO_UNIT})
+    return msgspec.structs.replace(
+        table,
+        **{
+            key: number * factor for key, number in numbers_of(table).items() if key not in _NO_UNIT
+        },
+    )
 
 
 def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
     """The prior of a quantity in SI units, `factor` times the unit of the table.
 
-    Raises InputError naming `field` where a key is missing, does not belong to this prior, or has no sense.
+    Raises InputError naming `field` where a key is missing, does not belong to this prior, or has
+    no sense.
     """
     prior, given = PRIORS[table.prior], numbers_of(table)
     for key in prior.keys:
@@ -69,4 +81,6 @@ def read_prior(table: PriorTable, *, factor: float, field: str) -> Prior:
     try:
         return prior(*required, **optional)
     except InputError as error:
-        raise InputError(f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value) from None
+        raise InputError(
+            f"has a prior whose '{error.field}' {error.rule}", field=field, value=error.value
+        ) from None

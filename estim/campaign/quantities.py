@@ -1,7 +1,8 @@
 """The physical quantities of a campaign: how each is written, shown and limited.
 
-`QUANTITIES` every run has; `EFFECTS` where the campaign says them.  Errors of length scale and clock, which no residual shows, have a small
-uncertainty also where it says nothing: a ruler in a picture is known to about 0.3 %, the time base of a camera to 0.05 %.
+`QUANTITIES` every run has; `EFFECTS` where the campaign says them.  Errors of length scale and
+clock, which no residual shows, have a small uncertainty also where it says nothing: a ruler in a
+picture is known to about 0.3 %, the time base of a camera to 0.05 %.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ def _angle(symbol: str) -> Notation:
 
 @dataclass(frozen=True)
 class Kind:
-    """A physical quantity of a campaign: how it is written, its keys with their factors to SI, unit, value where it is missing, meaning."""
+    """A physical quantity of a campaign: how it is written, its keys with their factors to SI,
+    unit, value where it is missing, meaning.
+    """
 
     notation: Notation
     keys: Mapping[str, float]
@@ -45,66 +48,202 @@ class Kind:
 
 QUANTITIES: Mapping[str, Kind] = MappingProxyType(
     {
-        "gamma": Kind(Notation("γ"), {"gamma": 1.0}, "1", None, later("distance of the centre of mass from the axle / R"), 0.0),
-        "kappa": Kind(Notation("κ"), {"kappa": 1.0}, "1", None, later("inertia of the disk / (M_D R²)"), 0.0),
-        "theta0": Kind(
-            _angle("θ₀"), {"theta0_deg": _DEGREE, "theta0_rad": 1.0}, "rad", None, later("angle of the particle at release"), high=2.0 * np.pi
+        "gamma": Kind(
+            Notation("γ"),
+            {"gamma": 1.0},
+            "1",
+            None,
+            later("distance of the centre of mass from the axle / R"),
+            0.0,
         ),
-        "phi": Kind(_angle("φ"), {"phi_deg": _DEGREE, "phi_rad": 1.0}, "rad", None, later("tilt of the ramp"), high=0.5 * np.pi),
+        "kappa": Kind(
+            Notation("κ"), {"kappa": 1.0}, "1", None, later("inertia of the disk / (M_D R²)"), 0.0
+        ),
+        "theta0": Kind(
+            _angle("θ₀"),
+            {"theta0_deg": _DEGREE, "theta0_rad": 1.0},
+            "rad",
+            None,
+            later("angle of the particle at release"),
+            high=2.0 * np.pi,
+        ),
+        "phi": Kind(
+            _angle("φ"),
+            {"phi_deg": _DEGREE, "phi_rad": 1.0},
+            "rad",
+            None,
+            later("tilt of the ramp"),
+            high=0.5 * np.pi,
+        ),
         "theta0_zero": Kind(
-            _angle("δθ₀"), {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0}, "rad", 0.0,
-            later("common zero error: added to the angle at release"), high=0.5 * np.pi,
+            _angle("δθ₀"),
+            {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0},
+            "rad",
+            0.0,
+            later("common zero error: added to the angle at release"),
+            high=0.5 * np.pi,
         ),
         "phi_zero": Kind(
-            _angle("δφ"), {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0}, "rad", 0.0, later("common zero error: added to the tilt"), high=0.5 * np.pi
+            _angle("δφ"),
+            {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0},
+            "rad",
+            0.0,
+            later("common zero error: added to the tilt"),
+            high=0.5 * np.pi,
         ),
-        "rolling_resistance": Kind(Notation("c_rr"), {"rolling_resistance": 1.0}, "1", 0.0, later("coefficient of rolling resistance"), 0.0),
-        "radius": Kind(Notation("R"), {"radius_m": 1.0}, "m", None, later("radius of the disk"), 0.0, False),
-        "rho": Kind(Notation("ρ"), {"rho": 1.0}, "1", 1.0, later("distance of the particle from the axle / R"), 0.0, False),
-        "trailing_fraction": Kind(Notation("τ"), {"trailing_fraction": 1.0}, "1", 0.0, later("fraction of the mass that does not rotate"), 0.0),
-        "particle_gyration": Kind(Notation("k_P"), {"particle_gyration": 1.0}, "1", 0.0, later("radius of gyration of the particle / R"), 0.0),
-        "g": Kind(Notation("g"), {"g": 1.0}, "m/s²", STANDARD_GRAVITY, later("acceleration of free fall"), 0.0, False),
+        "rolling_resistance": Kind(
+            Notation("c_rr"),
+            {"rolling_resistance": 1.0},
+            "1",
+            0.0,
+            later("coefficient of rolling resistance"),
+            0.0,
+        ),
+        "radius": Kind(
+            Notation("R"), {"radius_m": 1.0}, "m", None, later("radius of the disk"), 0.0, False
+        ),
+        "rho": Kind(
+            Notation("ρ"),
+            {"rho": 1.0},
+            "1",
+            1.0,
+            later("distance of the particle from the axle / R"),
+            0.0,
+            False,
+        ),
+        "trailing_fraction": Kind(
+            Notation("τ"),
+            {"trailing_fraction": 1.0},
+            "1",
+            0.0,
+            later("fraction of the mass that does not rotate"),
+            0.0,
+        ),
+        "particle_gyration": Kind(
+            Notation("k_P"),
+            {"particle_gyration": 1.0},
+            "1",
+            0.0,
+            later("radius of gyration of the particle / R"),
+            0.0,
+        ),
+        "g": Kind(
+            Notation("g"),
+            {"g": 1.0},
+            "m/s²",
+            STANDARD_GRAVITY,
+            later("acceleration of free fall"),
+            0.0,
+            False,
+        ),
     }
 )
 
 
-def _effect(symbol: str, key: str, unit: str, meaning: str, *, low: float = -np.inf, high: float = np.inf, too_large: str = "") -> Kind:
-    return Kind(Notation(symbol), {key: 1.0}, unit, 0.0, meaning, low, high=high, too_large=too_large)
+def _effect(
+    symbol: str,
+    key: str,
+    unit: str,
+    meaning: str,
+    *,
+    low: float = -np.inf,
+    high: float = np.inf,
+    too_large: str = "",
+) -> Kind:
+    return Kind(
+        Notation(symbol), {key: 1.0}, unit, 0.0, meaning, low, high=high, too_large=too_large
+    )
 
 
 def _of_turn(symbol: str, key: str, meaning: str) -> Kind:
-    return _effect(symbol, key, "1", meaning, high=1.0, too_large="is a share of the weight times R, and must be at most 1")
+    return _effect(
+        symbol,
+        key,
+        "1",
+        meaning,
+        high=1.0,
+        too_large="is a share of the weight times R, and must be at most 1",
+    )
 
 
 def _scale(symbol: str, key: str, meaning: str, *, usual: float) -> Kind:
     too_large = "is a fraction of the reading (0.01 means 1 %) and must be at most 0.5"
-    return Kind(Notation(symbol), {key: 1.0}, "1", 0.0, meaning, high=0.5, too_large=too_large, usual=usual)
+    return Kind(
+        Notation(symbol), {key: 1.0}, "1", 0.0, meaning, high=0.5, too_large=too_large, usual=usual
+    )
 
 
-GRIP = Kind(Notation("μ"), {"friction": 1.0}, "1", None, later("coefficient of static friction"), 0.0, high=10.0, too_large="must be at most 10")
+GRIP = Kind(
+    Notation("μ"),
+    {"friction": 1.0},
+    "1",
+    None,
+    later("coefficient of static friction"),
+    0.0,
+    high=10.0,
+    too_large="must be at most 10",
+)
 
 EFFECTS: Mapping[str, Kind] = MappingProxyType(
     {
         "release_energy": _effect(
-            "E₀", "release_energy", "1", later("kinetic energy at release / (M g R)"), high=100.0,
+            "E₀",
+            "release_energy",
+            "1",
+            later("kinetic energy at release / (M g R)"),
+            high=100.0,
             too_large="is a share of the weight times R, and must be at most 100",
         ),
-        "release_speed": _effect("v₀", "release_speed_m_s", "m/s", later("speed of the axle at release")),
-        "scale_x": _scale("δ_x", "scale_x", later("common relative error of the readings of the position"), usual=3e-3),
-        "scale_t": _scale("δ_t", "scale_t", later("common relative error of the clock"), usual=5e-4),
-        "moment": _effect("Q", "resisting_moment_n_m", "N m", later("resisting moment, independent of the mass"), low=0.0),
-        "load_resistance": _effect("c_N", "load_resistance", "1", later("rolling resistance / load on the ramp"), low=0.0),
-        "viscous_drag": _effect("k_v", "viscous_drag_per_s", "1/s", later("drag force / (M v)"), low=0.0),
-        "quadratic_drag": _effect("k_q", "quadratic_drag_per_m", "1/m", later("drag force / (M v²)"), low=0.0),
-        "moment_once_cos": _of_turn("a₁", "moment_once_cos", later("resisting moment as cos θ / (M g R)")),
-        "moment_once_sin": _of_turn("b₁", "moment_once_sin", later("resisting moment as sin θ / (M g R)")),
-        "moment_twice_cos": _of_turn("a₂", "moment_twice_cos", later("resisting moment as cos 2θ / (M g R)")),
-        "moment_twice_sin": _of_turn("b₂", "moment_twice_sin", later("resisting moment as sin 2θ / (M g R)")),
+        "release_speed": _effect(
+            "v₀", "release_speed_m_s", "m/s", later("speed of the axle at release")
+        ),
+        "scale_x": _scale(
+            "δ_x",
+            "scale_x",
+            later("common relative error of the readings of the position"),
+            usual=3e-3,
+        ),
+        "scale_t": _scale(
+            "δ_t", "scale_t", later("common relative error of the clock"), usual=5e-4
+        ),
+        "moment": _effect(
+            "Q",
+            "resisting_moment_n_m",
+            "N m",
+            later("resisting moment, independent of the mass"),
+            low=0.0,
+        ),
+        "load_resistance": _effect(
+            "c_N", "load_resistance", "1", later("rolling resistance / load on the ramp"), low=0.0
+        ),
+        "viscous_drag": _effect(
+            "k_v", "viscous_drag_per_s", "1/s", later("drag force / (M v)"), low=0.0
+        ),
+        "quadratic_drag": _effect(
+            "k_q", "quadratic_drag_per_m", "1/m", later("drag force / (M v²)"), low=0.0
+        ),
+        "moment_once_cos": _of_turn(
+            "a₁", "moment_once_cos", later("resisting moment as cos θ / (M g R)")
+        ),
+        "moment_once_sin": _of_turn(
+            "b₁", "moment_once_sin", later("resisting moment as sin θ / (M g R)")
+        ),
+        "moment_twice_cos": _of_turn(
+            "a₂", "moment_twice_cos", later("resisting moment as cos 2θ / (M g R)")
+        ),
+        "moment_twice_sin": _of_turn(
+            "b₂", "moment_twice_sin", later("resisting moment as sin 2θ / (M g R)")
+        ),
         "phi_slope": Kind(
-            Notation("φ′", "°/m", float(np.degrees(1.0))), {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0}, "rad/m", 0.0,
+            Notation("φ′", "°/m", float(np.degrees(1.0))),
+            {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0},
+            "rad/m",
+            0.0,
             later("change of the tilt along the ramp"),
         ),
         "sag": _effect("sag", "sag_m", "m", later("sag of the ramp at its middle")),
-        "distortion": _effect("bow", "distortion_m", "m", later("displacement of the centre of the image")),
+        "distortion": _effect(
+            "bow", "distortion_m", "m", later("displacement of the centre of the image")
+        ),
     }
 )

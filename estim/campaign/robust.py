@@ -1,4 +1,6 @@
-"""The shape of errors that the word `robust` of a noise table asks for, and what is unknown of it."""
+"""The shape of errors that the word `robust` of a noise table asks for, and what is unknown of
+it.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,22 @@ def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, .
     if robust == "mixture":
         fraction, width = f"outlier_fraction{suffix}", f"log_outlier_width{suffix}"
         return Mixture(fraction, width), (
-            Parameter(fraction, "1", Uniform(0.0, 0.5), phrase("fraction of the readings that are outliers"), Notation(phrase("outlier fraction"))),
             Parameter(
-                width, "1", TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
-                phrase("ln of the ratio of the standard deviation of an outlier to that of a good reading"), Notation(phrase("ln outlier width")),
+                fraction,
+                "1",
+                Uniform(0.0, 0.5),
+                phrase("fraction of the readings that are outliers"),
+                Notation(phrase("outlier fraction")),
+            ),
+            Parameter(
+                width,
+                "1",
+                TruncatedNormal(math.log(20.0), 1.0, math.log(3.0), math.inf),
+                phrase(
+                    "ln of the ratio of the standard deviation of an outlier to that of a "
+                    "good reading"
+                ),
+                Notation(phrase("ln outlier width")),
             ),
         )
     return GAUSSIAN, ()

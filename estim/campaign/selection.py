@@ -1,9 +1,10 @@
 """Which rows of a run are fit, and why the others are not.
 
 - Outside the `window` of the campaign: left out.
-- For speeds made by differences, within five standard deviations of a position reading from the release or from the
-  turning point: there the curve bends so sharply that an error of the position moves the speed by more than a linear
-  law says.  A window that names that end (`x_min_m = 0`) keeps them.
+- For speeds made by differences, within five standard deviations of a position reading from the
+  release or from the turning point: there the curve bends so sharply that an error of the position
+  moves the speed by more than a linear law says.  A window that names that end (`x_min_m = 0`)
+  keeps them.
 - After the largest position reached, where speeds are fit: the way back is another motion.
 """
 
@@ -25,9 +26,11 @@ Mask = NDArray[np.bool_]
 
 _MIN_OBS = 5
 MAX_OBS = 10_000
-MAX_DENSE = 3000  # where the covariance of the speeds does not stay the same but for a factor, and is diagonalised
+# where the covariance of the speeds does not stay the same but for a factor, and is diagonalised
+MAX_DENSE = 3000
 _GUARD = 5.0
-_SLOW = 0.25  # of the largest speed: slower than this at its farthest, a body is taken to have turned there
+# of the largest speed: slower than this at its farthest, a body is taken to have turned there
+_SLOW = 0.25
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,9 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out (`Finding.size`)."""
+    """kept : (n,) indices of the speeds to fit.  reasons : why and how many others were left out
+    (`Finding.size`).
+    """
 
     kept: NDArray[np.int64]
     reasons: tuple[Finding, ...]
@@ -53,10 +58,18 @@ def way_back(reasons: Sequence[Finding]) -> int:
     return sum(int(finding.size) for finding in reasons if finding.kind is Kind.WAY_BACK)
 
 
-def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None, *, window: Window, sigma_position: float) -> Selection:
+def select(
+    position: FloatArray,
+    speed: FloatArray | None,
+    t: FloatArray | None,
+    *,
+    window: Window,
+    sigma_position: float,
+) -> Selection:
     """The rows to fit out of (n,) positions, speeds and times.
 
-    `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are fit, on every way.
+    `sigma_position` 0 switches the guard zones off.  Without speeds it is the positions that are
+    fit, on every way.
     """
     left = np.ones(position.size, dtype=bool)
     reasons: list[Finding] = []
@@ -85,20 +98,51 @@ def select(position: FloatArray, speed: FloatArray | None, t: FloatArray | None,
     return Selection(np.flatnonzero(left), tuple(reasons))
 
 
-def check_count(selection: Selection, run: Run, levels: Levels, blank: tuple[Finding, ...] = (), *, most: int = MAX_OBS) -> None:
-    """As many rows as can be fit are left; raises InputError at the window that is stated, or with what else left rows out."""
+def check_count(
+    selection: Selection,
+    run: Run,
+    levels: Levels,
+    blank: tuple[Finding, ...] = (),
+    *,
+    most: int = MAX_OBS,
+) -> None:
+    """As many rows as can be fit are left; raises InputError at the window that is stated, or with
+    what else left rows out.
+    """
     count = selection.kept.size
     if _MIN_OBS <= count <= most:
         return
-    stated = next(((*level.path, "window") for level in levels if level.table.window is not None), None)
+    stated = next(
+        ((*level.path, "window") for level in levels if level.table.window is not None), None
+    )
     if stated is not None:
-        rule = f"must leave between {_MIN_OBS} and {most} of the {run.n_row} rows of {run.file} to fit"
+        rule = (
+            f"must leave between {_MIN_OBS} and {most} of the {run.n_row} rows of {run.file} to fit"
+        )
         raise levels.error(rule, stated, field="window", value=count)
     if count > most:
-        raise InputError(f"must be at most {most}: state a window for run '{run.name}'", field="rows to fit", value=count, file=run.file)
+        raise InputError(
+            f"must be at most {most}: state a window for run '{run.name}'",
+            field="rows to fit",
+            value=count,
+            file=run.file,
+        )
     position = run.columns[run.coordinate]
     if np.max(position) - position[0] <= 0.1 * np.ptp(position):
-        rule = "must increase as the body moves from its release: it does not rise above its first value by a tenth of its range"
-        raise InputError(rule, field=run.coordinate, value=f"{position[0]:.6g} to {position[-1]:.6g}", file=run.file)
+        rule = (
+            "must increase as the body moves from its release: it does not rise above its "
+            "first value by a tenth of its range"
+        )
+        raise InputError(
+            rule,
+            field=run.coordinate,
+            value=f"{position[0]:.6g} to {position[-1]:.6g}",
+            file=run.file,
+        )
     why = "; ".join(map(tell, (*blank, *selection.reasons))) or "the file has no more"
-    raise InputError(f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})", field="rows to fit", value=count, file=run.file)
+    raise InputError(
+        f"must be at least {_MIN_OBS} of the {run.n_row} in the file ({why})",
+        field="rows to fit",
+        value=count,
+        file=run.file,
+    )

@@ -1,4 +1,6 @@
-"""What the runs of a campaign are about: one protocol, kept by the rolling body (`bodies`) and a user's own curve (`own_curve`)."""
+"""What the runs of a campaign are about: one protocol, kept by the rolling body (`bodies`) and a
+user's own curve (`own_curve`).
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ from estim.reading import Run
 
 
 class Study(Protocol):
-    """Poses the problems of runs, finds their modes and knows what may be asked of them; every method may raise InputError with its place."""
+    """Poses the problems of runs, finds their modes and knows what may be asked of them; every
+    method may raise InputError with its place.
+    """
 
     @property
     def formula(self) -> str | None:
@@ -29,20 +33,44 @@ class Study(Protocol):
     def columns(self, name: str, tables: Mapping[str, Run]) -> str:
         """Which columns of a run's file are x and y, in words; "" where their names are fixed."""
 
-    def problem(self, names: Sequence[str], tables: Mapping[str, Run], *, noise: NoiseTable | None = None, usual: bool = False) -> Problem:
+    def problem(
+        self,
+        names: Sequence[str],
+        tables: Mapping[str, Run],
+        *,
+        noise: NoiseTable | None = None,
+        usual: bool = False,
+    ) -> Problem:
         """The joint problem of the runs `names` with their tables.
 
-        noise : in place of the noise tables of the campaign.  usual : with errors that nobody stated, where a usual size is known.
+        noise : in place of the noise tables of the campaign.
+        usual : with errors that nobody stated, where a usual size is known.
         """
 
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what they may have beside it."""
 
-    def fit(self, problem: Problem, tables: Mapping[str, Run], *, rng: np.random.Generator, near: FloatArray | None = None) -> Fit:
-        """The posterior mode, where the data determine one; near : (n_par,) the only place to look for it, where that is known."""
+    def fit(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        *,
+        rng: np.random.Generator,
+        near: FloatArray | None = None,
+    ) -> Fit:
+        """The posterior mode, where the data determine one; near : (n_par,) the only place to look
+        for it, where that is known.
+        """
 
-    def expected_information(self, problem: Problem, tables: Mapping[str, Run], values: FloatArray, sizes: Mapping[str, ForceSize]) -> FloatArray:
-        """(n_par, n_par) information at `values` that runs with `tables` would give, priors included.
+    def expected_information(
+        self,
+        problem: Problem,
+        tables: Mapping[str, Run],
+        values: FloatArray,
+        sizes: Mapping[str, ForceSize],
+    ) -> FloatArray:
+        """(n_par, n_par) information at `values` that runs with `tables` would give, priors
+        included.
 
         sizes : run -> how large its unmodelled force is; runs without one have none.
         """
@@ -59,11 +87,22 @@ class Study(Protocol):
     def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
         """The models of the noise that the data of a run allow, two at least."""
 
-    def curve_models(self, names: Sequence[str], tables: Mapping[str, Run]) -> tuple[CurveModel, ...]:
+    def curve_models(
+        self, names: Sequence[str], tables: Mapping[str, Run]
+    ) -> tuple[CurveModel, ...]:
         """The models of the runs `names` that can be compared, two at least."""
 
-    def fit_model(self, model: CurveModel, tables: Mapping[str, Run], *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
-        """The posterior mode of one of them; bad : run -> frames that another model shows to be shifted."""
+    def fit_model(
+        self,
+        model: CurveModel,
+        tables: Mapping[str, Run],
+        *,
+        bad: Mapping[str, BadFrames],
+        rng: np.random.Generator,
+    ) -> Fit:
+        """The posterior mode of one of them; bad : run -> frames that another model shows to be
+        shifted.
+        """
 
     def place_of_unknowns(self, name: str) -> Path:
         """Where in the file the unknowns of a run are declared."""
@@ -75,7 +114,11 @@ class Study(Protocol):
         """Raises InputError where a prior cannot be drawn from."""
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where an unmodelled force was asked for, which `command` does not know."""
+        """Raises InputError where an unmodelled force was asked for, which `command` does not
+        know.
+        """
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where a run is not fit as speeds with normal errors, which is what `command` knows."""
+        """Raises InputError where a run is not fit as speeds with normal errors, which is what
+        `command` knows.
+        """

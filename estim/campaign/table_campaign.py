@@ -1,6 +1,8 @@
-"""A campaign of one table, made of what was said on the command line: its text is what a file would hold, and is read like one.
+"""A campaign of one table, made of what was said on the command line: its text is what a file would
+hold, and is read like one.
 
-`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in the rest, each of which the text shows.
+`estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in
+the rest, each of which the text shows.
 """
 
 from __future__ import annotations
@@ -40,8 +42,10 @@ _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 class TableChoices:
     """What is said of a table and its curve; None and empty: a default.
 
-    start : parameter -> "2.0" or "2.0 s".  low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
-    u_x, u_y : a number, a number with its uncertainty, or a column.  window : lowest and highest x.
+    start : parameter -> "2.0" or "2.0 s".
+    low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
+    u_x, u_y : a number, a number with its uncertainty, or a column.
+    window : lowest and highest x.
     """
 
     formula: str
@@ -76,11 +80,21 @@ class Axis:
     def text(self) -> str:
         """The axis as TOML."""
         parts = [("column", self.column), ("name", self.name), ("unit", self.unit)]
-        return "{" + ", ".join(f"{key} = {toml_string(value)}" for key, value in parts if value and (key == "column" or _WORD.fullmatch(value))) + "}"
+        return (
+            "{"
+            + ", ".join(
+                f"{key} = {toml_string(value)}"
+                for key, value in parts
+                if value and (key == "column" or _WORD.fullmatch(value))
+            )
+            + "}"
+        )
 
 
 def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
-    """The campaign that fits one curve to the table `file`.  Raises InputError where something is missing, with the option that says it."""
+    """The campaign that fits one curve to the table `file`.  Raises InputError where something is
+    missing, with the option that says it.
+    """
     text = text_of_table(file, choices)
     return bound(campaign_file_of(text, file.parent / f"({_SAID})", said=_SAID))
 
@@ -89,25 +103,55 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
     said = (*choices.start, *choices.low, *choices.high, *choices.value)
     asked = called_by_name(choices.formula, [*said, "x", "t"])
-    formula = read_formula(choices.formula if asked is None else asked.expression, field="--formula")
+    formula = read_formula(
+        choices.formula if asked is None else asked.expression, field="--formula"
+    )
     x, y, u_x, u_y = _axes(file, formula, choices, said, named=asked is not None)
     variable = variable_of(formula, x.column, x.name, said)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
     starts = _starts(formula, choices) if asked is None else dict(choices.start)
     _check_parameters(formula, choices)
-    lines = [f"title = {toml_string(choices.title or file.stem)}", f'kind = "{choices.kind}"', "", "[curve]"]
-    lines += [f"expression = {toml_string(formula.text)}" if asked is None else f"model = {toml_string(asked.text)}"]
+    lines = [
+        f"title = {toml_string(choices.title or file.stem)}",
+        f'kind = "{choices.kind}"',
+        "",
+        "[curve]",
+    ]
+    lines += [
+        f"expression = {toml_string(formula.text)}"
+        if asked is None
+        else f"model = {toml_string(asked.text)}"
+    ]
     lines += [f"x = {x.text}", f"y = {y.text}"]
-    lines += [f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None]
+    lines += [
+        f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None
+    ]
     if choices.window is not None:
         ends = zip(("min", "max"), choices.window, strict=True)
-        lines.append("window = {" + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None) + "}")
-    lines += [f"{key} = {value}" for key in ("every", "deviation") if (value := getattr(choices, key)) is not None]
+        lines.append(
+            "window = {"
+            + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None)
+            + "}"
+        )
+    lines += [
+        f"{key} = {value}"
+        for key in ("every", "deviation")
+        if (value := getattr(choices, key)) is not None
+    ]
     lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
-    named = [_parameter_line(name, starts, choices) for name in formula.names if asked is None or name in said]
+    named = [
+        _parameter_line(name, starts, choices)
+        for name in formula.names
+        if asked is None or name in said
+    ]
     lines += ["", "[curve.parameters]", *named] if named else []
-    lines += ["", "[[runs]]", f"name = {toml_string(run_name(file))}", f"file = {toml_string(name or file.name)}"]
+    lines += [
+        "",
+        "[[runs]]",
+        f"name = {toml_string(run_name(file))}",
+        f"file = {toml_string(name or file.name)}",
+    ]
     lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
     lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
     return "\n".join(lines) + "\n"
@@ -115,10 +159,23 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
 
 def dialect_lines(dialect: Dialect) -> list[str]:
     """The keys of what is stated of a table."""
-    columns = [] if dialect.columns is None else ["columns = [" + ", ".join(map(toml_string, dialect.columns)) + "]"]
-    words = [f"{key} = {toml_string(value)}" for key in ("delimiter", "decimal", "encoding") if (value := getattr(dialect, key)) is not None]
+    columns = (
+        []
+        if dialect.columns is None
+        else ["columns = [" + ", ".join(map(toml_string, dialect.columns)) + "]"]
+    )
+    words = [
+        f"{key} = {toml_string(value)}"
+        for key in ("delimiter", "decimal", "encoding")
+        if (value := getattr(dialect, key)) is not None
+    ]
     skip = [] if dialect.skip_rows is None else [f"skip_rows = {dialect.skip_rows}"]
-    return columns + words + skip + ([] if dialect.header is None else [f"header = {str(dialect.header).lower()}"])
+    return (
+        columns
+        + words
+        + skip
+        + ([] if dialect.header is None else [f"header = {str(dialect.header).lower()}"])
+    )
 
 
 def run_name(file: Path) -> str:
@@ -130,12 +187,20 @@ def run_name(file: Path) -> str:
 def _axes(
     file: Path, formula: Formula, choices: TableChoices, said: Sequence[str], *, named: bool
 ) -> tuple[Axis, Axis, str | None, str | None]:
-    """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the formula names and the column y; their columns u_NAME."""
+    """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the
+    formula names and the column y; their columns u_NAME.
+    """
     if is_tracker_file(file):
         if choices.y is None:
-            raise InputError("must name a column of the track: x or y (its axes), or x_m (along the motion, from its first point)", field="--y")
+            raise InputError(
+                "must name a column of the track: x or y (its axes), or x_m (along the "
+                "motion, from its first point)",
+                field="--y",
+            )
         units = {"t": "s", "t_s": "s", "frame": "1"}
-        x, y = (Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y))
+        x, y = (
+            Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
+        )
         return x, y, choices.u_x, choices.u_y
     asked = [name for name in (choices.x, choices.y) if name is not None]
     layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
@@ -143,21 +208,37 @@ def _axes(
         raise no_names(layout)
     values = value_columns(layout, (choices.u_x, choices.u_y))
     x_name, y_name = choices.x, choices.y
-    called = [name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)]
-    called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called  # a parameter may be called like a column too
+    called = [
+        name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)
+    ]
+    # a parameter may be called like a column too
+    called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called
     if x_name is None and y_name is None and len(values) == 2:
         x_name, y_name = _of_two(values, called, formula, layout, named=named)
     if x_name is None:
         x_name = called[0] if len(called) == 1 else None
     others = [name for name in values if not {name, _bare(name)} & {x_name, y_name}]
     if y_name is None:
-        y_name = "y" if "y" in map(_bare, others) else others[-1] if len(values) == 2 and others else None
+        y_name = (
+            "y"
+            if "y" in map(_bare, others)
+            else others[-1]
+            if len(values) == 2 and others
+            else None
+        )
     elif x_name is None and len(values) == 2 and others:
         x_name = others[0]
     if x_name is None or y_name is None:
-        missing = " and ".join(option for option, name in (("--x", x_name), ("--y", y_name)) if name is None)
+        missing = " and ".join(
+            option for option, name in (("--x", x_name), ("--y", y_name)) if name is None
+        )
         usable = [name for name in layout.names if name and not name.startswith("_")]
-        raise InputError(f"must be named by {missing}", field="column", quoted=f"there are {listed(usable)}", file=file)
+        raise InputError(
+            f"must be named by {missing}",
+            field="column",
+            quoted=f"there are {listed(usable)}",
+            file=file,
+        )
     x, y = _axis(x_name, layout), _axis(y_name, layout)
     u_x, u_y = choices.u_x, choices.u_y or uncertainty_of(y.column, layout)
     if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
@@ -165,17 +246,25 @@ def _axes(
     return x, y, u_x, u_y
 
 
-def _of_two(values: Sequence[str], called: Sequence[str], formula: Formula, layout: Layout, *, named: bool) -> tuple[str, str]:
-    """x and y of the two columns of a table: the first is x, but where their names say x and y, or the formula names its variable.
+def _of_two(
+    values: Sequence[str], called: Sequence[str], formula: Formula, layout: Layout, *, named: bool
+) -> tuple[str, str]:
+    """x and y of the two columns of a table: the first is x, but where their names say x and y, or
+    the formula names its variable.
 
-    called : the columns that the formula names.  named : whether the curve was said by a name, so that nobody wrote its x.
+    called : the columns that the formula names.
+    named : whether the curve was said by a name, so that nobody wrote its x.
 
     Raises InputError where the formula and the columns say two things.
     """
     if not formula.uses_x and len(called) == 1 and not is_called(called[0], "y"):
         return called[0], values[1 - values.index(called[0])]
     pair = first_and_second(values)
-    if pair is not None and formula.uses_x and (named or is_called(pair[0], "x") or not is_called(pair[1], "x")):
+    if (
+        pair is not None
+        and formula.uses_x
+        and (named or is_called(pair[0], "x") or not is_called(pair[1], "x"))
+    ):
         return pair
     if pair is not None and not formula.uses_x and not called:
         return pair
@@ -190,18 +279,28 @@ def _bare(name: str) -> str:
 
 
 def _names(formula: Formula, column: str, said: Sequence[str]) -> bool:
-    return _bare(column) == "x" if formula.uses_x else variable_of(formula, column, None, said) is not None
+    return (
+        _bare(column) == "x"
+        if formula.uses_x
+        else variable_of(formula, column, None, said) is not None
+    )
 
 
 def _axis(wanted: str, layout: Layout) -> Axis:
-    """The column called `wanted`, with its unit or without; a unit may also be stated here: "t_s [s]"."""
+    """The column called `wanted`, with its unit or without; a unit may also be stated here: "t_s
+    [s]".
+    """
     bare, stated = name_and_unit(wanted)
     if wanted not in layout.names and stated and bare in layout.names:
         return Axis(bare, "", stated)
-    called = (*(name == wanted for name in layout.names), *(_bare(name) == wanted for name in layout.names))
+    called = (
+        *(name == wanted for name in layout.names),
+        *(_bare(name) == wanted for name in layout.names),
+    )
     place = called.index(True) % len(layout.names) if any(called) else None
     unit = "" if place is None else _unit_of(layout, place)
-    return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)  # a word of a name may stand for x in the formula
+    # a word of a name may stand for x in the formula
+    return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)
 
 
 def _unit_of(layout: Layout, place: int) -> str:
@@ -209,22 +308,43 @@ def _unit_of(layout: Layout, place: int) -> str:
 
 
 def _check_parameters(formula: Formula, choices: TableChoices) -> None:
-    for option, given in (("--start", choices.start), ("--low", choices.low), ("--high", choices.high), ("--value", choices.value)):
+    for option, given in (
+        ("--start", choices.start),
+        ("--low", choices.low),
+        ("--high", choices.high),
+        ("--value", choices.value),
+    ):
         for name in given:
             if name not in formula.names:
                 alike = same_looks((*formula.names, name))
-                raise InputError("names no parameter of the formula", field=option, value=alike or name, quoted=", ".join(formula.names))
+                raise InputError(
+                    "names no parameter of the formula",
+                    field=option,
+                    value=alike or name,
+                    quoted=", ".join(formula.names),
+                )
     for name in choices.value:
         if name in (*choices.start, *choices.low, *choices.high):
-            raise InputError("gives a parameter its value: leave out --start, --low and --high of it", field="--value", value=name)
+            raise InputError(
+                "gives a parameter its value: leave out --start, --low and --high of it",
+                field="--value",
+                value=name,
+            )
 
 
 def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
-    """The starts that were said, and 1.0 for the others if the curve is linear in all of them: they are solved for, so that it does not matter."""
-    free = [name for name in formula.names if name not in choices.start and name not in choices.value]
+    """The starts that were said, and 1.0 for the others if the curve is linear in all of them: they
+    are solved for, so that it does not matter.
+    """
+    free = [
+        name for name in formula.names if name not in choices.start and name not in choices.value
+    ]
     straight = len(linear_in(formula, free)) == len(free)
     if not straight and not formula.uses_x:
-        rule = "holds neither x nor the name of its column, so that nothing shows where its parameters lie: write x, or give each a --start"
+        rule = (
+            "holds neither x nor the name of its column, so that nothing shows where its "
+            "parameters lie: write x, or give each a --start"
+        )
         raise InputError(rule, field="--formula", value=formula.text)
     return {**(dict.fromkeys(free, "1.0") if straight else {}), **choices.start}
 
@@ -232,10 +352,18 @@ def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
 def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:
     if name in choices.value:
         quantity = read_quantity(choices.value[name], field=f"--value {name}")
-        return f"{toml_key(name)} = {quantity.value!r}" if quantity.exact else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
+        return (
+            f"{toml_key(name)} = {quantity.value!r}"
+            if quantity.exact
+            else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
+        )
     number, _, unit = starts.get(name, "").strip().partition(" ")
     keys = [f"start = {_number(number, f'--start {name}')!r}"] if number else []
-    keys += [f"{key} = {_number(given[name], f'--{key} {name}')!r}" for key, given in (("low", choices.low), ("high", choices.high)) if name in given]
+    keys += [
+        f"{key} = {_number(given[name], f'--{key} {name}')!r}"
+        for key, given in (("low", choices.low), ("high", choices.high))
+        if name in given
+    ]
     keys += [f"unit = {toml_string(unit.strip())}"] if unit.strip() else []
     return f"{toml_key(name)} = {{{', '.join(keys)}}}"
 
@@ -252,7 +380,9 @@ def _number(text: str, option: str) -> float:
 
 
 def _error_text(key: str, written: str) -> str:
-    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column."""
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a
+    column.
+    """
     if not re.match(r"\s*[+-]?[.\d]", written):
         return f"{{column = {toml_string(written)}}}"
     quantity = read_quantity(written, field=f"--{key.replace('_', '-')}")
@@ -260,7 +390,11 @@ def _error_text(key: str, written: str) -> str:
 
 
 def _release_text(written: str) -> str:
-    return toml_string(written) if written in ("first", "keep") else repr(_number(written, "--release"))
+    return (
+        toml_string(written)
+        if written in ("first", "keep")
+        else repr(_number(written, "--release"))
+    )
 
 
 def pairs(given: Sequence[str], option: str) -> dict[str, str]:

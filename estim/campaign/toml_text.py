@@ -8,7 +8,10 @@ import re
 
 def toml_string(text: str) -> str:
     """A text in quotes: printable marks as they are, all others as escapes."""
-    return "".join(mark if mark.isprintable() else f"\\U{ord(mark):08x}" for mark in json.dumps(text, ensure_ascii=False))
+    return "".join(
+        mark if mark.isprintable() else f"\\U{ord(mark):08x}"
+        for mark in json.dumps(text, ensure_ascii=False)
+    )
 
 
 def toml_key(name: str) -> str:

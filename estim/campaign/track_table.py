@@ -1,4 +1,6 @@
-"""The keys that say how a file of the program Tracker is read, beside those of tables (`dialect_table`)."""
+"""The keys that say how a file of the program Tracker is read, beside those of tables
+(`dialect_table`).
+"""
 
 from __future__ import annotations
 
@@ -39,5 +41,6 @@ def choices_of(run: TrackSaid) -> Choices | None:
     said = (run.track, run.along, run.unit, run.release, run.frame_ms, run.drop_duplicates)
     if all(value is None for value in said):
         return None
-    along, release = "fit" if run.along is None else run.along, "first" if run.release is None else run.release
+    along = "fit" if run.along is None else run.along
+    release = "first" if run.release is None else run.release
     return Choices(run.track, along, run.unit, release, run.frame_ms, bool(run.drop_duplicates))

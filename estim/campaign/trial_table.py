@@ -1,4 +1,6 @@
-"""The `[trials]` table of a campaign file: a body released at set angles, and whether it climbed."""
+"""The `[trials]` table of a campaign file: a body released at set angles, and whether it
+climbed.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,9 @@ import msgspec
 
 
 class TrialsTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """u_phi_deg, u_theta_deg : standard uncertainties of a tilt, and of one angle as set.  release_deg : scale of what the hand costs."""
+    """u_phi_deg, u_theta_deg : standard uncertainties of a tilt, and of one angle as set.
+    release_deg : scale of what the hand costs.
+    """
 
     file: str
     body: str

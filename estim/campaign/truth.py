@@ -1,4 +1,6 @@
-"""The true values of a synthetic campaign: `truth.toml` beside its file, as `estim simulate` writes it.  No fit reads them; reports show them."""
+"""The true values of a synthetic campaign: `truth.toml` beside its file, as `estim simulate` writes
+it.  No fit reads them; reports show them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ _FILE = "truth.toml"
 
 
 def read_truth(source: CampaignFile) -> Mapping[str, float]:
-    """Parameter ("gamma[heavy]") -> its true value, SI units and radians; nothing where data are measured, or there is no such file.
+    """Parameter ("gamma[heavy]") -> its true value, SI units and radians; nothing where data are
+    measured, or there is no such file.
 
     Raises InputError where the file does not hold one finite number for each name.
     """
@@ -24,6 +27,12 @@ def read_truth(source: CampaignFile) -> Mapping[str, float]:
         text, _ = read_text(path, shown_as=str(path), limit=TOML_BYTES)
         tree, places = parse_toml(text, str(path))
         for name, value in tree.items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise places.error("must be a finite number, the true value of a parameter", (name,), value=value)
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, (int, float))
+                or not math.isfinite(value)
+            ):
+                raise places.error(
+                    "must be a finite number, the true value of a parameter", (name,), value=value
+                )
     return MappingProxyType({name: float(value) for name, value in tree.items()})

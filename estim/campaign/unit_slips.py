@@ -1,4 +1,6 @@
-"""Angles in radians under keys that take degrees: the campaign as it would read with the other key, as a candidate for what its curve lacks."""
+"""Angles in radians under keys that take degrees: the campaign as it would read with the other key,
+as a candidate for what its curve lacks.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ _T = TypeVar("_T", LevelTable, RunTable)
 
 @dataclass(frozen=True, eq=False)
 class Slip:
-    """words : what may be wrong.  remark : what to write.  quantities : of the angles.  source : the campaign with that."""
+    """words : what may be wrong.  remark : what to write.  quantities : of the angles.  source :
+    the campaign with that.
+    """
 
     words: str
     remark: str
@@ -30,13 +34,22 @@ def unit_slips(source: CampaignFile) -> Iterator[Slip]:
     for symbols in (("θ₀",), ("φ",), ("θ₀", "φ")):
         keys = dict(_KEYS[symbol] for symbol in symbols)
         changed = replace(
-            source, shared=_with_keys(source.shared, keys), bodies={name: _with_keys(table, keys) for name, table in source.bodies.items()},
+            source,
+            shared=_with_keys(source.shared, keys),
+            bodies={name: _with_keys(table, keys) for name, table in source.bodies.items()},
             runs=tuple(_with_keys(run, keys) for run in source.runs),
         )
         yield Slip(
-            phrase("{symbols} given in radians, not degrees", symbols=phrase(" and ").join(symbols)),
-            phrase("write {right} in place of {wrong}", right=", ".join(keys.values()), wrong=", ".join(keys)),
-            tuple(key.removesuffix("_deg") for key in keys), changed,
+            phrase(
+                "{symbols} given in radians, not degrees", symbols=phrase(" and ").join(symbols)
+            ),
+            phrase(
+                "write {right} in place of {wrong}",
+                right=", ".join(keys.values()),
+                wrong=", ".join(keys),
+            ),
+            tuple(key.removesuffix("_deg") for key in keys),
+            changed,
         )
 
 

@@ -1,4 +1,6 @@
-"""A campaign as it might be measured next: with other data and, of rolling bodies, further runs, smaller errors of readings, longer ways."""
+"""A campaign as it might be measured next: with other data and, of rolling bodies, further runs,
+smaller errors of readings, longer ways.
+"""
 
 from __future__ import annotations
 
@@ -31,9 +33,11 @@ Table = TypeVar("Table", bound=LevelTable)
 
 @dataclass(frozen=True, eq=False)
 class NewRun:
-    """A run that might be measured: `name`, and all that the run `like` has but for these quantities, in SI units.
+    """A run that might be measured: `name`, and all that the run `like` has but for these
+    quantities, in SI units.
 
-    A gamma of its own means the disk of that body with another particle: kappa and all else stay, and the force on its track is its own.
+    A gamma of its own means the disk of that body with another particle: kappa and all else stay,
+    and the force on its track is its own.
     """
 
     name: str
@@ -41,7 +45,9 @@ class NewRun:
     said: Mapping[str, Quantity]
 
 
-def planned_quantities(source: CampaignFile, table: PlannedRunTable, index: int) -> dict[str, Quantity]:
+def planned_quantities(
+    source: CampaignFile, table: PlannedRunTable, index: int
+) -> dict[str, Quantity]:
     """What a planned run says of itself, in SI units.  Raises InputError with its line."""
     found = {}
     for name, key in _PLANNED.items():
@@ -59,8 +65,13 @@ def planned_quantities(source: CampaignFile, table: PlannedRunTable, index: int)
 
 
 def quantity_of_key(key: str) -> tuple[str, float] | None:
-    """The quantity that a key of a campaign states, and the factor of the key's unit to SI; None for a key of no quantity."""
-    return next(((name, kind.keys[key]) for name, kind in KINDS_OF_QUANTITIES.items() if key in kind.keys), None)
+    """The quantity that a key of a campaign states, and the factor of the key's unit to SI; None
+    for a key of no quantity.
+    """
+    return next(
+        ((name, kind.keys[key]) for name, kind in KINDS_OF_QUANTITIES.items() if key in kind.keys),
+        None,
+    )
 
 
 def with_runs(campaign: Campaign, runs: Sequence[NewRun]) -> Campaign:
@@ -70,15 +81,24 @@ def with_runs(campaign: Campaign, runs: Sequence[NewRun]) -> Campaign:
     further = tuple(_further(by_name[run.like], run) for run in runs)
     files = {**source.files, **{run.name: source.files[run.like] for run in runs}}
     tables |= {run.name: replace(tables[run.like], name=run.name) for run in runs}
-    return _of(replace(source, runs=(*source.runs, *further), files=MappingProxyType(files)), tables)
+    return _of(
+        replace(source, runs=(*source.runs, *further), files=MappingProxyType(files)), tables
+    )
 
 
 def otherwise(campaign: Campaign, *, reading_error: float = 1.0, reach: float = 1.0) -> Campaign:
-    """The campaign with the errors of its readings, and the far ends of its windows, these factors as large."""
+    """The campaign with the errors of its readings, and the far ends of its windows, these factors
+    as large.
+    """
     source = campaign.source
     bodies = {name: _otherwise(body, reading_error, reach) for name, body in source.bodies.items()}
     runs = tuple(_otherwise(run, reading_error, reach) for run in source.runs)
-    changed = replace(source, shared=_otherwise(source.shared, reading_error, reach), bodies=MappingProxyType(bodies), runs=runs)
+    changed = replace(
+        source,
+        shared=_otherwise(source.shared, reading_error, reach),
+        bodies=MappingProxyType(bodies),
+        runs=runs,
+    )
     return _of(changed, campaign.tables)
 
 
@@ -105,13 +125,24 @@ def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
             changed.append(run)
             continue
         name = f"gamma[{run.name}]"
-        changed.append(replace(run, arguments=MappingProxyType({**run.arguments, "gamma": gamma.value if gamma.exact else name})))
+        changed.append(
+            replace(
+                run,
+                arguments=MappingProxyType(
+                    {**run.arguments, "gamma": gamma.value if gamma.exact else name}
+                ),
+            )
+        )
         if not gamma.exact:
             prior: Prior = as_prior(gamma, low=kind.low)
             further.append(Parameter(name, kind.unit, prior, kind.meaning, kind.notation))
     of_noise = [p for p in problem.parameters if p.name in problem.noise_names]
     of_curve = [p for p in problem.parameters if p.name not in problem.noise_names]
-    return replace(problem, parameters=(*shared_first([*of_curve, *further], changed), *of_noise), runs=tuple(changed))
+    return replace(
+        problem,
+        parameters=(*shared_first([*of_curve, *further], changed), *of_noise),
+        runs=tuple(changed),
+    )
 
 
 def _of(source: CampaignFile, tables: Mapping[str, Run]) -> Campaign:
@@ -125,12 +156,18 @@ def _further(like: RunTable, new: NewRun) -> RunTable:
             value = new.said[quantity]
             said |= {f"{quantity}_deg": None, f"{quantity}_rad": _written(value)}
     if "gamma" in new.said:
-        said["unmodelled_force"] = FORCE_SCALE if like.unmodelled_force is None else like.unmodelled_force
+        said["unmodelled_force"] = (
+            FORCE_SCALE if like.unmodelled_force is None else like.unmodelled_force
+        )
     return msgspec.structs.replace(like, **said)
 
 
 def _written(quantity: Quantity) -> Value:
-    return quantity.value if quantity.exact else PriorTable(prior="normal", mean=quantity.value, sd=quantity.u)
+    return (
+        quantity.value
+        if quantity.exact
+        else PriorTable(prior="normal", mean=quantity.value, sd=quantity.u)
+    )
 
 
 def _otherwise(table: Table, error: float, reach: float) -> Table:
@@ -144,7 +181,11 @@ def _otherwise(table: Table, error: float, reach: float) -> Table:
 
 
 def _scaled(noise: NoiseTable, factor: float) -> NoiseTable:
-    sizes = {key: _times(written, factor) for key in _SIZES if (written := getattr(noise, key)) is not None}
+    sizes = {
+        key: _times(written, factor)
+        for key in _SIZES
+        if (written := getattr(noise, key)) is not None
+    }
     return msgspec.structs.replace(noise, **sizes)
 
 

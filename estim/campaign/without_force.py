@@ -1,4 +1,6 @@
-"""The fit of a model without an unmodelled force that is to be compared with one that has it: the same points, noise and bad frames."""
+"""The fit of a model without an unmodelled force that is to be compared with one that has it: the
+same points, noise and bad frames.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +22,18 @@ _ROUNDS = 2  # the noise is made again at its own fit: bad frames have pulled th
 
 
 def fit_without_force(
-    white: Fit, tables: Mapping[str, Run], levels: Mapping[str, Levels], *, bad: Mapping[str, BadFrames], rng: np.random.Generator,
+    white: Fit,
+    tables: Mapping[str, Run],
+    levels: Mapping[str, Levels],
+    *,
+    bad: Mapping[str, BadFrames],
+    rng: np.random.Generator,
 ) -> Fit:
-    """The posterior mode under the noise that runs have beside a force, from the fit `white` with the stated noise.
+    """The posterior mode under the noise that runs have beside a force, from the fit `white` with
+    the stated noise.
 
-    bad : run -> the frames that are shifted.  A fit that does not determine its parameters stays as it is.
+    bad : run -> the frames that are shifted.  A fit that does not determine its parameters stays as
+        it is.
     """
     if white.singular:
         return white
@@ -33,8 +42,14 @@ def fit_without_force(
     courses = {run.name: trajectory_of(run, tables[run.name]) for run in problem.runs}
     for _ in range(_ROUNDS):
         noises, shared = pose_without_force(groups, courses, problem, fit.values, bad=bad)
-        runs = tuple(replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs)
-        fit = fit_least_squares(Problem(problem.parameters, runs, shared), rng=rng, n_start=1, start=fit.values)
+        runs = tuple(
+            replace(run, noise=noises.get(run.name, run.noise), force=0.0) for run in problem.runs
+        )
+        fit = fit_least_squares(
+            Problem(problem.parameters, runs, shared), rng=rng, n_start=1, start=fit.values
+        )
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
     told = white.message if fit.success else fit.message
-    return replace(fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told)
+    return replace(
+        fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told
+    )

@@ -1,15 +1,73 @@
-"""What can be wrong with a result, one file a question; `diagnosis` gathers the findings.  Read it first."""
-from estim.checks.cells import Estimate, estimates_of, headline, interval_cell, is_measured, not_measured, p_sentence, parameter_cells
-from estim.checks.cells import lopsided, print_lines, result_table, screen_lines, upper_limit, value_cell
+"""What can be wrong with a result, one file a question; `diagnosis` gathers the findings.  Read it
+first.
+"""
+
+from estim.checks.cells import (
+    Estimate,
+    estimates_of,
+    headline,
+    interval_cell,
+    is_measured,
+    not_measured,
+    p_sentence,
+    parameter_cells,
+)
+from estim.checks.cells import (
+    lopsided,
+    print_lines,
+    result_table,
+    screen_lines,
+    upper_limit,
+    value_cell,
+)
 from estim.checks.conflict import P_CONFLICT, Conflict, check_stated_values, stated_values
-from estim.checks.consistency import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate, check_consistency, comparable
+from estim.checks.consistency import (
+    P_INCONSISTENT,
+    PRIORS,
+    Consistency,
+    SharedEstimate,
+    check_consistency,
+    comparable,
+)
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
-from estim.checks.diagnosis import Diagnosis, tolerated_pattern, diagnose, failed_tests, same_curve, sampling_findings, several_solutions
-from estim.checks.fitted_curve import curve_findings, curve_remarks, deviation_finding, pressed_limits, unasked, values_outside, wrong_curves
+from estim.checks.diagnosis import (
+    Diagnosis,
+    tolerated_pattern,
+    diagnose,
+    failed_tests,
+    same_curve,
+    sampling_findings,
+    several_solutions,
+)
+from estim.checks.fitted_curve import (
+    curve_findings,
+    curve_remarks,
+    deviation_finding,
+    pressed_limits,
+    unasked,
+    values_outside,
+    wrong_curves,
+)
 from estim.checks.forces import SURE, force_finding, noise_finding
-from estim.checks.goodness import P_FLOOR, P_POOR_FIT, P_TOLD, Check, Goodness, check_goodness, check_linear, untested
+from estim.checks.goodness import (
+    P_FLOOR,
+    P_POOR_FIT,
+    P_TOLD,
+    Check,
+    Goodness,
+    check_goodness,
+    check_linear,
+    untested,
+)
 from estim.checks.identifiability import PRIOR_DOMINATED, Identifiability, identify
 from estim.checks.modes import Modes, find_modes, laplace_modes, optima
 from estim.checks.outliers import Outliers, bad_frames_found, find_outliers
 from estim.checks.rolling import Rolling, check_rolling, way_of
-from estim.checks.sensitivities import CONFLICT, THRESHOLD, Influence, Sensitivity, influences, power_scaling
+from estim.checks.sensitivities import (
+    CONFLICT,
+    THRESHOLD,
+    Influence,
+    Sensitivity,
+    influences,
+    power_scaling,
+)

@@ -1,10 +1,12 @@
-"""What a person sees of a result at a glance: what the data are, the status, and either the values or why there are none.
+"""What a person sees of a result at a glance: what the data are, the status, and either the values
+or why there are none.
 
-Reports print their cells from here, and so does a notebook: a record's `_repr_markdown_` returns `headline(...)`.  It draws
-nothing and takes milliseconds.
+Reports print their cells from here, and so does a notebook: a record's `_repr_markdown_` returns
+`headline(...)`.  It draws nothing and takes milliseconds.
 
-A quantity that the data leave nearly as uncertain as it was (posterior sd above 0.8 of the prior's) was not measured here: its number is the one
-that was put in.  One that may be zero has an upper limit.  Neither stands among the results.
+A quantity that the data leave nearly as uncertain as it was (posterior sd above 0.8 of the prior's)
+was not measured here: its number is the one that was put in.  One that may be zero has an upper
+limit.  Neither stands among the results.
 """
 
 from __future__ import annotations
@@ -36,14 +38,19 @@ from estim.problem import Prior, Problem
 from estim.sampling import Summary, summarise_parameter
 from estim.words import STATUS_WORDS
 
-_CLEAR = 2.0  # lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be zero
+# lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be
+# zero
+_CLEAR = 2.0
 _EVEN = 0.05  # standard deviations: what is nearer to the truth is "0.0"
 _LOPSIDED = 1.5
-_HEAVY = 2.0  # standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
+# standard deviations over half of the 68 % interval: a ratio whose denominator comes near 0
+_HEAVY = 2.0
 
 
 def value_cell(p: Summary, shown: Label) -> str:
-    """mean ± sd, median +up −down where the posterior is lopsided, or the limit of what lies on an edge."""
+    """mean ± sd, median +up −down where the posterior is lopsided, or the limit of what lies on an
+    edge.
+    """
     if p.limit is not None:
         return limit_cell(p.limit, shown.factor)
     if p.mean is None or p.sd is None or p.median is None or p.q16 is None or p.q84 is None:
@@ -51,12 +58,16 @@ def value_cell(p: Summary, shown: Label) -> str:
     if lopsided(p):
         up, down = (p.q84 - p.median) * shown.factor, (p.median - p.q16) * shown.factor
         centre = format_rounded(p.median * shown.factor, min(up, down))
-        return f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
+        return (
+            f"{centre} +{format_rounded(up, min(up, down))} −{format_rounded(down, min(up, down))}"
+        )
     return format_quantity(p.mean * shown.factor, p.sd * shown.factor)
 
 
 def lopsided(p: Summary) -> bool:
-    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other, or tails make the sd say little: then ± misleads."""
+    """Whether one half of the 68 or of the 95 % interval is more than 1.5 times the other, or tails
+    make the sd say little: then ± misleads.
+    """
     if p.median is None or p.q16 is None or p.q84 is None or p.q025 is None or p.q975 is None:
         return False
     halves = ((p.median - p.q16, p.q84 - p.median), (p.median - p.q025, p.q975 - p.median))
@@ -64,7 +75,12 @@ def lopsided(p: Summary) -> bool:
 
 
 def _heavy(p: Summary) -> bool:
-    return p.sd is not None and p.q84 is not None and p.q16 is not None and p.sd > _HEAVY * 0.5 * (p.q84 - p.q16)
+    return (
+        p.sd is not None
+        and p.q84 is not None
+        and p.q16 is not None
+        and p.sd > _HEAVY * 0.5 * (p.q84 - p.q16)
+    )
 
 
 def interval_cell(p: Summary, shown: Label) -> str:
@@ -76,21 +92,31 @@ def interval_cell(p: Summary, shown: Label) -> str:
     if p.q025 is None or p.q975 is None:
         return "n/a"
     u = (p.sd if p.sd is not None and not _heavy(p) else 0.25 * (p.q975 - p.q025)) * shown.factor
-    return f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
+    return (
+        f"[{format_rounded(p.q025 * shown.factor, u)}, {format_rounded(p.q975 * shown.factor, u)}]"
+    )
 
 
 def parameter_cells(p: Summary, shown: Label) -> tuple[str, str, str, str, str]:
     """Symbol, meaning, value, 95 % interval and unit of one quantity."""
-    return shown.symbol, p.meaning, value_cell(p, shown), interval_cell(p, shown), "" if shown.unit == "1" else shown.unit
+    return (
+        shown.symbol,
+        p.meaning,
+        value_cell(p, shown),
+        interval_cell(p, shown),
+        "" if shown.unit == "1" else shown.unit,
+    )
 
 
 @dataclass(frozen=True)
 class Estimate:
     """One quantity.
 
-    stated : what was said of it before the data, with its unit; "" for nothing.  measured : whether the data say something of it.
+    stated : what was said of it before the data, with its unit; "" for nothing.
+    measured : whether the data say something of it.
     inferred : what was taken of it where nobody had stated it; else "".
-    upper : 95 % limit of what may be zero, in its own unit; None for all others.  true : of synthetic data, None where it is not known.
+    upper : 95 % limit of what may be zero, in its own unit; None for all others.
+    true : of synthetic data, None where it is not known.
     """
 
     label: Label
@@ -103,7 +129,9 @@ class Estimate:
 
     @property
     def told(self) -> bool:
-        """Whether there is anything to say of it: not of a default that the data leave as it was."""
+        """Whether there is anything to say of it: not of a default that the data leave as it
+        was.
+        """
         return self.measured or bool(self.stated) or self.upper is not None or not self.inferred
 
     @property
@@ -118,7 +146,8 @@ class Estimate:
         if p.limit is not None:
             return limit_cell(p.limit, shown.factor, shown.unit)
         if self.upper is not None:
-            return f"< {with_unit(format_rounded(self.upper * shown.factor, 0.25 * self.upper * shown.factor), shown.unit)} (95 %)"
+            limit = self.upper * shown.factor
+            return f"< {with_unit(format_rounded(limit, 0.25 * limit), shown.unit)} (95 %)"
         return with_unit(value_cell(p, shown), shown.unit)
 
     @property
@@ -136,21 +165,29 @@ class Estimate:
         if p.mean is None or not p.sd or self.upper is not None:
             return text
         pull = (p.mean - self.true) / p.sd
-        return phrase("{value} ({pull} sd)", value=text, pull=signed(f"{pull:+.1f}") if abs(pull) >= _EVEN else "0.0")
+        return phrase(
+            "{value} ({pull} sd)",
+            value=text,
+            pull=signed(f"{pull:+.1f}") if abs(pull) >= _EVEN else "0.0",
+        )
 
 
 def is_measured(summary: Summary, prior: Prior, upper: float | None) -> bool:
     """Whether the data have a say: neither a limit nor known hardly better than before."""
     if summary.limit is not None or upper is not None:
         return False
-    return summary.sd is None or not np.isfinite(prior.sd) or summary.sd <= PRIOR_DOMINATED * prior.sd
+    return (
+        summary.sd is None or not np.isfinite(prior.sd) or summary.sd <= PRIOR_DOMINATED * prior.sd
+    )
 
 
 def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | None:
-    """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws (n_draw,); None for any other.
+    """The 95 % limit of a quantity that cannot be negative and may be zero, from its draws
+    (n_draw,); None for any other.
 
-    It may be zero where the median is within two lower halves of the 68 % interval of it: those of a standard deviation if the posterior is normal.
-    A long tail above makes a standard deviation large, and says nothing of zero.
+    It may be zero where the median is within two lower halves of the 68 % interval of it: those of
+    a standard deviation if the posterior is normal.  A long tail above makes a standard deviation
+    large, and says nothing of zero.
     """
     if prior.low != 0.0 or summary.mean is None or summary.median is None or summary.q16 is None:
         return None
@@ -160,10 +197,13 @@ def upper_limit(summary: Summary, prior: Prior, draws: FloatArray) -> float | No
 
 
 def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimate, ...]:
-    """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where there is one run."""
+    """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where
+    there is one run.
+    """
     found = []
     for parameter, own in zip(problem.parameters, draws.T, strict=True):
-        summary, shown = summarise_parameter(fit, parameter.name, own), parameter.bare_label if len(problem.runs) == 1 else parameter.label
+        summary = summarise_parameter(fit, parameter.name, own)
+        shown = parameter.bare_label if len(problem.runs) == 1 else parameter.label
         upper = upper_limit(summary, parameter.prior, own)
         measured = is_measured(summary, parameter.prior, upper)
         stated = parameter.prior.stated_words(parameter.unit, shown)
@@ -173,10 +213,20 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
 
 
 def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Head and rows of the quantities that the data measure; columns that would be empty are left out."""
+    """Head and rows of the quantities that the data measure; columns that would be empty are left
+    out.
+    """
     shown = [one for one in estimates if one.measured]
     columns = [
-        ("", [f"{one.label.symbol}, {one.summary.meaning}" if one.summary.meaning else one.label.symbol for one in shown]),
+        (
+            "",
+            [
+                f"{one.label.symbol}, {one.summary.meaning}"
+                if one.summary.meaning
+                else one.label.symbol
+                for one in shown
+            ],
+        ),
         (phrase("from these data"), [one.value for one in shown]),
         (phrase("stated value"), [one.stated for one in shown]),
         (phrase("true"), [one.truth for one in shown]),
@@ -186,7 +236,9 @@ def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[t
 
 
 def not_measured(estimates: Iterable[Estimate]) -> str:
-    """'γ = 0.192 ± 0.009 (stated 0.193 ± 0.010); c_rr < 0.0101 (95 %)', or "" where the data measure everything."""
+    """'γ = 0.192 ± 0.009 (stated 0.193 ± 0.010); c_rr < 0.0101 (95 %)', or "" where the data
+    measure everything.
+    """
     said = []
     for one in estimates:
         if not one.measured and one.told:
@@ -197,12 +249,21 @@ def not_measured(estimates: Iterable[Estimate]) -> str:
 
 
 def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
-    """'goodness of fit: p = 0.91, agreement with the stated values: p = 0.068'; what was not tested is left out."""
-    tests = ((later("goodness of fit: {p}"), p_curve), (later("agreement with the stated values: {p}"), p_stated))
-    return ", ".join(phrase(words, p=format_p(p)) for words, p in tests if p is not None and np.isfinite(p))
+    """'goodness of fit: p = 0.91, agreement with the stated values: p = 0.068'; what was not tested
+    is left out.
+    """
+    tests = (
+        (later("goodness of fit: {p}"), p_curve),
+        (later("agreement with the stated values: {p}"), p_stated),
+    )
+    return ", ".join(
+        phrase(words, p=format_p(p)) for words, p in tests if p is not None and np.isfinite(p)
+    )
 
 
-def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Sequence[str] = ()) -> list[str]:
+def screen_lines(
+    estimates: Sequence[Estimate], *, tests: str = "", minds: Sequence[str] = ()
+) -> list[str]:
     """What a terminal shows of a trusted result, one line each."""
     width = max((len(one.relation) for one in estimates if one.measured), default=0)
     lines = [tests] if tests else []
@@ -216,12 +277,23 @@ def screen_lines(estimates: Sequence[Estimate], *, tests: str = "", minds: Seque
 
 
 def headline(
-    title: str, *, kind: str, status: str, reasons: Sequence[str], advice: Sequence[str], rows: Iterable[Sequence[str]],
-    head: Sequence[str] | None = None, tests: str = "", left: str = "", minds: Sequence[str] = (),
+    title: str,
+    *,
+    kind: str,
+    status: str,
+    reasons: Sequence[str],
+    advice: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    head: Sequence[str] | None = None,
+    tests: str = "",
+    left: str = "",
+    minds: Sequence[str] = (),
 ) -> str:
-    """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without it the reasons where the status is not ok.
+    """Markdown: title, kind of data, status with its `tests`, and the table of `rows`, or without
+    it the reasons where the status is not ok.
 
-    kind : "measured", "synthetic" or "published"; "" where nobody has said it.  left : what was not measured (`not_measured`).
+    kind : "measured", "synthetic" or "published"; "" where nobody has said it.
+    left : what was not measured (`not_measured`).
     minds : what to mind, a sentence each.
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
@@ -230,16 +302,37 @@ def headline(
     said.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
         body = list(rows)
-        heads = ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit")) if head is None else head
-        said += [table(heads, body) if body else "", phrase("Not measured here: {left}.", left=markdown(left)) if left else ""]
+        heads = (
+            ("", "", phrase("posterior"), phrase("95 % interval"), phrase("unit"))
+            if head is None
+            else head
+        )
+        said += [
+            table(heads, body) if body else "",
+            phrase("Not measured here: {left}.", left=markdown(left)) if left else "",
+        ]
         said.append("\n".join(f"- {markdown(item)}" for item in minds))
     else:
-        items = [*reasons, *(phrase("What to do: {words}", words=words) for words in dict.fromkeys(advice))]
+        items = [
+            *reasons,
+            *(phrase("What to do: {words}", words=words) for words in dict.fromkeys(advice)),
+        ]
         said.append("\n".join(f"- {markdown(item)}" for item in items))
     return "\n\n".join(part for part in said if part)
 
 
-def print_lines(title: str, *, status: str, reasons: Sequence[str], advice: Sequence[str], shown: Sequence[str]) -> str:
-    """What `print` shows: title and status, then the lines `shown` (`screen_lines`), or why there are no values."""
-    said = shown if status == Status.OK else [*reasons, *(phrase("what to do: {words}", words=words) for words in dict.fromkeys(advice))]
+def print_lines(
+    title: str, *, status: str, reasons: Sequence[str], advice: Sequence[str], shown: Sequence[str]
+) -> str:
+    """What `print` shows: title and status, then the lines `shown` (`screen_lines`), or why there
+    are no values.
+    """
+    said = (
+        shown
+        if status == Status.OK
+        else [
+            *reasons,
+            *(phrase("what to do: {words}", words=words) for words in dict.fromkeys(advice)),
+        ]
+    )
     return "\n".join([f"{title}: {status}", *(f"  {line}" for line in said)])

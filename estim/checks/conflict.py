@@ -1,29 +1,37 @@
 """Do the data agree with what was stated about the parameters before?
 
-Around the mode the data are a measurement of the parameters, and so are the stated values (informative priors).  With the free
-parameters fitted, lambda the information of the data along the eigenvectors e of the stated ones, in units of the priors', and z
-the distance of the mode from the stated values in their standard uncertainties, the two differ by
+Around the mode the data are a measurement of the parameters, and so are the stated values
+(informative priors).  With the free parameters fitted, lambda the information of the data along the
+eigenvectors e of the stated ones, in units of the priors', and z the distance of the mode from the
+stated values in their standard uncertainties, the two differ by
 
-    T = sum (e . z)^2 (1 + 1/lambda)                     chi^2 with as many degrees of freedom as terms
+    T = sum (e . z)^2 (1 + 1/lambda)                     chi^2 with as many degrees of freedom as
+    terms
 
-which is chi^2 at the joint minimum minus that of the data alone: exact for a linear curve and normal priors, when the true values
-come from the priors.  Directions of which the data know less than 1 % of what the prior knows are left out: there is nothing to compare.
+which is chi^2 at the joint minimum minus that of the data alone: exact for a linear curve and
+normal priors, when the true values come from the priors.  Directions of which the data know less
+than 1 % of what the prior knows are left out: there is nothing to compare.
 
-The pull of one stated value is its distance from what data and all other stated values say, in standard deviations of that distance,
+The pull of one stated value is its distance from what data and all other stated values say, in
+standard deviations of that distance,
 
     z_i / sqrt(1 - u_i^2/s_i^2),      u_i the standard uncertainty after and s_i before,
 
 whose square is chi^2 at the joint minimum minus that without the one stated value.
 
-A free parameter that meets the hard edge of its range gives way no further, so what it would have taken up stays in chi^2.  Therefore
-each of these minima is sought within the edges: a bounded linear least-squares problem around the mode (`scipy.optimize.lsq_linear`).
-Edges only ever take away from the comparison, and the number of terms is counted with parameters that sit on an edge held there,
-so the probability is right away from edges and errs on the side of agreement beside them.
+A free parameter that meets the hard edge of its range gives way no further, so what it would have
+taken up stays in chi^2.  Therefore each of these minima is sought within the edges: a bounded
+linear least-squares problem around the mode (`scipy.optimize.lsq_linear`).  Edges only ever take
+away from the comparison, and the number of terms is counted with parameters that sit on an edge
+held there, so the probability is right away from edges and errs on the side of agreement beside
+them.
 
-(A log-normal prior has its mode below its median, so there the residual that balances the data at the joint mode is not z; both are used.)
+(A log-normal prior has its mode below its median, so there the residual that balances the data at
+the joint mode is not z; both are used.)
 
-Sources: Evans and Moshonov, Bayesian Anal. 1 (2006) 893 (prior-data conflict); Rao, Linear Statistical Inference (1973) 4a.2;
-Eadie et al., Statistical Methods in Experimental Physics (1971) 10.8 (pulls, there called stretch functions).
+Sources: Evans and Moshonov, Bayesian Anal. 1 (2006) 893 (prior-data conflict); Rao, Linear
+Statistical Inference (1973) 4a.2; Eadie et al., Statistical Methods in Experimental Physics (1971)
+10.8 (pulls, there called stretch functions).
 """
 
 from __future__ import annotations
@@ -45,8 +53,11 @@ P_FLAGRANT = 1e-6  # then there is nothing to sample
 _LOOSER, _MOST_LOG_SD, _N_START = 100.0, 10.0, 6
 _HOPELESS = 100.0  # mean square of whitened residuals: no settling of weights makes 1 of it
 NOTE_BELOW = 0.05
-_LEAST = 0.01  # information of the data, in units of the prior's, below which there is nothing to compare
-_LEAST_OF_MIXTURE = 0.1  # the same where a mixture was taken as one normal distribution, a few per cent of whose covariance mean nothing
+# information of the data, in units of the prior's, below which there is nothing to compare
+_LEAST = 0.01
+# the same where a mixture was taken as one normal distribution, a few per cent of whose covariance
+# mean nothing
+_LEAST_OF_MIXTURE = 0.1
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _MANY_STATED = 100  # beyond, all pulls follow from one solution
@@ -59,9 +70,10 @@ class Conflict:
     """The data against the stated values.
 
     chi2, dof, p_value : T; dof 0 where the data say nothing about anything stated (then p is 1).
-    pulls : parameter -> pull of its stated value, positive where all else says more, largest first; parameters that the data
-        narrow by less than 0.5 % are left out.
-    explained : whether the curve explains the data where nothing is stated; then what was stated is wrong, else the curve.
+    pulls : parameter -> pull of its stated value, positive where all else says more, largest first;
+        parameters that the data narrow by less than 0.5 % are left out.
+    explained : whether the curve explains the data where nothing is stated; then what was stated is
+        wrong, else the curve.
     """
 
     chi2: float
@@ -81,7 +93,9 @@ class Conflict:
 
 
 def check_stated_values(fit: Fit) -> Conflict:
-    """Whether the data of `fit` agree with the priors of its parameters.  Noise parameters are held at the fit."""
+    """Whether the data of `fit` agree with the priors of its parameters.  Noise parameters are held
+    at the fit.
+    """
     problem = fit.problem
     curve = curve_indices(fit)
     slopes = fit.posterior.prior_slopes(fit.values)[curve]
@@ -102,34 +116,49 @@ def check_stated_values(fit: Fit) -> Conflict:
     off = np.array([problem.parameters[i].prior.pull(fit.values[i]) for i in curve[stated]])
     together = model.least(pull_rows, off)[1]
     uncompared = vectors[:, ~kept].T
-    chi2, dof = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1]), int(np.sum(kept))
-    found = _pulls_at_once(model, pull_rows, off) if stated.size > _MANY_STATED else np.full(stated.size, np.nan)
+    chi2 = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1])
+    dof = int(np.sum(kept))
+    found = (
+        _pulls_at_once(model, pull_rows, off)
+        if stated.size > _MANY_STATED
+        else np.full(stated.size, np.nan)
+    )
     pulls = {}
     for k in np.flatnonzero(told):
         if math.isnan(found[k]):
             others = np.arange(stated.size) != k
             step, without = model.least(pull_rows[others], off[others])
-            found[k] = math.copysign(math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k]))
+            found[k] = math.copysign(
+                math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k])
+            )
         pulls[fit.names[curve[stated[k]]]] = float(found[k])
     p_value = chi2_p(chi2, dof)
     unstated = None if p_value >= P_CONFLICT else _explained(fit)
-    if unstated is not None and max(map(abs, pulls.values()), default=0.0) > _TOO_FAR:  # the mode is far from everything
-        pulls = {fit.names[curve[k]]: _distance(problem, unstated, curve[k]) for k in np.flatnonzero(slopes != 0.0)}
+    # the mode is far from everything
+    if unstated is not None and max(map(abs, pulls.values()), default=0.0) > _TOO_FAR:
+        pulls = {
+            fit.names[curve[k]]: _distance(problem, unstated, curve[k])
+            for k in np.flatnonzero(slopes != 0.0)
+        }
     ordered = dict(sorted(pulls.items(), key=lambda item: -abs(item[1])))
     return Conflict(chi2, dof, p_value, ordered, p_value >= P_CONFLICT or unstated is not None)
 
 
 def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> FloatArray:
-    """(n_stated,) the pulls of all stated values from one solution; nan where leaving one out would lead beyond an edge.
+    """(n_stated,) the pulls of all stated values from one solution; nan where leaving one out would
+    lead beyond an edge.
 
-    Without row k the least squares are e^2/(1 - h) lower, e its residual and h its leverage (Cook and Weisberg, Residuals (1982) 2.2).
+    Without row k the least squares are e^2/(1 - h) lower, e its residual and h its leverage (Cook
+    and Weisberg, Residuals (1982) 2.2).
     """
     rows = np.vstack([model.rows, pull_rows]) * model.scale
     gram, low, high = rows.T @ rows, model.low / model.scale, model.high / model.scale
     scaled = pull_rows * model.scale
     try:
         np.linalg.cholesky(gram)
-        solved = np.linalg.solve(gram, np.column_stack([rows.T @ np.concatenate([model.aim, -off]), scaled.T]))
+        solved = np.linalg.solve(
+            gram, np.column_stack([rows.T @ np.concatenate([model.aim, -off]), scaled.T])
+        )
     except np.linalg.LinAlgError:
         return np.full(off.size, np.nan)
     step, follow = solved[:, 0], solved[:, 1:]
@@ -143,35 +172,61 @@ def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> 
 
 
 def _distance(problem: Problem, unstated: Fit, i: int) -> float:
-    """Of one stated value from what data and all other stated values say, in standard deviations of that distance."""
-    parameters = tuple(replace(p, prior=_loosened(p.prior)) if k == i else p for k, p in enumerate(problem.parameters))
+    """Of one stated value from what data and all other stated values say, in standard deviations of
+    that distance.
+    """
+    parameters = tuple(
+        replace(p, prior=_loosened(p.prior)) if k == i else p
+        for k, p in enumerate(problem.parameters)
+    )
     try:
         others = refit(replace(problem, parameters=parameters), unstated.values)
     except NumericalError:
         return 0.0
     prior = problem.parameters[i].prior
-    return float((others.values[i] - prior.centre) / math.hypot(prior.sd, math.sqrt(others.cov[i, i])))
+    return float(
+        (others.values[i] - prior.centre) / math.hypot(prior.sd, math.sqrt(others.cov[i, i]))
+    )
 
 
 def _explained(fit: Fit) -> Fit | None:
-    """A fit of the curve that explains the data of `fit` where what was stated is a hundred times less certain; None where there is none.
+    """A fit of the curve that explains the data of `fit` where what was stated is a hundred times
+    less certain; None where there is none.
 
     The tests are those of any fit: whether its residuals look like the noise.
     """
     problem = fit.problem
-    parameters = tuple(p if p.name in problem.noise_names else replace(p, prior=_loosened(p.prior)) for p in problem.parameters)
+    parameters = tuple(
+        p if p.name in problem.noise_names else replace(p, prior=_loosened(p.prior))
+        for p in problem.parameters
+    )
     loose = replace(problem, parameters=parameters)
     rng = stream(0, Stream.FIT)
     drawn = _N_START if all(math.isfinite(p.prior.sd) for p in loose.parameters) else 0
-    draws = [np.array([float(p.prior.draw(rng, 1)[0]) for p in loose.parameters]) for _ in range(drawn)]
-    return next((found for start in (fit.values, problem.start(), *draws) if (found := _fits(loose, start)) is not None), None)
+    draws = [
+        np.array([float(p.prior.draw(rng, 1)[0]) for p in loose.parameters]) for _ in range(drawn)
+    ]
+    return next(
+        (
+            found
+            for start in (fit.values, problem.start(), *draws)
+            if (found := _fits(loose, start)) is not None
+        ),
+        None,
+    )
 
 
 def _fits(problem: Problem, start: FloatArray) -> Fit | None:
     """The fit from `start` (n_par,) if it passes the tests of residuals."""
     try:
-        fit = fit_least_squares(problem, rng=stream(0, Stream.FIT), n_start=1, start=start, hopeless=_HOPELESS)
-        return None if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS))) else fit
+        fit = fit_least_squares(
+            problem, rng=stream(0, Stream.FIT), n_start=1, start=start, hopeless=_HOPELESS
+        )
+        return (
+            None
+            if any(run.failed for run in check_goodness(fit, rng=stream(0, Stream.GOODNESS)))
+            else fit
+        )
     except NumericalError:
         return None
 
@@ -181,27 +236,47 @@ def _loosened(prior: Prior) -> Prior:
 
 
 def stated_values(fit: Fit, conflict: Conflict) -> Finding:
-    """Whether the data agree with what was stated before, and if not, which stated values are farthest off."""
+    """Whether the data agree with what was stated before, and if not, which stated values are
+    farthest off.
+    """
     if not conflict.dof:
         return Finding(Kind.STATED_UNCOMPARED)
     if conflict.p_value >= NOTE_BELOW:
         return Finding(Kind.STATED_AGREE, p=conflict.p_value)
     parameters = {p.name: p for p in fit.problem.parameters}
-    far = [name for name, pull in conflict.pulls.items() if abs(pull) > _FAR and parameters[name].prior.measured][:_NAMED]
-    stated = {name: Amount(name, parameters[name].prior.centre, parameters[name].label) for name in far}
-    parts = [Finding(Kind.PULL, size=conflict.pulls[name], parameters=(amount,)) for name, amount in stated.items()]
-    kind = Kind.STATED_HARDLY if conflict.agree else Kind.STATED_DISAGREE if conflict.explained else Kind.STATED_AND_CURVE
+    far = [
+        name
+        for name, pull in conflict.pulls.items()
+        if abs(pull) > _FAR and parameters[name].prior.measured
+    ][:_NAMED]
+    stated = {
+        name: Amount(name, parameters[name].prior.centre, parameters[name].label) for name in far
+    }
+    parts = [
+        Finding(Kind.PULL, size=conflict.pulls[name], parameters=(amount,))
+        for name, amount in stated.items()
+    ]
+    kind = (
+        Kind.STATED_HARDLY
+        if conflict.agree
+        else Kind.STATED_DISAGREE
+        if conflict.explained
+        else Kind.STATED_AND_CURVE
+    )
     return Finding(kind, p=conflict.p_value, parts=tuple(parts))
 
 
 def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:
-    """Information of the `kept` parameters when the others are fitted (Schur complement); what nothing determines takes nothing with it."""
+    """Information of the `kept` parameters when the others are fitted (Schur complement); what
+    nothing determines takes nothing with it.
+    """
     inner = matrix[np.ix_(kept, kept)]
     if not fitted.size:
         return inner
     scale = np.sqrt(np.maximum(np.diag(matrix)[fitted], 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     across = matrix[np.ix_(kept, fitted)] / scale
-    inverse = np.linalg.pinv(matrix[np.ix_(fitted, fitted)] / np.outer(scale, scale), rcond=_ALONE, hermitian=True)
+    inverse = np.linalg.pinv(
+        matrix[np.ix_(fitted, fitted)] / np.outer(scale, scale), rcond=_ALONE, hermitian=True
+    )
     return np.asarray(inner - across @ inverse @ across.T)
-

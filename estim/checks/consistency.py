@@ -1,25 +1,31 @@
 """Do the runs of a joint fit agree about what they share?
 
-Pooling runs is only right if they do.  Around the joint mode every run is a quadratic in the shared parameters s (its own ones
-are fitted for each s, with their priors), which is the same as a measurement  t_r = G_r^T s + unit errors  of as many
-combinations of s as the run says anything about; stated values (priors) of shared parameters are one more such source.  With Q(F) the joint least
-squares of all of them where the sources F have values of their own,
+Pooling runs is only right if they do.  Around the joint mode every run is a quadratic in the shared
+parameters s (its own ones are fitted for each s, with their priors), which is the same as a
+measurement  t_r = G_r^T s + unit errors  of as many combinations of s as the run says anything
+about; stated values (priors) of shared parameters are one more such source.  With Q(F) the joint
+least squares of all of them where the sources F have values of their own,
 
     Q() - Q(all)              chi^2, with as many degrees of freedom as unknowns are added
-    D_r^2 = Q() - Q(r)        the same for one source, the squared Mahalanobis distance of run r from all others together
+    D_r^2 = Q() - Q(r)        the same for one source, the squared Mahalanobis distance of run r
+    from all others together
 
-Both are exact for a linear problem, and the first is then the joint minimum of chi^2 minus the sum of the separate ones, with the priors counted
-once.  Values of their own are asked about in those directions of s that the runs together tell; where only the stated values do (a tilt, masses),
-they stay common, with the uncertainty that was stated.
+Both are exact for a linear problem, and the first is then the joint minimum of chi^2 minus the sum
+of the separate ones, with the priors counted once.  Values of their own are asked about in those
+directions of s that the runs together tell; where only the stated values do (a tilt, masses), they
+stay common, with the uncertainty that was stated.
 
-A run with an unmodelled force enters with what it says by itself (`estim.checks.sources`), the errors of the runs taken as independent: where a
-force repeats, runs are closer to each other than that, and the test is cautious.  Which run disagrees: the one whose D_r^2 is least probable, after
+A run with an unmodelled force enters with what it says by itself (`estim.checks.sources`), the
+errors of the runs taken as independent: where a force repeats, runs are closer to each other than
+that, and the test is cautious.  Which run disagrees: the one whose D_r^2 is least probable, after
 Holm's correction for asking every source; if without it the rest agrees, it is named.
 
-Separate fits of other runs are not needed: alone, a run leaves directions to its priors and leans on their edges, where a fit is no normal
-variable.  Directions in which a source has next to no information are left out: there it is silent, and far from linear.
+Separate fits of other runs are not needed: alone, a run leaves directions to its priors and leans
+on their edges, where a fit is no normal variable.  Directions in which a source has next to no
+information are left out: there it is silent, and far from linear.
 
-Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypotheses) and 6e (scores); Holm, Scand. J. Stat. 6 (1979) 65.
+Sources: Rao, Linear Statistical Inference (1973) 4a.2 (tests of nested hypotheses) and 6e (scores);
+Holm, Scand. J. Stat. 6 (1979) 65.
 """
 
 from __future__ import annotations
@@ -32,7 +38,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.checks.sources import ALONE, PRIORS, Quadratic, Rows, copies_of, copies_of_priors, each_without_one, measurements, total_of
+from estim.checks.sources import (
+    ALONE,
+    PRIORS,
+    Quadratic,
+    Rows,
+    copies_of,
+    copies_of_priors,
+    each_without_one,
+    measurements,
+    total_of,
+)
 from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
 from estim.fitting import Fit, chi2_p
 from estim.words import tell
@@ -57,7 +73,8 @@ class Disagreement:
 
 @dataclass(frozen=True, eq=False)
 class SharedEstimate:
-    """A shared parameter as some of the sources give it: mean and sd (n_shared,) each, in the order of `Consistency.shared`.
+    """A shared parameter as some of the sources give it: mean and sd (n_shared,) each, in the order
+    of `Consistency.shared`.
 
     sd is inf where these sources do not determine it.
     """
@@ -70,12 +87,18 @@ class SharedEstimate:
 class Consistency:
     """Whether runs agree about the parameters they share.
 
-    shared : names of the parameters of the curve that more than one run uses; units, labels : theirs, the latter as they are shown.
+    shared : names of the parameters of the curve that more than one run uses; units, labels :
+        theirs, the latter as they are shown.
     used : parameter -> the runs that use it.
-    chi2, dof, p_value : Q.  rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are any).
-    alone : run -> estimate from this run and the stated values; others : run -> from all but this run; joint : from all.
-    apart : the parameter about which the runs differ most, and by how much between them; None where no campaign lets it vary.
-    suspects : sources without which the rest agrees, most suspicious first; more than one where the data cannot tell them apart.
+    chi2, dof, p_value : Q.
+    rows : one `Disagreement` a source, in the order of the runs, stated values last (if there are
+        any).
+    alone : run -> estimate from this run and the stated values; others : run -> from all but this
+        run; joint : from all.
+    apart : the parameter about which the runs differ most, and by how much between them; None where
+        no campaign lets it vary.
+    suspects : sources without which the rest agrees, most suspicious first; more than one where the
+        data cannot tell them apart.
     agree : whether nothing is wrong.
     """
 
@@ -97,14 +120,36 @@ class Consistency:
     @property
     def finding(self) -> Finding:
         """What to say of it."""
-        kind = Kind.RUNS_UNCOMPARED if self.dof == 0 else Kind.RUNS_AGREE if self.agree else Kind.RUNS_DISAGREE
+        kind = (
+            Kind.RUNS_UNCOMPARED
+            if self.dof == 0
+            else Kind.RUNS_AGREE
+            if self.agree
+            else Kind.RUNS_DISAGREE
+        )
         if self.dof and not self.agree and self.suspects:
             against_stated = self.suspects == (PRIORS,)
-            kind = Kind.RUNS_TIED if len(self.suspects) > 1 else Kind.RUNS_AGAINST_STATED if against_stated else Kind.RUN_DISAGREES
+            kind = (
+                Kind.RUNS_TIED
+                if len(self.suspects) > 1
+                else Kind.RUNS_AGAINST_STATED
+                if against_stated
+                else Kind.RUN_DISAGREES
+            )
         run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
-        told = kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED) and self.apart is not None
+        told = (
+            kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED)
+            and self.apart is not None
+        )
         apart = (self.apart,) if told and self.apart else ()
-        return Finding(kind, run=run, p=self.p_value, size=len(self.alone), names=self.suspects, parameters=apart)
+        return Finding(
+            kind,
+            run=run,
+            p=self.p_value,
+            size=len(self.alone),
+            names=self.suspects,
+            parameters=apart,
+        )
 
     @property
     def verdict(self) -> str:
@@ -113,29 +158,54 @@ class Consistency:
 
 
 def comparable(fit: Fit) -> bool:
-    """Whether there is something to compare: several runs, a parameter of the curve in common, and a fit that determines all."""
+    """Whether there is something to compare: several runs, a parameter of the curve in common, and
+    a fit that determines all.
+    """
     users = Counter(name for run in fit.problem.runs for name in run.parameters)
-    mean = [p.name for p in fit.problem.parameters if p.name not in fit.problem.noise_names and not p.between]
+    mean = [
+        p.name
+        for p in fit.problem.parameters
+        if p.name not in fit.problem.noise_names and not p.between
+    ]
     return len(fit.problem.runs) > 1 and any(users[name] > 1 for name in mean) and not fit.singular
 
 
 def check_consistency(fit: Fit) -> Consistency:
     """Whether the runs of a joint fit agree about what they share.
 
-    Noise parameters are held at the fit: where the size of the noise was inferred jointly, disagreement hides in it partly.
+    Noise parameters are held at the fit: where the size of the noise was inferred jointly,
+    disagreement hides in it partly.
 
-    Raises InputError where there is a single run or nothing is shared, NumericalError where the fit determines nothing.
+    Raises InputError where there is a single run or nothing is shared, NumericalError where the fit
+    determines nothing.
     """
     problem = fit.problem
     noise = problem.noise_names
     users = Counter(name for run in problem.runs for name in run.parameters)
-    shared = np.array([i for i, p in enumerate(problem.parameters) if users[p.name] > 1 and p.name not in noise and not p.between], dtype=np.int64)
+    shared = np.array(
+        [
+            i
+            for i, p in enumerate(problem.parameters)
+            if users[p.name] > 1 and p.name not in noise and not p.between
+        ],
+        dtype=np.int64,
+    )
     if shared.size == 0:
-        raise InputError("must have a parameter of the curve in common to be compared", field="runs", value=", ".join(r.name for r in problem.runs))
+        raise InputError(
+            "must have a parameter of the curve in common to be compared",
+            field="runs",
+            value=", ".join(r.name for r in problem.runs),
+        )
     if fit.singular:
-        raise NumericalError("runs cannot be compared around a fit that leaves a combination of parameters undetermined")
+        raise NumericalError(
+            "runs cannot be compared around a fit that leaves a combination of parameters "
+            "undetermined"
+        )
     names = [run.name for run in problem.runs]
-    copies = [*(one for group in problem.groups for one in copies_of(fit, group, shared)), copies_of_priors(fit, shared)]
+    copies = [
+        *(one for group in problem.groups for one in copies_of(fit, group, shared)),
+        copies_of_priors(fit, shared),
+    ]
     rows = measurements(copies, shared.size)
     asked = [name for name in (*names, PRIORS) if rows.moves[name].size]
     chi2, dof = rows.between((), asked)
@@ -149,29 +219,50 @@ def check_consistency(fit: Fit) -> Consistency:
     others = dict(zip(copies, each_without_one([one.together for one in copies]), strict=True))
     alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
     return Consistency(
-        shared=tuple(problem.names[i] for i in shared), units=tuple(problem.parameters[i].unit for i in shared),
+        shared=tuple(problem.names[i] for i in shared),
+        units=tuple(problem.parameters[i].unit for i in shared),
         labels=tuple(problem.parameters[i].label for i in shared),
-        used={problem.names[i]: tuple(run.name for run in problem.runs if problem.names[i] in run.parameters) for i in shared},
-        chi2=chi2, dof=dof, p_value=p_value,
-        rows=judged, alone=alone,
-        others={name: _estimate(centre, total_of([of[name].without(name), others[of[name]]])) for name in names},
-        joint=SharedEstimate(centre, np.sqrt(np.diag(fit.cov))[shared]), apart=_apart(fit, shared, list(alone.values())),
-        suspects=suspects, agree=agree,
+        used={
+            problem.names[i]: tuple(
+                run.name for run in problem.runs if problem.names[i] in run.parameters
+            )
+            for i in shared
+        },
+        chi2=chi2,
+        dof=dof,
+        p_value=p_value,
+        rows=judged,
+        alone=alone,
+        others={
+            name: _estimate(centre, total_of([of[name].without(name), others[of[name]]]))
+            for name in names
+        },
+        joint=SharedEstimate(centre, np.sqrt(np.diag(fit.cov))[shared]),
+        apart=_apart(fit, shared, list(alone.values())),
+        suspects=suspects,
+        agree=agree,
     )
 
 
 def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate]) -> Amount | None:
-    """The shared parameter whose values by each run and what was stated differ most in their standard deviations, and their own deviation."""
+    """The shared parameter whose values by each run and what was stated differ most in their
+    standard deviations, and their own deviation.
+    """
     if any(run.motion is None for run in fit.problem.runs):
         return None
     means, sds = np.array([one.mean for one in alone]), np.array([one.sd for one in alone])
-    weights = np.where(np.isfinite(means), np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0, 0.0)
+    weights = np.where(
+        np.isfinite(means),
+        np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0,
+        0.0,
+    )
     values = np.where(np.isfinite(means), means, 0.0)
     total = np.maximum(weights.sum(axis=0), np.finfo(float).tiny)
     off = weights * np.square(values - np.sum(weights * values, axis=0) / total)
     excess = np.sum(off, axis=0) / np.maximum(np.sum(weights > 0.0, axis=0) - 1, 1)
     i = int(np.argmax(excess))
-    parameter, spread = fit.problem.parameters[shared[i]], float(np.sqrt(np.sum(off[:, i]) / total[i]))
+    parameter = fit.problem.parameters[shared[i]]
+    spread = float(np.sqrt(np.sum(off[:, i]) / total[i]))
     return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
@@ -190,14 +281,23 @@ def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
         if rows[i].dof > 0:
             largest = max(largest, min(1.0, (len(asked) - place) * rows[i].p_value))
         corrected[i] = largest if rows[i].dof > 0 else 1.0
-    return tuple(Disagreement(r.source, r.distance2, r.dof, r.p_value, corrected[i]) for i, r in enumerate(rows))
+    return tuple(
+        Disagreement(r.source, r.distance2, r.dof, r.p_value, corrected[i])
+        for i, r in enumerate(rows)
+    )
 
 
 def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
-    """Sources without which the others agree, those least probable first; only those that explain it about as well as the best."""
+    """Sources without which the others agree, those least probable first; only those that explain
+    it about as well as the best.
+    """
     healing = []
     for row in sorted(judged, key=lambda row: row.p_value):
-        if chi2_p(*rows.between((row.source,), tuple(row.source for row in judged))) >= P_INCONSISTENT and row.p_value < P_INCONSISTENT:
+        if (
+            chi2_p(*rows.between((row.source,), tuple(row.source for row in judged)))
+            >= P_INCONSISTENT
+            and row.p_value < P_INCONSISTENT
+        ):
             healing.append(row)
     best = healing[0].p_value if healing else 0.0
     return tuple(row.source for row in healing if row.p_value <= 100.0 * best)

@@ -1,7 +1,8 @@
 """Whether the data show that a user's own curve lacks something, as findings.
 
-A deviation that is larger than was stated of it, or that changes as slowly as a trend, is what a wrong curve leaves: the intervals of a mixture
-over deviations then hold nothing (docs/statistics.md), whatever its size, and the result is a `poor-fit`.
+A deviation that is larger than was stated of it, or that changes as slowly as a trend, is what a
+wrong curve leaves: the intervals of a mixture over deviations then hold nothing
+(docs/statistics.md), whatever its size, and the result is a `poor-fit`.
 """
 
 from __future__ import annotations
@@ -20,35 +21,72 @@ _TREND = 0.5  # probability of a deviation that is a trend, above which the curv
 
 
 def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
-    """Whether there is a deviation, and as what it is read in numbers; names: the units of x, y and of what errors follow each other in."""
-    undecided = Kind.DEVIATION_UNDECIDED if found.probability > _UNLIKELY else Kind.DEVIATION_UNLIKELY
+    """Whether there is a deviation, and as what it is read in numbers; names: the units of x, y and
+    of what errors follow each other in.
+    """
+    undecided = (
+        Kind.DEVIATION_UNDECIDED if found.probability > _UNLIKELY else Kind.DEVIATION_UNLIKELY
+    )
     kind = Kind.DEVIATION_FOUND if found.probability > SURE else undecided
     numbers = {"typical": found.visible.typical, "most": found.visible.most}
     for name, size in (("smooth", found.smooth), ("correlated", found.correlated)):
         if size is not None:
             numbers[name] = size.share / found.probability if found.probability > 0.0 else 0.0
-            numbers |= {f"{name}_short": size.length[0], f"{name}_length": size.length[1], f"{name}_long": size.length[2]}
+            numbers |= {
+                f"{name}_short": size.length[0],
+                f"{name}_length": size.length[1],
+                f"{name}_long": size.length[2],
+            }
             numbers |= {f"{name}_size": size.amplitude[1]}
-    return Finding(kind, run=found.run, p=found.probability, numbers=numbers, names=(x_unit, y_unit, found.lacks.along_unit))
+    return Finding(
+        kind,
+        run=found.run,
+        p=found.probability,
+        numbers=numbers,
+        names=(x_unit, y_unit, found.lacks.along_unit),
+    )
 
 
 def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tuple[Finding, ...]:
-    """What is worth a note: a deviation that is surely there, and readings that scatter far less than stated."""
+    """What is worth a note: a deviation that is surely there, and readings that scatter far less
+    than stated.
+    """
     told = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
-    conservative = (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),) if found.conservative else ()
+    conservative = (
+        (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),)
+        if found.conservative
+        else ()
+    )
     return ((told,) if told.kind is Kind.DEVIATION_FOUND else ()) + conservative
 
 
 def unasked(fit: Fit) -> list[Finding]:
-    """How probable it is that a curve of the user's, taken as complete, lacks something: of the run where that is most probable."""
+    """How probable it is that a curve of the user's, taken as complete, lacks something: of the run
+    where that is most probable.
+    """
     if fit.problem.shared or len(fit.problem.runs) > MANY:
         return []
     runs = [
-        run for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True)
-        if run.motion is None and run.lacks is None and run.noise.counted is None and likelihood.normal is not None and _FEWEST <= run.n_obs <= _MOST
+        run
+        for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True)
+        if run.motion is None
+        and run.lacks is None
+        and run.noise.counted is None
+        and likelihood.normal is not None
+        and _FEWEST <= run.n_obs <= _MOST
     ]
     found = [(presence(run, fit.problem, fit.values), run.name) for run in runs]
-    return [Finding(Kind.DEVIATION_UNASKED, run=max(found)[1] if len(fit.problem.runs) > 1 else "", p=max(found)[0])] if found else []
+    return (
+        [
+            Finding(
+                Kind.DEVIATION_UNASKED,
+                run=max(found)[1] if len(fit.problem.runs) > 1 else "",
+                p=max(found)[0],
+            )
+        ]
+        if found
+        else []
+    )
 
 
 def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
@@ -56,9 +94,31 @@ def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
     found = []
     for one in deviations:
         smooth = one.smooth
-        if smooth is not None and smooth.share > _UNLIKELY and smooth.amplitude[1] > FAR_LARGER * smooth.scale:
-            found.append(Finding(Kind.DEVIATION_TOO_LARGE, run=one.run, p=one.probability, size=smooth.amplitude[1] / smooth.scale))
-        slow = {way: size.long for way, size in (("smooth", smooth), ("correlated", one.correlated)) if size is not None}
+        if (
+            smooth is not None
+            and smooth.share > _UNLIKELY
+            and smooth.amplitude[1] > FAR_LARGER * smooth.scale
+        ):
+            found.append(
+                Finding(
+                    Kind.DEVIATION_TOO_LARGE,
+                    run=one.run,
+                    p=one.probability,
+                    size=smooth.amplitude[1] / smooth.scale,
+                )
+            )
+        slow = {
+            way: size.long
+            for way, size in (("smooth", smooth), ("correlated", one.correlated))
+            if size is not None
+        }
         if sum(slow.values()) > _TREND:
-            found.append(Finding(Kind.DEVIATION_TOO_SLOW, run=one.run, p=sum(slow.values()), names=(max(slow, key=lambda way: slow[way]),)))
+            found.append(
+                Finding(
+                    Kind.DEVIATION_TOO_SLOW,
+                    run=one.run,
+                    p=sum(slow.values()),
+                    names=(max(slow, key=lambda way: slow[way]),),
+                )
+            )
     return found

@@ -1,4 +1,6 @@
-"""What is wrong with a sampled fit, and what is worth knowing of it: findings, from which its status follows (`estim.common.statuses`)."""
+"""What is wrong with a sampled fit, and what is worth knowing of it: findings, from which its
+status follows (`estim.common.statuses`).
+"""
 
 from __future__ import annotations
 
@@ -25,23 +27,35 @@ from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
 
-_FLAT = 0.05  # curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold it
+# curvature of the log prior along a direction, 1 for a normal prior, below which it does not hold
+# it
+_FLAT = 0.05
 
-_HELD_FELT = 0.2  # standard deviations of a parameter, by which a run whose covariance is held may move those of others
-_ALIKE = 0.3  # the same, by which flat weights of readings would move it, from which on it is told that they count alike
+# standard deviations of a parameter, by which a run whose covariance is held may move those of
+# others
+_HELD_FELT = 0.2
+# the same, by which flat weights of readings would move it, from which on it is told that they
+# count alike
+_ALIKE = 0.3
 
-_OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})  # tests; residuals that fail one of them are no noise, wherever they are large
+# tests; residuals that fail one of them are no noise, wherever they are large
+_OF_ORDER = frozenset({"runs", "autocorrelation", "trend"})
 
-_CROWD = 0.35  # share of outliers beyond which they may be another motion, and the frames called good a part of it
+# share of outliers beyond which they may be another motion, and the frames called good a part of it
+_CROWD = 0.35
 
 _MOST_TOLD = 5  # separate solutions that are listed
-_APART = 0.5  # sds by which solutions must differ in a parameter for it to be told, beside the one in which they differ most
+# sds by which solutions must differ in a parameter for it to be told, beside the one in which they
+# differ most
+_APART = 0.5
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """What is known about the trustworthiness of a result.
 
-    findings : everything wrong, gravest first.  remarks : worth knowing, not wrong.  reasons, notes : the same in words.
+    findings : everything wrong, gravest first.
+    remarks : worth knowing, not wrong.  reasons, notes : the same in words.
     rhat, ess_bulk, ess_tail, mcse : (n_par,) of each parameter.
     """
 
@@ -67,45 +81,90 @@ class Diagnosis:
 
 
 def diagnose(
-    fit: Fit, chain: Chain, goodness: Sequence[Goodness], *, comparison: Agreement, identifiability: Identifiability, modes: Modes,
-    consistency: Consistency | None, conflict: Conflict, influences: Sequence[Influence], rolling: Sequence[Rolling] = (),
+    fit: Fit,
+    chain: Chain,
+    goodness: Sequence[Goodness],
+    *,
+    comparison: Agreement,
+    identifiability: Identifiability,
+    modes: Modes,
+    consistency: Consistency | None,
+    conflict: Conflict,
+    influences: Sequence[Influence],
+    rolling: Sequence[Rolling] = (),
 ) -> Diagnosis:
     """The status of a sampled fit."""
     findings = wrong(
         [
-            *([] if conflict.flagrant else _convergence(fit, chain)), *several_solutions(fit, modes),
-            *_flat_directions(fit, identifiability), *open_sides(fit.problem, fit.values, np.sqrt(np.diag(fit.cov))), *_bounds(fit),
-            *failed_tests(goodness, dof=fit.dof), *beyond_their_priors(fit.forces), *wrong_curves(fit.deviations),
-            *_methods(comparison), *_consistency(consistency),
-            stated_values(fit, conflict), *too_many_outliers(fit),
+            *([] if conflict.flagrant else _convergence(fit, chain)),
+            *several_solutions(fit, modes),
+            *_flat_directions(fit, identifiability),
+            *open_sides(fit.problem, fit.values, np.sqrt(np.diag(fit.cov))),
+            *_bounds(fit),
+            *failed_tests(goodness, dof=fit.dof),
+            *beyond_their_priors(fit.forces),
+            *wrong_curves(fit.deviations),
+            *_methods(comparison),
+            *_consistency(consistency),
+            stated_values(fit, conflict),
+            *too_many_outliers(fit),
             *(finding for force in fit.forces for finding in too_many_bad_frames(force)),
         ]
     )
-    remarks = _held(fit, Kind.COVARIANCE_HELD) + _counting_alike(fit) + _remarks(fit, chain, goodness, conflict)
-    remarks += [] if findings else rolling_remarks(rolling) + unasked(fit) + large_influences(fit, influences)
+    remarks = (
+        _held(fit, Kind.COVARIANCE_HELD)
+        + _counting_alike(fit)
+        + _remarks(fit, chain, goodness, conflict)
+    )
+    remarks += (
+        []
+        if findings
+        else rolling_remarks(rolling) + unasked(fit) + large_influences(fit, influences)
+    )
     mixing = chain.mixing or mixing_of(chain.draws)
     return Diagnosis(
-        status=decide(findings), findings=findings, remarks=tuple(remarks),
-        rhat=mixing.rhat, ess_bulk=mixing.ess_bulk, ess_tail=mixing.ess_tail, mcse=mcse_mean(chain.draws),
+        status=decide(findings),
+        findings=findings,
+        remarks=tuple(remarks),
+        rhat=mixing.rhat,
+        ess_bulk=mixing.ess_bulk,
+        ess_tail=mixing.ess_tail,
+        mcse=mcse_mean(chain.draws),
     )
 
 
 def _convergence(fit: Fit, chain: Chain) -> list[Finding]:
-    unsettled = [] if fit.success else [Finding(Kind.FIT_UNSETTLED, size=fit.moved, parameters=tuple(Amount(name) for name in (fit.mover,) if name))]
+    unsettled = (
+        []
+        if fit.success
+        else [
+            Finding(
+                Kind.FIT_UNSETTLED,
+                size=fit.moved,
+                parameters=tuple(Amount(name) for name in (fit.mover,) if name),
+            )
+        ]
+    )
     return unsettled + _held(fit, Kind.FIT_UNSETTLED) + sampling_findings(chain)
 
 
 def _held(fit: Fit, kind: Kind) -> list[Finding]:
-    """The runs whose covariance was held, where other parameters feel that (the fit did not settle), or where they do not (a note)."""
+    """The runs whose covariance was held, where other parameters feel that (the fit did not
+    settle), or where they do not (a note).
+    """
     felt = max((held.felt for held in fit.held), default=0.0)
     if not fit.held or (felt > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
         return []
     names = tuple(name for held in fit.held for name in held.runs)
-    return [Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)]
+    return [
+        Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)
+    ]
 
 
 def _counting_alike(fit: Fit) -> list[Finding]:
-    """That readings of runs count alike whatever the shared parameters, where flat weights of their true values would show."""
+    """That readings of runs count alike whatever the shared parameters, where flat weights of their
+    true values would show.
+    """
     measure = fit.sampled.measure
     if measure is None or not measure.felt > _ALIKE:
         return []
@@ -116,17 +175,26 @@ def sampling_findings(chain: Chain) -> list[Finding]:
     """What is wrong with a chain by itself."""
     findings = []
     if not chain.convergence.met:
-        findings.append(Finding(Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.told))
+        findings.append(
+            Finding(Kind.CHAIN_SHORT, size=chain.convergence.n_step, parts=chain.convergence.told)
+        )
     if chain.stuck:
         findings.append(Finding(Kind.WALKERS_STUCK, size=chain.stuck))
     return findings
 
 
 def _bounds(fit: Fit) -> list[Finding]:
-    """Edges that the data contradict.  A parameter that merely lies on one is a limit, which is a result (`_remarks`)."""
+    """Edges that the data contradict.  A parameter that merely lies on one is a limit, which is a
+    result (`_remarks`).
+    """
     return [
-        Finding(Kind.PRESSED_EDGE, p=p_value, parameters=(edge_amount(fit, name, float(fit.values[fit.names.index(name)])),))
-        for name, p_value in pressed(fit).items() if p_value < PRESSED_BELOW
+        Finding(
+            Kind.PRESSED_EDGE,
+            p=p_value,
+            parameters=(edge_amount(fit, name, float(fit.values[fit.names.index(name)])),),
+        )
+        for name, p_value in pressed(fit).items()
+        if p_value < PRESSED_BELOW
     ]
 
 
@@ -135,36 +203,60 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
     if not modes.several:
         return []
     sds = np.sqrt(np.diag(fit.cov))
-    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(sds > 0.0, sds, np.inf)
+    apart = np.max(np.abs(modes.values[1:] - modes.values[0]), axis=0) / np.where(
+        sds > 0.0, sds, np.inf
+    )
     farthest = np.argsort(-apart)[:3].tolist()
-    told = [fit.problem.parameters[i] for i in sorted(i for i in farthest if apart[i] > _APART or i == farthest[0])]
+    told = [
+        fit.problem.parameters[i]
+        for i in sorted(i for i in farthest if apart[i] > _APART or i == farthest[0])
+    ]
     solutions = [
-        Finding(Kind.SOLUTION, size=float(share), parameters=tuple(Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in told))
+        Finding(
+            Kind.SOLUTION,
+            size=float(share),
+            parameters=tuple(
+                Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in told
+            ),
+        )
         for values, share in zip(modes.values[:_MOST_TOLD], modes.shares[:_MOST_TOLD], strict=True)
     ]
     return [Finding(Kind.SEVERAL_SOLUTIONS, size=len(modes.values), parts=tuple(solutions))]
 
 
 def same_curve(fit: Fit) -> tuple[Finding, ...]:
-    """What else draws the same curve, or another one through the same points, and was left aside."""
-    return (*(() if fit.symmetry is None else same_curves(fit.symmetry, fit.names, fit.values)), *fit.aliases)
+    """What else draws the same curve, or another one through the same points, and was left
+    aside.
+    """
+    return (
+        *(() if fit.symmetry is None else same_curves(fit.symmetry, fit.names, fit.values)),
+        *fit.aliases,
+    )
 
 
 def _flat_directions(fit: Fit, identifiability: Identifiability) -> list[Finding]:
-    """Combinations of the curve's parameters that neither the data nor a prior with a pull hold, only the edges of ranges."""
+    """Combinations of the curve's parameters that neither the data nor a prior with a pull hold,
+    only the edges of ranges.
+    """
     noise = np.array([name in fit.problem.noise_names for name in fit.names])
     findings = []
     for direction in identifiability.directions:
         loose = direction.information < 1.0 and direction.prior_pull < _FLAT
         if loose and np.sum(direction.vector[~noise] ** 2) > 0.5:
-            findings.append(Finding(Kind.DIRECTION_FLAT, size=direction.information, parameters=direction.moves))
+            findings.append(
+                Finding(Kind.DIRECTION_FLAT, size=direction.information, parameters=direction.moves)
+            )
     if fit.singular and not findings:
         findings.append(Finding(Kind.SINGULAR))
     return findings
 
 
 def _methods(comparison: Agreement) -> list[Finding]:
-    return [Finding(Kind.METHODS_DIFFER, parts=comparison.told)] if comparison.verdict == "disagree" else []
+    return (
+        [Finding(Kind.METHODS_DIFFER, parts=comparison.told)]
+        if comparison.verdict == "disagree"
+        else []
+    )
 
 
 def _consistency(consistency: Consistency | None) -> list[Finding]:
@@ -172,7 +264,8 @@ def _consistency(consistency: Consistency | None) -> list[Finding]:
 
 
 def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
-    """The tests that the residuals of each run fail, chi2 of all runs, and a scatter that the instrument does not explain.
+    """The tests that the residuals of each run fail, chi2 of all runs, and a scatter that the
+    instrument does not explain.
 
     dof : of all runs together.
     """
@@ -181,13 +274,31 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
         for name in run.failed:
             pattern = Kind.CURVE_LACKS if run.curve else Kind.RESIDUALS_NOT_RANDOM
             larger = Kind.COUNTS_SCATTER if run.counted else Kind.RESIDUALS_TOO_LARGE
-            kind = Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
-            findings.append(Finding(kind, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}))
+            kind = (
+                Kind.RESIDUALS_ZERO if name == "zero" else larger if run.only_too_large else pattern
+            )
+            findings.append(
+                Finding(
+                    kind,
+                    run=run.run,
+                    test=name,
+                    p=run.checks[name].p_value,
+                    numbers={"least": P_FLOOR},
+                )
+            )
         if run.scatter_ratio > SCATTER_LIMIT:
             findings.append(Finding(Kind.SCATTER_TOO_LARGE, run=run.run, size=run.scatter_ratio))
     sizes = [run.checks["chi2"].statistic for run in goodness if "chi2" in run.checks]
-    if 1 < len(sizes) == len(goodness) and chi2_p(sum(sizes), dof) < P_POOR_FIT and not any(one.test == "chi2" for one in findings):
-        kind = Kind.COUNTS_SCATTER if all(run.counted for run in goodness) else Kind.RESIDUALS_TOO_LARGE
+    if (
+        1 < len(sizes) == len(goodness)
+        and chi2_p(sum(sizes), dof) < P_POOR_FIT
+        and not any(one.test == "chi2" for one in findings)
+    ):
+        kind = (
+            Kind.COUNTS_SCATTER
+            if all(run.counted for run in goodness)
+            else Kind.RESIDUALS_TOO_LARGE
+        )
         findings.append(Finding(kind, test="chi2", p=chi2_p(sum(sizes), dof)))
     return findings
 
@@ -196,20 +307,43 @@ def tolerated_pattern(run: Goodness) -> list[Finding]:
     """A pattern in the residuals that the stated error covers, or that the intervals bear."""
     if run.alike:
         p = min(run.checks[name].p_value for name in run.alike)
-        return [Finding(Kind.NEIGHBOURS_ALIKE, run=run.run, p=p, numbers={"least": P_FLOOR}, names=run.alike)]
+        return [
+            Finding(
+                Kind.NEIGHBOURS_ALIKE, run=run.run, p=p, numbers={"least": P_FLOOR}, names=run.alike
+            )
+        ]
     if not run.covered:
         return []
     chi2 = run.checks["chi2"].statistic
-    return [Finding(Kind.PATTERN_COVERED, run=run.run, size=(chi2 / run.whitened.size) ** 0.5, numbers={"chi2": chi2}, names=run.covered)]
+    return [
+        Finding(
+            Kind.PATTERN_COVERED,
+            run=run.run,
+            size=(chi2 / run.whitened.size) ** 0.5,
+            numbers={"chi2": chi2},
+            names=run.covered,
+        )
+    ]
 
 
 def marginal_tests(run: Goodness) -> list[Finding]:
     """Tests of the noise that a run passes, but not well."""
-    return [Finding(Kind.RESIDUALS_HARDLY, run=run.run, test=name, p=run.checks[name].p_value, numbers={"least": P_FLOOR}) for name in run.hardly]
+    return [
+        Finding(
+            Kind.RESIDUALS_HARDLY,
+            run=run.run,
+            test=name,
+            p=run.checks[name].p_value,
+            numbers={"least": P_FLOOR},
+        )
+        for name in run.hardly
+    ]
 
 
 def too_many_outliers(fit: Fit) -> list[Finding]:
-    """Runs of which so many frames would be outliers that nothing tells which of the two groups is the motion."""
+    """Runs of which so many frames would be outliers that nothing tells which of the two groups is
+    the motion.
+    """
     findings = []
     for run in fit.problem.runs:
         share = run.noise.outlier_share(fit.problem.named(fit.values))
@@ -223,27 +357,61 @@ def _from_pictures(run: Observations) -> bool:
     return run.noise.size.step == 0.0 and (run.y_unit if run.positions else run.x_unit) == "m"
 
 
-def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Conflict) -> list[Finding]:
+def _remarks(
+    fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Conflict
+) -> list[Finding]:
     stated = stated_values(fit, conflict)
     found = [stated] if stated.kind is Kind.STATED_HARDLY else []
     found += same_curve(fit)
-    found += [remark for force in fit.forces for remark in (*bad_frames_found(force), *force_remarks(force))]
+    found += [
+        remark
+        for force in fit.forces
+        for remark in (*bad_frames_found(force), *force_remarks(force))
+    ]
     runs = {run.name: run for run in fit.problem.runs}
     for lack in fit.deviations:
         found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
     if fit.n_same < fit.n_start:
-        found.append(Finding(Kind.STARTS_ELSEWHERE, size=fit.n_start - fit.n_same, numbers={"starts": fit.n_start}))
-    off = {force.run for force in fit.forces if force.bad.jumps}  # readings that are off may well lie where the body is fast
+        found.append(
+            Finding(
+                Kind.STARTS_ELSEWHERE,
+                size=fit.n_start - fit.n_same,
+                numbers={"starts": fit.n_start},
+            )
+        )
+    # readings that are off may well lie where the body is fast
+    off = {force.run for force in fit.forces if force.bad.jumps}
     for good, run in zip(goodness, fit.problem.runs, strict=True):
         found += tolerated_pattern(good) + marginal_tests(good)
         chi2 = good.checks.get("chi2")
-        if chi2 is not None and chi2.p_value > 1.0 - good.level and not good.covered and run.lacks is None:
+        if (
+            chi2 is not None
+            and chi2.p_value > 1.0 - good.level
+            and not good.covered
+            and run.lacks is None
+        ):
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
-            found.append(Finding(kind, run=good.run, test="chi2", p=1.0 - chi2.p_value, numbers={"least": P_FLOOR}))
+            found.append(
+                Finding(
+                    kind,
+                    run=good.run,
+                    test="chi2",
+                    p=1.0 - chi2.p_value,
+                    numbers={"least": P_FLOOR},
+                )
+            )
         patterned = run.name in off or not _OF_ORDER.isdisjoint(good.failed)
         if good.speed is not None and good.speed.p_value < P_TOLD / good.among and not patterned:
             numbers = {"least": P_FLOOR, "pictures": float(_from_pictures(run))}
-            found.append(Finding(Kind.NOISE_WITH_SPEED, run=good.run, test="speed", p=good.speed.p_value, numbers=numbers))
+            found.append(
+                Finding(
+                    Kind.NOISE_WITH_SPEED,
+                    run=good.run,
+                    test="speed",
+                    p=good.speed.p_value,
+                    numbers=numbers,
+                )
+            )
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
             found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:
@@ -252,4 +420,6 @@ def _remarks(fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Con
         exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:
             found.append(Finding(Kind.TAKEN_AS_EXACT, run=run.name, names=exact))
-    return found + [limit_found(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound]
+    return found + [
+        limit_found(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound
+    ]

@@ -14,18 +14,38 @@ from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
-from estim.fitting import FEW, PRESSED_BELOW, Ends, Fit, Optimum, coverage_of_sd, edge_of, pressed, silent_parameters
+from estim.fitting import (
+    FEW,
+    PRESSED_BELOW,
+    Ends,
+    Fit,
+    Optimum,
+    coverage_of_sd,
+    edge_of,
+    pressed,
+    silent_parameters,
+)
 
 _ROUNDED = 1e-6  # of an interval's width
-_FEW_DIGITS, _NO_DIGITS = 0.01, 0.5  # standard deviations that rounding errors move a value by: worth a word; no result
+# standard deviations that rounding errors move a value by: worth a word; no result
+_FEW_DIGITS, _NO_DIGITS = 0.01, 0.5
 
 
 def curve_findings(
-    fixed: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, estimated: bool, perfect: bool
+    fixed: Fit,
+    best: Optimum,
+    p_value: float,
+    chi2: float,
+    dof: int,
+    goodness: Sequence[Goodness],
+    *,
+    estimated: bool,
+    perfect: bool,
 ) -> list[Finding]:
     """Everything that is wrong with the fit itself.
 
-    fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.  perfect : whether there are no residuals.
+    fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.
+    perfect : whether there are no residuals.
     """
     found = []
     if not best.settled and not best.singular:
@@ -39,21 +59,30 @@ def curve_findings(
     found += pressed_limits(fixed, best.values, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
-            kind = Kind.COUNTS_SCATTER if any(run.noise.counted is not None for run in fixed.problem.runs) else Kind.CHI2_TOO_LARGE
-            least = {"least": P_FLOOR} if p_value == P_FLOOR else {}  # which only a simulated one is exactly
+            kind = (
+                Kind.COUNTS_SCATTER
+                if any(run.noise.counted is not None for run in fixed.problem.runs)
+                else Kind.CHI2_TOO_LARGE
+            )
+            # which only a simulated one is exactly
+            least = {"least": P_FLOOR} if p_value == P_FLOOR else {}
             found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
         elif failed.test:
-            found.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))  # points alone have no run to be named
+            # points alone have no run to be named
+            found.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))
     return found
 
 
 def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -> list[Finding]:
-    """The values that an interval of their own does not hold, beyond rounding errors; intervals : name -> probability -> (low, high)."""
+    """The values that an interval of their own does not hold, beyond rounding errors; intervals :
+    name -> probability -> (low, high).
+    """
     return [
         Finding(Kind.VALUE_OUTSIDE, p=p, parameters=(Amount(name, value),))
         for name, value in values.items()
         for p, (low, high) in intervals[name].items()
-        if not math.isnan(high - low) and not low - _ROUNDED * (high - low) <= value <= high + _ROUNDED * (high - low)
+        if not math.isnan(high - low)
+        and not low - _ROUNDED * (high - low) <= value <= high + _ROUNDED * (high - low)
     ]
 
 
@@ -69,9 +98,19 @@ def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> 
 
 
 def curve_remarks(
-    fit: Fit, best: Optimum, p_value: float, chi2: float, dof: int, goodness: Sequence[Goodness], *, stated: bool, perfect: bool
+    fit: Fit,
+    best: Optimum,
+    p_value: float,
+    chi2: float,
+    dof: int,
+    goodness: Sequence[Goodness],
+    *,
+    stated: bool,
+    perfect: bool,
 ) -> list[Finding]:
-    """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect : whether there are residuals at all."""
+    """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect
+    : whether there are residuals at all.
+    """
     found = [replace(one, run="") for run in fit.problem.runs for one in counts_as_readings(run)]
     if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
         found.append(Finding(Kind.ROUNDING, size=best.tolerance))
@@ -80,8 +119,14 @@ def curve_remarks(
     if not stated and dof <= FEW and not perfect:
         found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
     covered = [replace(one, run="") for good in goodness for one in tolerated_pattern(good)]
-    found += covered + [replace(one, run=one.run if len(goodness) > 1 else "") for good in goodness for one in marginal_tests(good)]
+    found += covered + [
+        replace(one, run=one.run if len(goodness) > 1 else "")
+        for good in goodness
+        for one in marginal_tests(good)
+    ]
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
-        kind = Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
+        kind = (
+            Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
+        )
         found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
     return found

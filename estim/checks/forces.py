@@ -9,46 +9,104 @@ from estim.deviation import SCALES, FoundForce
 
 FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in 80 exceeds
 TOO_LARGE = 0.5  # probability that the noise is as large as its prior reaches, or more
-SURE = 0.95  # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came so far
+# probability of a force beyond which it is said to be there; none of 300 simulated clean runs came
+# so far
+SURE = 0.95
 _UNLIKELY = 0.5
-_LINEAR = 1.0  # sd: a mode that is farther from the linearised mean says that the answer to the force is not linear
+# sd: a mode that is farther from the linearised mean says that the answer to the force is not
+# linear
+_LINEAR = 1.0
 
 
 def force_finding(found: FoundForce) -> Finding:
-    """Whether there is a force: its size and the distance over which it changes (`names`: the unit of that)."""
+    """Whether there is a force: its size and the distance over which it changes (`names`: the unit
+    of that).
+    """
     probability = found.force.probability
-    kind = Kind.FORCE_FOUND if probability > SURE else Kind.FORCE_UNDECIDED if probability > _UNLIKELY else Kind.FORCE_UNLIKELY
+    kind = (
+        Kind.FORCE_FOUND
+        if probability > SURE
+        else Kind.FORCE_UNDECIDED
+        if probability > _UNLIKELY
+        else Kind.FORCE_UNLIKELY
+    )
     low, middle, high = found.force.length
-    numbers = {"share": found.force.typical, "most": found.force.most, "length": middle, "short": low, "long": high, "runs": len(found.runs)}
+    numbers = {
+        "share": found.force.typical,
+        "most": found.force.most,
+        "length": middle,
+        "short": low,
+        "long": high,
+        "runs": len(found.runs),
+    }
     return Finding(kind, run=found.run, p=probability, numbers=numbers, names=(found.unit,))
 
 
 def noise_finding(found: FoundForce) -> Finding | None:
-    """Where the readings scatter plainly otherwise than stated: far less, more, or more than there is room for; else None."""
+    """Where the readings scatter plainly otherwise than stated: far less, more, or more than there
+    is room for; else None.
+    """
     if found.too_large > TOO_LARGE:
-        return Finding(Kind.NOISE_TOO_LARGE, run=found.run, p=found.too_large, size=max(SCALES), numbers={"runs": len(found.runs)})
+        return Finding(
+            Kind.NOISE_TOO_LARGE,
+            run=found.run,
+            p=found.too_large,
+            size=max(SCALES),
+            numbers={"runs": len(found.runs)},
+        )
     if found.larger > SURE:
         low, middle, high = found.noise
-        return Finding(Kind.NOISE_LARGER, run=found.run, p=found.larger, size=middle, numbers={"low": low, "high": high, "runs": len(found.runs)})
-    told = Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1], numbers={"runs": len(found.runs)})
+        return Finding(
+            Kind.NOISE_LARGER,
+            run=found.run,
+            p=found.larger,
+            size=middle,
+            numbers={"low": low, "high": high, "runs": len(found.runs)},
+        )
+    told = Finding(
+        Kind.NOISE_CONSERVATIVE,
+        run=found.run,
+        size=found.noise[1],
+        numbers={"runs": len(found.runs)},
+    )
     return told if found.conservative else None
 
 
 def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
-    """What is worth a note: a force that is surely there, and readings that scatter otherwise than stated."""
+    """What is worth a note: a force that is surely there, and readings that scatter otherwise than
+    stated.
+    """
     told, noise = force_finding(found), noise_finding(found)
-    return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + ((noise,) if noise is not None and noise.status.ok else ())
+    return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + (
+        (noise,) if noise is not None and noise.status.ok else ()
+    )
 
 
 def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
-    """The runs whose force, or whose scatter of the readings, is more than there is room for, or more than the answer to it is linear."""
+    """The runs whose force, or whose scatter of the readings, is more than there is room for, or
+    more than the answer to it is linear.
+    """
     found = []
     for one in forces:
         times, noise = one.force.amplitude[1] / one.scale, noise_finding(one)
         if times > FAR_LARGER:
-            found.append(Finding(Kind.FORCE_TOO_LARGE, run=one.run, size=times, numbers={"share": one.force.typical, "runs": len(one.runs)}))
+            found.append(
+                Finding(
+                    Kind.FORCE_TOO_LARGE,
+                    run=one.run,
+                    size=times,
+                    numbers={"share": one.force.typical, "runs": len(one.runs)},
+                )
+            )
         if one.force.probability > _UNLIKELY and one.moved > _LINEAR:
-            found.append(Finding(Kind.FORCE_NOT_LINEAR, run=one.run, size=one.moved, numbers={"runs": len(one.runs)}))
+            found.append(
+                Finding(
+                    Kind.FORCE_NOT_LINEAR,
+                    run=one.run,
+                    size=one.moved,
+                    numbers={"runs": len(one.runs)},
+                )
+            )
         if noise is not None and not noise.status.ok:
             found.append(noise)
     return found

@@ -1,38 +1,46 @@
 """Does the curve explain the data?  Tests on whitened residuals, for each run.
 
-A residual vector with covariance C = L L^T is whitened in the order of the observations, z = L^-1 (y - f): if model and
-noise are right, z is nearly unit white noise.  Nearly, because the fit has pulled the residuals towards zero; the null
-distribution of each statistic is therefore simulated with that projection in it (`estim.problem.whitened`).
+A residual vector with covariance C = L L^T is whitened in the order of the observations, z = L^-1
+(y - f): if model and noise are right, z is nearly unit white noise.  Nearly, because the fit has
+pulled the residuals towards zero; the null distribution of each statistic is therefore simulated
+with that projection in it (`estim.problem.whitened`).
 
-What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated); `runs` too few
-changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the run; `largest` a single outlier.
-Of a curve that is no motion two more are asked.  `uneven` (not beside a smooth deviation, which may be local): whether residuals are larger or
-smaller where the curve f, its size |f| or x is large, the largest of |sum |z| w|/sum |z| over standardised w = f, |f|, x.  `repeated`, where x
-were read more than once: the F test of lack of fit, whether
-the means at each x scatter more about the curve than the readings of one x about their mean (its statistic is the share of chi2 that the means have,
-which rises with F).
-Residuals that are all zero have no pattern to test: they fail as such (`zero`).
+What each test sees: `chi2` the size of the residuals (only where the size of the noise was stated);
+`runs` too few changes of sign; `autocorrelation` neighbours alike; `trend` a slow drift along the
+run; `largest` a single outlier.  Of a curve that is no motion two more are asked.  `uneven` (not
+beside a smooth deviation, which may be local): whether residuals are larger or smaller where the
+curve f, its size |f| or x is large, the largest of |sum |z| w|/sum |z| over standardised w = f,
+|f|, x.  `repeated`, where x were read more than once: the F test of lack of fit, whether the means
+at each x scatter more about the curve than the readings of one x about their mean (its statistic is
+the share of chi2 that the means have, which rises with F).  Residuals that are all zero have no
+pattern to test: they fail as such (`zero`).
 
-Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a joint fit: a test fails below P_POOR_FIT.  There are
-up to seven tests of a run, each of which would reject a right curve with that probability, so that all of them together reject fewer than one of 100
-(simulated: docs/statistics.md).  A level of 0.01 for each would reject one right curve of 20.
-`speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are larger where the body is fast, as those of
-blurred pictures are (paper, section IV: "at high speeds the image of the disk center becomes fuzzy").  Its statistic is
-sum |z| (v^2/mean(v^2) - 1)/sum |z|, large where the noise grows with the speed v of the fitted curve, whatever its size.  Residuals beyond three
-times their median count as three times: a single bad reading where the body is fast is no noise that grows.
-An inferred scatter swallows chi2, so the scatter itself is compared with what the instrument explains.
+Whether a curve is a `poor-fit` is decided here and nowhere else, for a line, a curve, a run or a
+joint fit: a test fails below P_POOR_FIT.  There are up to seven tests of a run, each of which would
+reject a right curve with that probability, so that all of them together reject fewer than one of
+100 (simulated: docs/statistics.md).  A level of 0.01 for each would reject one right curve of 20.
+`speed` is told and fails nothing, for it does not bias the curve: whether residuals of a motion are
+larger where the body is fast, as those of blurred pictures are (paper, section IV: "at high speeds
+the image of the disk center becomes fuzzy").  Its statistic is sum |z| (v^2/mean(v^2) - 1)/sum |z|,
+large where the noise grows with the speed v of the fitted curve, whatever its size.  Residuals
+beyond three times their median count as three times: a single bad reading where the body is fast is
+no noise that grows.  An inferred scatter swallows chi2, so the scatter itself is compared with what
+the instrument explains.
 
-A stated error may be far larger than what the readings show, for what they all share: then a pattern in the residuals does no harm as long as
-all of it together is smaller than one stated standard deviation,
+A stated error may be far larger than what the readings show, for what they all share: then a
+pattern in the residuals does no harm as long as all of it together is smaller than one stated
+standard deviation,
 
     chi2 + 4 slow <= 1        slow: the part of chi2 along polynomials of order 5 or less
 
-whatever the number of points, because the standard deviation of a parameter falls as 1/sqrt(n) and a pattern does not.  A parameter is then
-off by one of its standard deviations only if the part of the pattern that looks like the curve outweighs all that does not; the slow part
-weighs more because it is a sign of that.  docs/statistics.md has the coverage.
+whatever the number of points, because the standard deviation of a parameter falls as 1/sqrt(n) and
+a pattern does not.  A parameter is then off by one of its standard deviations only if the part of
+the pattern that looks like the curve outweighs all that does not; the slow part weighs more because
+it is a sign of that.  docs/statistics.md has the coverage.
 
-Speeds made of positions, with an unmodelled force beside them, bear neighbours that are alike (errors of successive readings that follow each
-other), as long as they are no larger than stated and show neither a trend nor a bad point: differences take out what such errors share, the force
+Speeds made of positions, with an unmodelled force beside them, bear neighbours that are alike
+(errors of successive readings that follow each other), as long as they are no larger than stated
+and show neither a trend nor a bad point: differences take out what such errors share, the force
 takes up what is left, and the intervals hold what they say (docs/statistics.md).
 """
 
@@ -53,13 +61,16 @@ P_POOR_FIT = 1e-3  # of each test
 P_TOLD = 5e-3  # of `speed`, below which it is told
 _BEYOND = 3.0  # medians of the residuals, beyond which their size does not count for it
 P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points: below it is told
-SCATTER_LIMIT = 3.0  # times what the instrument explains: nine tenths of the variance would be something else
+# times what the instrument explains: nine tenths of the variance would be something else
+SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
 _LEAST_SIMULATED = 2600  # a p-value below P_POOR_FIT can come out
-_AGAIN, _N_AGAIN = 2e-3, 20  # p-value of a first look at one of many runs that is looked at again, and with how many blocks
+# p-value of a first look at one of many runs that is looked at again, and with how many blocks
+_AGAIN, _N_AGAIN = 2e-3, 20
 _SMALLER = 4  # blocks, by which many points take less memory
 _N_SIMULATED = 20_000
-_AT_ONCE, _PIECE = 8e6, 2e6  # numbers in one piece, and in each of several: what is made of them takes many times their memory
+# numbers in one piece, and in each of several: what is made of them takes many times their memory
+_AT_ONCE, _PIECE = 8e6, 2e6
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _SAME = 1e-9  # of its size: what varies less is the same everywhere
 _LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be a copied row
@@ -70,7 +81,9 @@ P_FLOOR = 1.0 / (1.0 + _N_SIMULATED)  # a p-value of the tests below cannot come
 
 @dataclass(frozen=True)
 class Check:
-    """One test: its statistic, the probability of a value at least as extreme under the model, and what failing it means."""
+    """One test: its statistic, the probability of a value at least as extreme under the model, and
+    what failing it means.
+    """
 
     statistic: float
     p_value: float
@@ -81,17 +94,21 @@ class Check:
 class Goodness:
     """How well one run is explained.
 
-    whitened : (n_obs,) residuals with unit covariance, in order; heavy tails are mapped to normal scores.
+    whitened : (n_obs,) residuals with unit covariance, in order; heavy tails are mapped to normal
+        scores.
     raw : (n_obs,) residuals in units of the ordinate.
     sd : (n_obs,) their standard deviations.
     speed : whether the noise grows with the speed of a body; None where nothing moves.
-    checks : name -> Check.  scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
-    pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation; times the number of runs that are fit
-        together, since all of them may have it.
+    checks : name -> Check.
+    scatter_ratio : inferred scatter / instrument's share of the noise; nan where not inferred.
+    pattern : size of all residuals together, chi2 + 4 slow, 1: as large as one standard deviation;
+        times the number of runs that are fit together, since all of them may have it.
     curve : whether it is a curve of the user's, taken as complete.
-    bears_neighbours : whether the intervals hold what they say although neighbouring residuals are alike.
+    bears_neighbours : whether the intervals hold what they say although neighbouring residuals are
+        alike.
     counted : whether they are signed roots of the deviance of counts.
-    among : by how much less probable a failure must be than in a fit of a few runs, since hundreds are tested.
+    among : by how much less probable a failure must be than in a fit of a few runs, since hundreds
+        are tested.
     """
 
     run: str
@@ -114,13 +131,22 @@ class Goodness:
 
     @property
     def alike(self) -> tuple[str, ...]:
-        """Names of the tests of neighbours that fail, where they alone do and the intervals bear it."""
-        borne = self.bears_neighbours and "chi2" in self.checks and not self.covered and _OF_NEIGHBOURS.issuperset(self._below)
+        """Names of the tests of neighbours that fail, where they alone do and the intervals bear
+        it.
+        """
+        borne = (
+            self.bears_neighbours
+            and "chi2" in self.checks
+            and not self.covered
+            and _OF_NEIGHBOURS.issuperset(self._below)
+        )
         return self._below if borne else ()
 
     @property
     def covered(self) -> tuple[str, ...]:
-        """Names of the tests that fail although the stated error covers all that the residuals show."""
+        """Names of the tests that fail although the stated error covers all that the residuals
+        show.
+        """
         chi2 = self.checks.get("chi2")
         small = chi2 is not None and chi2.p_value > 1.0 - P_POOR_FIT and self.pattern <= 1.0
         return self._below if small else ()
@@ -128,7 +154,11 @@ class Goodness:
     @property
     def hardly(self) -> tuple[str, ...]:
         """Names of tests of the noise that the run passes, but not well."""
-        return tuple(n for n in ("uneven", "repeated") if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among)
+        return tuple(
+            n
+            for n in ("uneven", "repeated")
+            if n in self.checks and self.level <= self.checks[n].p_value < P_HARDLY / self.among
+        )
 
     @property
     def only_too_large(self) -> bool:
@@ -152,7 +182,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     noise = np.array([name in problem.noise_names for name in problem.names])
     columns = problem.columns
     responses = [
-        likelihood.whitened(named, [problem.names[i] for i in used]) for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
+        likelihood.whitened(named, [problem.names[i] for i in used])
+        for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
     ]
     linear = [one for one in responses if isinstance(one, Linear)]
     if len(linear) == len(problem.runs) > MANY and not noise.any():
@@ -165,17 +196,28 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     most = 8e6 if counted or len(problem.groups) > MANY else 4e7
     whitened = posterior.by_run(response.z for response in responses)
     raw_and_sd = _raw_and_sd(fit, named)
-    compared = [_compared(run, named, sd) for run, (_, sd) in zip(problem.runs, raw_and_sd, strict=True)]
+    compared = [
+        _compared(run, named, sd) for run, (_, sd) in zip(problem.runs, raw_and_sd, strict=True)
+    ]
     drawn = []
     for n_draw in _pieces(_blocks(int(most / n_error)), n_error):
         errors = rng.standard_normal((n_error, n_draw))
-        *by_group, of_priors = np.split(errors, np.cumsum([group.n_obs for group in problem.groups]))
+        *by_group, of_priors = np.split(
+            errors, np.cumsum([group.n_obs for group in problem.groups])
+        )
         felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
         shifts = shifts_by(felt, of_priors)
-        moved = (response.moved(error, shifts[used]) for response, error, used in zip(responses, by_group, columns, strict=True))
+        moved = (
+            response.moved(error, shifts[used])
+            for response, error, used in zip(responses, by_group, columns, strict=True)
+        )
         simulated = posterior.by_run(moved)
-        drawn.append([_statistics(null.T, one) for null, one in zip(simulated, compared, strict=True)])
-    plain = posterior.likelihoods[0].normal is not None and not (pulls.any() or fit.deviations or fit.forces)
+        drawn.append(
+            [_statistics(null.T, one) for null, one in zip(simulated, compared, strict=True)]
+        )
+    plain = posterior.likelihoods[0].normal is not None and not (
+        pulls.any() or fit.deviations or fit.forces
+    )
     dof = _dof(linear[0]) if plain and len(linear) == len(problem.runs) == 1 else 0
     checked = []
     for i, (run, z, (raw, sd)) in enumerate(zip(problem.runs, whitened, raw_and_sd, strict=True)):
@@ -185,31 +227,49 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
 
 
 def check_linear(
-    z: FloatArray, root: FloatArray, *, x: FloatArray, f: FloatArray, sd: FloatArray, stated: bool, rng: np.random.Generator
+    z: FloatArray,
+    root: FloatArray,
+    *,
+    x: FloatArray,
+    f: FloatArray,
+    sd: FloatArray,
+    stated: bool,
+    rng: np.random.Generator,
 ) -> Goodness:
     """The same of least squares that are not posed as a problem, linear near their minimum.
 
-    z : (n_obs,) whitened residuals in the order of x.  root : (n_obs, n_par) minus their derivatives.  x, f, sd : (n_obs,) abscissas, curve and
-    standard deviations about it.  stated : whether the size of the errors was.
+    z : (n_obs,) whitened residuals in the order of x.
+    root : (n_obs, n_par) minus their derivatives.  x, f, sd : (n_obs,) abscissas, curve and
+        standard deviations about it.
+    stated : whether the size of the errors was.
     """
     response, compared = Linear(z, root), _Compared(None, _growing(f, x), _Repeated.of(x, sd))
     simulate = _simulated(response, np.asarray(np.linalg.pinv(root.T @ root, hermitian=True)), rng)
-    found = [_statistics(simulate(n), compared) for n in _pieces(_blocks(int(4e7 / z.size)), z.size)]
+    found = [
+        _statistics(simulate(n), compared) for n in _pieces(_blocks(int(4e7 / z.size)), z.size)
+    ]
     null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
     checks = _checks(z, null, compared, stated=stated, dof=_dof(response))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
-def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, FloatArray], rng: np.random.Generator) -> tuple[Goodness, ...]:
+def _run_by_run(
+    fit: Fit, responses: Sequence[Linear], named: Mapping[str, FloatArray], rng: np.random.Generator
+) -> tuple[Goodness, ...]:
     """The same of many independent runs, the residuals of each drawn by themselves.
 
-    With C the covariance of what least squares of all runs make of the parameters of one, errors e of its points move them by C J^T e, and all other
-    errors by a normal vector of covariance C - C J^T J C.  A p-value that could count among so many is simulated again, to where it can be told from
-    that of the worst of them.
+    With C the covariance of what least squares of all runs make of the parameters of one, errors e
+    of its points move them by C J^T e, and all other errors by a normal vector of covariance C - C
+    J^T J C.  A p-value that could count among so many is simulated again, to where it can be told
+    from that of the worst of them.
     """
     problem, checked = fit.problem, []
-    spreads = spreads_by_runs([one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values))
-    for run, response, spread, (raw, sd) in zip(problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True):
+    spreads = spreads_by_runs(
+        [one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values)
+    )
+    for run, response, spread, (raw, sd) in zip(
+        problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True
+    ):
         simulate, compared = _simulated(response, spread, rng), _compared(run, named, sd)
 
         def judged(n_block: int, n_draw: int) -> Goodness:
@@ -219,14 +279,23 @@ def _run_by_run(fit: Fit, responses: Sequence[Linear], named: Mapping[str, Float
             return _judged(fit, run, response.z, raw, sd, null, compared, named)  # noqa: B023
 
         first = judged(1, _LEAST_SIMULATED)
-        told = [check.p_value for check in (*first.checks.values(), *([] if first.speed is None else [first.speed]))]
-        close = min(told, default=1.0) < _AGAIN or ("chi2" in first.checks and first.checks["chi2"].p_value > 1.0 - _AGAIN)
+        told = [
+            check.p_value
+            for check in (*first.checks.values(), *([] if first.speed is None else [first.speed]))
+        ]
+        close = min(told, default=1.0) < _AGAIN or (
+            "chi2" in first.checks and first.checks["chi2"].p_value > 1.0 - _AGAIN
+        )
         checked.append(judged(_N_AGAIN, _N_SIMULATED) if close else first)
     return tuple(checked)
 
 
-def _simulated(response: Linear, spread: FloatArray, rng: np.random.Generator) -> Callable[[int], FloatArray]:
-    """What draws (n, n_obs) residuals of a run, given the covariance (n_used, n_used) of the parameters that it uses."""
+def _simulated(
+    response: Linear, spread: FloatArray, rng: np.random.Generator
+) -> Callable[[int], FloatArray]:
+    """What draws (n, n_obs) residuals of a run, given the covariance (n_used, n_used) of the
+    parameters that it uses.
+    """
     back = spread @ response.root.T
     scale = np.sqrt(np.diag(spread))
     scale[scale == 0.0] = 1.0
@@ -242,34 +311,69 @@ def _simulated(response: Linear, spread: FloatArray, rng: np.random.Generator) -
 
 
 def _judged(
-    fit: Fit, run: Observations, z: FloatArray, raw: FloatArray, sd: FloatArray, null: Mapping[str, FloatArray], compared: _Compared,
-    named: Mapping[str, FloatArray], *, dof: int = 0,
+    fit: Fit,
+    run: Observations,
+    z: FloatArray,
+    raw: FloatArray,
+    sd: FloatArray,
+    null: Mapping[str, FloatArray],
+    compared: _Compared,
+    named: Mapping[str, FloatArray],
+    *,
+    dof: int = 0,
 ) -> Goodness:
-    """A run with its whitened residuals z (n_obs,) against simulated statistics.  dof : of chi2, where its distribution is known; else 0."""
+    """A run with its whitened residuals z (n_obs,) against simulated statistics.  dof : of chi2,
+    where its distribution is known; else 0.
+    """
     n_run = len(fit.problem.runs)
-    empty = run.noise.counted is None and (no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS)
-    checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])} if empty else _checks(z, null, compared, stated=run.stated, dof=dof)
+    empty = run.noise.counted is None and (
+        no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
+    )
+    checks = (
+        {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
+        if empty
+        else _checks(z, null, compared, stated=run.stated, dof=dof)
+    )
     speed = None if empty else checks.pop("speed", None)
     forced = any(run.name in force.runs for force in fit.forces)
     return Goodness(
-        run.name, z, raw, sd, checks, _scatter_ratio(run, named), pattern=n_run * _pattern(z),
+        run.name,
+        z,
+        raw,
+        sd,
+        checks,
+        _scatter_ratio(run, named),
+        pattern=n_run * _pattern(z),
         curve=run.motion is None and run.lacks is None and run.noise.counted is None,
-        bears_neighbours=forced and run.noise.made_of_positions, speed=speed, counted=run.noise.counted is not None,
+        bears_neighbours=forced and run.noise.made_of_positions,
+        speed=speed,
+        counted=run.noise.counted is not None,
         among=max(1.0, n_run / MANY),
     )
 
 
 def untested(fit: Fit) -> tuple[Goodness, ...]:
-    """Residuals of which no test can be made: as many parameters as points, or rounding errors only."""
+    """Residuals of which no test can be made: as many parameters as points, or rounding errors
+    only.
+    """
     records = []
     named = fit.problem.named(fit.values)
-    for run, z, (raw, sd) in zip(fit.problem.runs, fit.posterior.standardised(fit.values), _raw_and_sd(fit, named), strict=True):
+    for run, z, (raw, sd) in zip(
+        fit.problem.runs,
+        fit.posterior.standardised(fit.values),
+        _raw_and_sd(fit, named),
+        strict=True,
+    ):
         records.append(Goodness(run.name, z, raw, sd, {}, float("nan"), _pattern(z), curve=False))
     return tuple(records)
 
 
 def _pattern(z: FloatArray) -> float:
-    shapes, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, z.size), min(_SLOW_ORDER, z.size - 1)))
+    shapes, _ = np.linalg.qr(
+        np.polynomial.legendre.legvander(
+            np.linspace(-1.0, 1.0, z.size), min(_SLOW_ORDER, z.size - 1)
+        )
+    )
     return float(z @ z + _SLOW_WEIGHT * np.sum(np.square(z @ shapes)))
 
 
@@ -278,19 +382,25 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
     posterior = fit.posterior
     ys = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
     sds = posterior.by_run(likelihood.sd(named) for likelihood in posterior.likelihoods)
-    curves = [np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0] for run in fit.problem.runs]
+    curves = [
+        np.broadcast_to(run.curve.value(run.x, run.bind(named)), (1, run.n_obs))[0]
+        for run in fit.problem.runs
+    ]
     return [(np.asarray(y - curve), sd) for y, curve, sd in zip(ys, curves, sds, strict=True)]
 
 
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
-    instrument, size = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named))))), run.noise.size
+    instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
+    size = run.noise.size
     if size.scatter.parameter is None or size.sigma.parameter is not None or instrument == 0.0:
         return float("nan")
     return float(named[size.scatter.parameter]) / instrument
 
 
 def _blocks(at_once: int) -> list[int]:
-    """How many residuals are simulated, by turns that fit into memory: as many as fit at once, and enough for the least p-value that counts."""
+    """How many residuals are simulated, by turns that fit into memory: as many as fit at once, and
+    enough for the least p-value that counts.
+    """
     if at_once >= _LEAST_SIMULATED:
         return [min(_N_SIMULATED, at_once)]
     some = max(1, at_once // _SMALLER)
@@ -307,10 +417,21 @@ def _pieces(blocks: Sequence[int], n_error: int) -> list[int]:
 
 def _dof(response: Linear) -> int:
     n_obs, _ = response.root.shape
-    return n_obs - int(np.linalg.matrix_rank(response.root / np.maximum(np.linalg.norm(response.root, axis=0), np.finfo(float).tiny)))
+    return n_obs - int(
+        np.linalg.matrix_rank(
+            response.root / np.maximum(np.linalg.norm(response.root, axis=0), np.finfo(float).tiny)
+        )
+    )
 
 
-def _checks(z: FloatArray, null: Mapping[str, FloatArray], compared: _Compared, *, stated: bool, dof: int = 0) -> dict[str, Check]:
+def _checks(
+    z: FloatArray,
+    null: Mapping[str, FloatArray],
+    compared: _Compared,
+    *,
+    stated: bool,
+    dof: int = 0,
+) -> dict[str, Check]:
     """Statistics of z (n_obs,) against simulated ones, every one large where the model is wrong.
 
     dof : of chi2, whose distribution is then known; 0 where it is simulated too.
@@ -323,7 +444,9 @@ def _checks(z: FloatArray, null: Mapping[str, FloatArray], compared: _Compared, 
         statistic = float(observed[name][0])
         p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
         if name == "trend" and max(statistic, float(np.max(null[name]))) < _NO_DRIFT:
-            p = 1.0  # the curve itself can take every slow shape: what is left of them is rounding, or the fit's own criterion
+            # the curve itself can take every slow shape: what is left of them is rounding, or the
+            # fit's own criterion
+            p = 1.0
         if name == "chi2" and dof > 0:
             p = max(chi2_p(statistic, dof), P_FLOOR)
         checks[name] = Check(statistic, p, TESTS[name])
@@ -334,7 +457,9 @@ def _checks(z: FloatArray, null: Mapping[str, FloatArray], compared: _Compared, 
 class _Repeated:
     """Readings of the same x.
 
-    order : (n_obs,) that of x.  weights : (n_obs,) in that order, with squares of sum 1 at each x.  begins : (n_x,) where each x begins there.
+    order : (n_obs,) that of x.
+    weights : (n_obs,) in that order, with squares of sum 1 at each x.  begins : (n_x,) where each x
+        begins there.
     """
 
     order: NDArray[np.int64]
@@ -348,16 +473,26 @@ class _Repeated:
         if x.size - begins.size < _LEAST_REPEATED:
             return None
         precisions = 1.0 / np.square(sd[order])
-        return cls(order, np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts)), begins)
+        return cls(
+            order,
+            np.sqrt(precisions / np.repeat(np.add.reduceat(precisions, begins), counts)),
+            begins,
+        )
 
     def share(self, z: FloatArray) -> FloatArray:
         """(n,) share of chi2 of each row of z (n, n_obs) that the means at each x have."""
-        return np.asarray(np.sum(np.add.reduceat(z[:, self.order] * self.weights, self.begins, axis=1) ** 2, axis=1))
+        return np.asarray(
+            np.sum(
+                np.add.reduceat(z[:, self.order] * self.weights, self.begins, axis=1) ** 2, axis=1
+            )
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class _Compared:
-    """What residuals may go with.  speeds : (1, n_obs) of a motion.  growing : (n, n_obs) of a curve.  Of each None where there is none."""
+    """What residuals may go with.  speeds : (1, n_obs) of a motion.  growing : (n, n_obs) of a
+    curve.  Of each None where there is none.
+    """
 
     speeds: FloatArray | None
     growing: FloatArray | None
@@ -367,18 +502,31 @@ class _Compared:
 def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray) -> _Compared:
     """sd : (n_obs,) standard deviations of y about the curve."""
     arguments = run.bind(named)
-    found = run.curve.local(run.x, arguments).slope if run.positions else run.curve.value(run.x, arguments)
+    found = (
+        run.curve.local(run.x, arguments).slope
+        if run.positions
+        else run.curve.value(run.x, arguments)
+    )
     found = np.broadcast_to(found, (1, run.n_obs))
     if run.motion is None:
-        local = run.lacks is not None and run.lacks.deviation > 0.0  # what makes up for a bump is not the same everywhere
-        return _Compared(None, None if local else _growing(found[0], run.x), _Repeated.of(run.x, sd))
+        # what makes up for a bump is not the same everywhere
+        local = run.lacks is not None and run.lacks.deviation > 0.0
+        return _Compared(
+            None, None if local else _growing(found[0], run.x), _Repeated.of(run.x, sd)
+        )
     square = np.square(found)
     return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
 
 
 def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
-    """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same everywhere."""
-    made = [w - np.mean(w) for w in (f, np.abs(f), x) if float(np.ptp(w)) > _SAME * float(np.max(np.abs(w)))]
+    """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same
+    everywhere.
+    """
+    made = [
+        w - np.mean(w)
+        for w in (f, np.abs(f), x)
+        if float(np.ptp(w)) > _SAME * float(np.max(np.abs(w)))
+    ]
     return np.array([w / np.sqrt(np.mean(np.square(w))) for w in made]) if made else None
 
 

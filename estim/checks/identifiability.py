@@ -1,15 +1,19 @@
-"""What the data can tell: the information of the data in units of the prior, direction by direction.
+"""What the data can tell: the information of the data in units of the prior, direction by
+direction.
 
-Read this before quoting a parameter.  With P the prior standard deviations and D the Fisher information of the data at the
-fit, the eigenvalues of P D P say how many times more the data know than the prior along each direction:
+Read this before quoting a parameter.  With P the prior standard deviations and D the Fisher
+information of the data at the fit, the eigenvalues of P D P say how many times more the data know
+than the prior along each direction:
 
     lambda >> 1   learnt from the data;      lambda << 1   what comes out is what the prior put in.
 
-A uniform prior counts with its standard deviation, width/sqrt(12), although inside its edges it does not pull at all: a
-direction in which no prior pulls and the data are silent is "not identified".  The effective number of directions learnt
-is sum lambda/(1 + lambda) (Spiegelhalter et al., J. R. Statist. Soc. B 64 (2002) 583, their p_D for a linear model).
+A uniform prior counts with its standard deviation, width/sqrt(12), although inside its edges it
+does not pull at all: a direction in which no prior pulls and the data are silent is "not
+identified".  The effective number of directions learnt is sum lambda/(1 + lambda) (Spiegelhalter et
+al., J. R. Statist. Soc. B 64 (2002) 583, their p_D for a linear model).
 
-Everything here is local (a Gaussian at the fit); `estim.fitting.profile` and `estim.checks.prior_sensitivity` are not.
+Everything here is local (a Gaussian at the fit); `estim.fitting.profile` and
+`estim.checks.prior_sensitivity` are not.
 """
 
 from __future__ import annotations
@@ -26,7 +30,8 @@ from estim.fitting import Fit, prior_sds
 from estim.words import tell
 
 PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most of what is known
-_ONLY_PRIOR = 1.0  # information of the data, in units of the prior's, below which a direction is the prior's
+# information of the data, in units of the prior's, below which a direction is the prior's
+_ONLY_PRIOR = 1.0
 _NO_PULL = 1e-6  # information of data and prior together, below which nothing holds a direction
 _SHOWN = 0.2  # component of a unit direction that is worth a word
 _PARALLEL = 0.95  # share of a known direction that must lie among those of the prior
@@ -37,11 +42,14 @@ class Direction:
     """One combination of parameters.
 
     information : what the data know along it, in units of what the prior knows.
-    vector : (n_par,) unit vector, components in prior standard deviations; the largest component is positive.
-    prior_pull : curvature of the log prior along it, in the same units: about 1 for normal priors, 0 for uniform ones.
+    vector : (n_par,) unit vector, components in prior standard deviations; the largest component is
+        positive.
+    prior_pull : curvature of the log prior along it, in the same units: about 1 for normal priors,
+        0 for uniform ones.
     held_by : "data", "prior", or "nothing" (neither data nor prior: only edges of a range, if any).
-    moves : the parameters that a step of one prior standard deviation along it changes, by how much, and `whole` the value where a share of it says
-        something.  words : the same in a sentence.
+    moves : the parameters that a step of one prior standard deviation along it changes, by how
+        much, and `whole` the value where a share of it says something.
+        words : the same in a sentence.
     """
 
     information: float
@@ -60,9 +68,12 @@ class Direction:
 class Identifiability:
     """What data and prior each say about the parameters of a fit.
 
-    names : (n_par,).  directions : n_par of them, that of least information first.
-    prior_sds : (n_par,).  posterior_sds : (n_par,) of the Gaussian at the fit, uniform priors counted with their sd.
-    ratios : (n_par,) posterior_sds/prior_sds; most of what is known comes from the prior above `PRIOR_DOMINATED`.
+    names : (n_par,).
+    directions : n_par of them, that of least information first.
+    prior_sds : (n_par,).
+    posterior_sds : (n_par,) of the Gaussian at the fit, uniform priors counted with their sd.
+    ratios : (n_par,) posterior_sds/prior_sds; most of what is known comes from the prior above
+        `PRIOR_DOMINATED`.
     n_learnt : sum lambda/(1 + lambda).
     sentences : the findings in words, gravest first.
     """
@@ -79,8 +90,9 @@ class Identifiability:
 def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Identifiability:
     """What the data of `fit` can tell, direction by direction.
 
-    known : words -> (n_par,) displacement in the parameters' units, for combinations that a curve is known not to show;
-        the words are said where the displacement lies (cosine above 0.95, in prior units) among the directions of the prior.
+    known : words -> (n_par,) displacement in the parameters' units, for combinations that a curve
+        is known not to show; the words are said where the displacement lies (cosine above 0.95, in
+        prior units) among the directions of the prior.
 
     Raises InputError where a known displacement has the wrong length or is zero.
     """
@@ -91,18 +103,26 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
     values = np.maximum(values, 0.0)
     pulls = np.square(fit.posterior.prior_slopes(fit.values) * sds)
     directions = tuple(
-        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds) for value, vector in zip(values, vectors.T, strict=True)
+        _direction(fit, float(value), vector, float(np.sum(pulls * vector**2)), sds)
+        for value, vector in zip(values, vectors.T, strict=True)
     )
     ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
     n_learnt = float(np.sum(values / (1.0 + values)))
     sentences = _sentences(directions, n_learnt, _recognised(known or {}, directions, sds))
     return Identifiability(
-        names=fit.names, directions=directions, prior_sds=sds, posterior_sds=ratios * sds, ratios=ratios, n_learnt=n_learnt,
+        names=fit.names,
+        directions=directions,
+        prior_sds=sds,
+        posterior_sds=ratios * sds,
+        ratios=ratios,
+        n_learnt=n_learnt,
         sentences=sentences,
     )
 
 
-def _direction(fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray) -> Direction:
+def _direction(
+    fit: Fit, value: float, vector: FloatArray, pull: float, sds: FloatArray
+) -> Direction:
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
     held_by = "data" if value >= _ONLY_PRIOR else "prior" if value + pull > _NO_PULL else "nothing"
     return Direction(value, vector, pull, held_by, _moves(fit, vector, sds))
@@ -116,21 +136,39 @@ def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
             break
         parameter = fit.problem.parameters[i]
         shown, value = parameter.label, abs(float(fit.values[i]))
-        # a percentage says something only of a value that is well away from zero, and nothing of an angle
+        # a percentage says something only of a value that is well away from zero, and nothing of an
+        # angle
         relative = shown.factor == 1.0 and value > 3.0 * sds[i]
-        moves.append(Amount(parameter.name, float(vector[i] * sds[i]), shown, value if relative else math.nan))
+        moves.append(
+            Amount(
+                parameter.name, float(vector[i] * sds[i]), shown, value if relative else math.nan
+            )
+        )
     return tuple(moves)
 
 
-def _recognised(known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray) -> list[str]:
+def _recognised(
+    known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray
+) -> list[str]:
     """The words of those known displacements that lie among the directions of the prior."""
     found = []
     for words, displacement in known.items():
-        whitened = np.asarray(displacement, dtype=float) / sds if np.shape(displacement) == sds.shape else np.zeros(0)
+        whitened = (
+            np.asarray(displacement, dtype=float) / sds
+            if np.shape(displacement) == sds.shape
+            else np.zeros(0)
+        )
         if not whitened.size or not np.linalg.norm(whitened) > 0.0:
-            raise InputError(f"must be {sds.size} numbers, not all zero", field=words, value=displacement)
+            raise InputError(
+                f"must be {sds.size} numbers, not all zero", field=words, value=displacement
+            )
         silent = [d.vector for d in directions if d.held_by != "data"]
-        share = math.hypot(*(float(vector @ whitened) for vector in silent)) / float(np.linalg.norm(whitened)) if silent else 0.0
+        share = (
+            math.hypot(*(float(vector @ whitened) for vector in silent))
+            / float(np.linalg.norm(whitened))
+            if silent
+            else 0.0
+        )
         if share > _PARALLEL:
             found.append(words)
     return found
@@ -142,14 +180,29 @@ def _sentences(
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
     prior = [d for d in directions if d.held_by == "prior"]
-    said = [phrase("Constrained neither by the data nor by the prior: {words}.", words=d.words) for d in free]
+    said = [
+        phrase("Constrained neither by the data nor by the prior: {words}.", words=d.words)
+        for d in free
+    ]
     count = {"learnt": n_learnt, "n": n}
     if free or prior:
-        said.append(phrase("The data constrain {learnt:.1f} of {n} combinations of the parameters; the rest comes from the values "
-                           "stated beforehand.", **count))
+        said.append(
+            phrase(
+                "The data constrain {learnt:.1f} of {n} combinations of the parameters; "
+                "the rest comes from the values "
+                "stated beforehand.",
+                **count,
+            )
+        )
     else:
-        said.append(phrase("The data constrain {learnt:.1f} of {n} combinations of the parameters; every combination is determined by "
-                           "the data.", **count))
+        said.append(
+            phrase(
+                "The data constrain {learnt:.1f} of {n} combinations of the parameters; "
+                "every combination is determined by "
+                "the data.",
+                **count,
+            )
+        )
     said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
     said += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
     return tuple(said)

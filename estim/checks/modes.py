@@ -1,9 +1,11 @@
-"""Are there several separate solutions?  Optima that the search found beside that of the fit, weighed by the draws, or without any.
+"""Are there several separate solutions?  Optima that the search found beside that of the fit,
+weighed by the draws, or without any.
 
-Two optima are separate modes where no way leads from one to the other on which the density stays near that of the lower
-of the two, and each holds a share of the posterior that matters.  Two ways are tried: the straight line, and the ridge (the
-parameter in which they differ most is led from one value to the other, all others re-optimised), for a ridge may be bent.
-A mode that no start, no scan (`estim.fitting.screen`) and no walker has met stays unknown.
+Two optima are separate modes where no way leads from one to the other on which the density stays
+near that of the lower of the two, and each holds a share of the posterior that matters.  Two ways
+are tried: the straight line, and the ridge (the parameter in which they differ most is led from one
+value to the other, all others re-optimised), for a ridge may be bent.  A mode that no start, no
+scan (`estim.fitting.screen`) and no walker has met stays unknown.
 """
 
 from __future__ import annotations
@@ -24,9 +26,12 @@ _NEGLIGIBLE = 1e-4  # the same by the normal distribution: optima that are not l
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Separate modes of a posterior, that of the fit first; further ones that together hold less than 1 % are left out.
+    """Separate modes of a posterior, that of the fit first; further ones that together hold less
+    than 1 % are left out.
 
-    values : (n_mode, n_par).  shares : (n_mode,) of the posterior: of the draws nearest to each, or of the normal distributions at each.
+    values : (n_mode, n_par).
+    shares : (n_mode,) of the posterior: of the draws nearest to each, or of the normal
+        distributions at each.
     covs : (n_mode, n_par, n_par) covariances of those.
     """
 
@@ -40,23 +45,35 @@ class Modes:
 
 
 def optima(fit: Fit) -> Modes:
-    """All optima of a fit, separate or not, each with the normal distribution there (Laplace: height times root of the determinant)."""
+    """All optima of a fit, separate or not, each with the normal distribution there (Laplace:
+    height times root of the determinant).
+    """
     values, covs, heights = [fit.values], [fit.cov], [_log_volume(fit, fit.values, fit.cov)]
     for other in fit.others:
         with np.errstate(all="ignore"):
             matrix = information(fit.posterior, other)
-            cov = np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64) if np.all(np.isfinite(matrix)) else fit.cov
+            cov = (
+                np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64)
+                if np.all(np.isfinite(matrix))
+                else fit.cov
+            )
         height = _log_volume(fit, other, cov)
         if math.isfinite(height):
             values.append(other)
             covs.append(cov)
             heights.append(height)
-    shares = np.exp(np.array(heights) - np.max(heights)) if math.isfinite(heights[0]) else np.eye(len(heights))[0]
+    shares = (
+        np.exp(np.array(heights) - np.max(heights))
+        if math.isfinite(heights[0])
+        else np.eye(len(heights))[0]
+    )
     return Modes(np.array(values), shares / np.sum(shares), np.array(covs))
 
 
 def laplace_modes(fit: Fit) -> Modes:
-    """The separate modes of a fit and their shares by the normal distribution at each: no draws are needed."""
+    """The separate modes of a fit and their shares by the normal distribution at each: no draws are
+    needed.
+    """
     found = optima(fit)
     kept = _kept(fit, found)
     shares = found.shares[kept]
@@ -81,7 +98,11 @@ def find_modes(fit: Fit, draws: FloatArray) -> Modes:
 def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
     """log of the posterior density times the root of the determinant of `cov`."""
     sign, log_det = np.linalg.slogdet(cov)
-    return float(fit.posterior.log_density(values[None, :])[0]) + 0.5 * float(log_det) if sign > 0.0 else -math.inf
+    return (
+        float(fit.posterior.log_density(values[None, :])[0]) + 0.5 * float(log_det)
+        if sign > 0.0
+        else -math.inf
+    )
 
 
 def _kept(fit: Fit, found: Modes) -> list[int]:

@@ -1,4 +1,6 @@
-"""Which frames are bad: outliers, where the noise leaves room for some (`robust`), and shifts that were found beside an unmodelled force."""
+"""Which frames are bad: outliers, where the noise leaves room for some (`robust`), and shifts that
+were found beside an unmodelled force.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ from estim.deviation import FoundForce, Jump
 from estim.problem import Likelihood, Posterior, Problem
 
 NAMED = 0.5  # a frame is named as an outlier above this probability
-_KINDS = MappingProxyType({"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST})
+_KINDS = MappingProxyType(
+    {"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST}
+)
 
 
 _BLOCK = 4_000_000  # values at once, of many points
@@ -22,7 +26,9 @@ _BLOCK = 4_000_000  # values at once, of many points
 
 @dataclass(frozen=True, eq=False)
 class Outliers:
-    """Posterior probability that each frame of a run is an outlier, (n_obs,), and the frames with more than one half."""
+    """Posterior probability that each frame of a run is an outlier, (n_obs,), and the frames with
+    more than one half.
+    """
 
     run: str
     probability: FloatArray
@@ -37,35 +43,62 @@ def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ..
     """One record for each run with robust noise, averaged over posterior draws (n_draw, n_par)."""
     if not any(run.noise.robust for run in posterior.problem.runs):
         return ()
-    by_run = posterior.by_run(_average(likelihood, posterior.problem, draws) for likelihood in posterior.likelihoods)
+    by_run = posterior.by_run(
+        _average(likelihood, posterior.problem, draws) for likelihood in posterior.likelihoods
+    )
     return tuple(
         Outliers(run.name, probability)
-        for run, probability in zip(posterior.problem.runs, by_run, strict=True) if run.noise.robust
+        for run, probability in zip(posterior.problem.runs, by_run, strict=True)
+        if run.noise.robust
     )
 
 
 def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> FloatArray:
     """(n_obs,) mean over draws; of many points a few draws at a time."""
     some = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
-    parts = [likelihood.outlier_probability(problem.named(draws[i : i + some])).sum(axis=0) for i in range(0, draws.shape[0], some)]
-    return np.asarray(np.sum(parts, axis=0) / draws.shape[0] if len(parts) > 1 else parts[0] / draws.shape[0])
+    parts = [
+        likelihood.outlier_probability(problem.named(draws[i : i + some])).sum(axis=0)
+        for i in range(0, draws.shape[0], some)
+    ]
+    return np.asarray(
+        np.sum(parts, axis=0) / draws.shape[0] if len(parts) > 1 else parts[0] / draws.shape[0]
+    )
 
 
 def bad_frame(run: str, unit: str, step: float, jump: Jump) -> Finding:
     """One bad frame.  unit : of readings.  step : of a digital reading, 0 where there is none."""
     counts = jump.size / step if step and jump.kind != "clock" else 0.0
     numbers = {
-        "sd": jump.sd, "t": jump.t, "x": jump.x, "line": float(jump.line), "before": jump.before, "counts": counts,
-        "frames": jump.size / jump.interval, "sd_frames": jump.sd / jump.interval,
+        "sd": jump.sd,
+        "t": jump.t,
+        "x": jump.x,
+        "line": float(jump.line),
+        "before": jump.before,
+        "counts": counts,
+        "frames": jump.size / jump.interval,
+        "sd_frames": jump.sd / jump.interval,
     }
-    return Finding(_KINDS[jump.kind], run=run, p=jump.probability, size=jump.size, numbers=numbers, names=(unit,))
+    return Finding(
+        _KINDS[jump.kind],
+        run=run,
+        p=jump.probability,
+        size=jump.size,
+        numbers=numbers,
+        names=(unit,),
+    )
 
 
 def bad_frames_found(found: FoundForce) -> tuple[Finding, ...]:
     """One finding for each bad frame of a run."""
-    return tuple(bad_frame(found.run, found.reading_unit, found.step, jump) for jump in found.bad.jumps)
+    return tuple(
+        bad_frame(found.run, found.reading_unit, found.step, jump) for jump in found.bad.jumps
+    )
 
 
 def too_many_bad_frames(found: FoundForce) -> tuple[Finding, ...]:
     """That there are more bad frames than can be single ones."""
-    return (Finding(Kind.FRAMES_CROWD, run=found.run, size=len(found.bad.jumps)),) if found.bad.crowd else ()
+    return (
+        (Finding(Kind.FRAMES_CROWD, run=found.run, size=len(found.bad.jumps)),)
+        if found.bad.crowd
+        else ()
+    )

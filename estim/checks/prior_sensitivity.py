@@ -1,18 +1,21 @@
 """How far each marginal posterior leans on the priors and on the likelihood, by power-scaling.
 
-The posterior with prior^alpha (or likelihood^alpha) in place of the prior is reached from the draws at hand by Pareto-smoothed
-importance weights prior^(alpha - 1), for alpha = 0.8 and 1.25; how far a marginal moves is the cumulative Jensen-Shannon distance
-per doubling of alpha.  Above 0.05 it counts as sensitive, about a shift by 0.3 standard deviations (Kallioinen, Paananen, Buerkner,
+The posterior with prior^alpha (or likelihood^alpha) in place of the prior is reached from the draws
+at hand by Pareto-smoothed importance weights prior^(alpha - 1), for alpha = 0.8 and 1.25; how far a
+marginal moves is the cumulative Jensen-Shannon distance per doubling of alpha.  Above 0.05 it
+counts as sensitive, about a shift by 0.3 standard deviations (Kallioinen, Paananen, Buerkner,
 Vehtari, Stat. Comput. 34 (2024) 57).  Tests hold the distances against arviz-stats.
 
-Sensitivity to both is what two sources of like weight show, and what two that disagree show.  They are told apart by
+Sensitivity to both is what two sources of like weight show, and what two that disagree show.  They
+are told apart by
 
     z = (prior centre - posterior mean) / sqrt(prior variance - posterior variance),
 
-which scatters with unit variance when the data come from the prior (law of total variance; exactly normal for a linear model
-with normal priors): beyond 2 it is called a conflict.
+which scatters with unit variance when the data come from the prior (law of total variance; exactly
+normal for a linear model with normal priors): beyond 2 it is called a conflict.
 
-A uniform prior has no power to scale: its sensitivity is 0 however much its edges matter.  `estim.fitting.profile` sees edges.
+A uniform prior has no power to scale: its sensitivity is 0 however much its edges matter.
+`estim.fitting.profile` sees edges.
 """
 
 from __future__ import annotations
@@ -48,9 +51,11 @@ class Sensitivity:
     """What one parameter's posterior leans on.
 
     prior, likelihood : distance per doubling of all priors together, and of the likelihood.
-    by_prior : name -> the same for the prior of that parameter alone, in order: every parameter, or of many runs those that some run needs together
-        with this one (any other is felt through these alone).
-    strongest : the name of the single prior that matters most, None where none is above the threshold.
+    by_prior : name -> the same for the prior of that parameter alone, in order: every parameter, or
+        of many runs those that some run needs together with this one (any other is felt through
+        these alone).
+    strongest : the name of the single prior that matters most, None where none is above the
+        threshold.
     disagreement : z above; 0 where the data narrow the prior by less than 5 %.
     k_hat : largest Pareto k of the weights used for `prior` and `likelihood`.
     verdict : in words.
@@ -66,12 +71,17 @@ class Sensitivity:
     verdict: str
 
 
-def power_scaling(problem: Problem, draws: FloatArray, log_likelihood: FloatArray, *, threshold: float = THRESHOLD) -> tuple[Sensitivity, ...]:
-    """Sensitivity of every parameter of `problem` to priors and likelihood, from posterior draws (n_draw, n_par); a few thousand are enough.
+def power_scaling(
+    problem: Problem, draws: FloatArray, log_likelihood: FloatArray, *, threshold: float = THRESHOLD
+) -> tuple[Sensitivity, ...]:
+    """Sensitivity of every parameter of `problem` to priors and likelihood, from posterior draws
+    (n_draw, n_par); a few thousand are enough.
 
     log_likelihood : (n_draw,) of the draws, up to a constant.
     """
-    each = np.column_stack([p.prior.log_density(draws[:, j]) for j, p in enumerate(problem.parameters)])
+    each = np.column_stack(
+        [p.prior.log_density(draws[:, j]) for j, p in enumerate(problem.parameters)]
+    )
     prior, prior_k = _weights(each.sum(axis=1))
     likelihood, likelihood_k = _weights(log_likelihood)
     alone = [_weights(column)[0] for column in each.T]
@@ -79,13 +89,20 @@ def power_scaling(problem: Problem, draws: FloatArray, log_likelihood: FloatArra
     rows, beside = [], _beside(problem)
     for i, name in enumerate(problem.names):
         column = draws[:, i]
-        s_prior, s_likelihood, *each_alone = _distances(column, [prior, likelihood, *(alone[k] for k in beside[i])])
+        s_prior, s_likelihood, *each_alone = _distances(
+            column, [prior, likelihood, *(alone[k] for k in beside[i])]
+        )
         by_prior = {problem.names[k]: found for k, found in zip(beside[i], each_alone, strict=True)}
         strongest = max(by_prior, key=lambda other: by_prior[other])
         z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
             Sensitivity(
-                name=name, prior=s_prior, likelihood=s_likelihood, by_prior=by_prior, disagreement=z, k_hat=k_hat,
+                name=name,
+                prior=s_prior,
+                likelihood=s_likelihood,
+                by_prior=by_prior,
+                disagreement=z,
+                k_hat=k_hat,
                 strongest=strongest if by_prior[strongest] >= threshold else None,
                 verdict=_verdict(s_prior, s_likelihood, z, k_hat, threshold),
             )
@@ -106,7 +123,9 @@ def _beside(problem: Problem) -> list[list[int]]:
 
 
 def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:
-    """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k (inf: raw weights); None where nothing scales."""
+    """Smoothed normalised weights (n_draw,) for the two powers, and the larger Pareto k (inf: raw
+    weights); None where nothing scales.
+    """
     if np.ptp(log_density) < 1e-12:
         return None, -math.inf
     found = [pareto_smoothed((alpha - 1.0) * log_density) for alpha in _ALPHAS]
@@ -114,7 +133,8 @@ def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:
 
 
 def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[float]:
-    """Cumulative Jensen-Shannon distance per doubling of the power, of one marginal (n_draw,), for each pair of `weights`; 0 for None.
+    """Cumulative Jensen-Shannon distance per doubling of the power, of one marginal (n_draw,), for
+    each pair of `weights`; 0 for None.
 
     The larger of those from below and from above, averaged over the two powers.
     """
@@ -124,7 +144,9 @@ def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[fl
     order = np.argsort(column)
     widths = np.diff(column[order])
     both = np.array([one for pair in weights if pair is not None for one in pair])[:, order]
-    distances = np.maximum(_jensen_shannon(both, widths), _jensen_shannon(both[:, ::-1], widths[::-1]))
+    distances = np.maximum(
+        _jensen_shannon(both, widths), _jensen_shannon(both[:, ::-1], widths[::-1])
+    )
     per_doubling = distances.reshape(-1, 2) / np.abs(np.log2(_ALPHAS))
     for k, distance in zip(told, np.mean(per_doubling, axis=1), strict=True):
         found[k] = float(distance)
@@ -132,9 +154,11 @@ def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[fl
 
 
 def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
-    """(n,) distances between draws of equal weight and with `weights` (n, n_draw), both in order, `widths` (n_draw - 1,) apart.
+    """(n,) distances between draws of equal weight and with `weights` (n, n_draw), both in order,
+    `widths` (n_draw - 1,) apart.
 
-    Nguyen, Vreeken, ECML PKDD (2015) 173: sqrt of the sum of both divergences of the distribution functions P and Q, over their integrals.
+    Nguyen, Vreeken, ECML PKDD (2015) 173: sqrt of the sum of both divergences of the distribution
+    functions P and Q, over their integrals.
     """
     n_draw = weights.shape[1]
     p = np.linspace(1.0 / n_draw, 1.0 - 1.0 / n_draw, n_draw - 1)
@@ -144,14 +168,23 @@ def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
         own, other = p * (np.log2(p) - middle), np.where(q > 0.0, q * (np.log2(q) - middle), 0.0)
     area, areas = p @ widths, q @ widths
     tilt = (areas - area) / (2.0 * np.log(2.0))
-    return np.asarray(np.sqrt((np.maximum(own @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0)) / (area + areas)))
+    return np.asarray(
+        np.sqrt(
+            (np.maximum(own @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0))
+            / (area + areas)
+        )
+    )
 
 
 def _disagreement(prior: Prior, column: FloatArray) -> float:
     if not math.isfinite(prior.sd):
         return 0.0
     learnt = 1.0 - (float(column.std()) / prior.sd) ** 2
-    return (prior.expectation - float(column.mean())) / (prior.sd * math.sqrt(learnt)) if learnt > 0.1 else 0.0
+    return (
+        (prior.expectation - float(column.mean())) / (prior.sd * math.sqrt(learnt))
+        if learnt > 0.1
+        else 0.0
+    )
 
 
 def _verdict(prior: float, likelihood: float, z: float, k_hat: float, threshold: float) -> str:

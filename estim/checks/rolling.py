@@ -1,9 +1,11 @@
-"""Whether a body rolled without slipping along the way that was measured: what friction that takes, against what was stated.
+"""Whether a body rolled without slipping along the way that was measured: what friction that takes,
+against what was stated.
 
-The curve that is fit assumes rolling; a body that slips lags behind it.  For each posterior draw the forces of the ramp follow from the motion
-(`model.contact`), and with them the largest |F|/N from the release to the farthest reading that is fit.  Rolling held if the coefficient of friction
-is above it.
-An unmodelled force beside the curve is not in it; it asks for about its own size more.
+The curve that is fit assumes rolling; a body that slips lags behind it.  For each posterior draw
+the forces of the ramp follow from the motion (`model.contact`), and with them the largest |F|/N
+from the release to the farthest reading that is fit.  Rolling held if the coefficient of friction
+is above it.  An unmodelled force beside the curve is not in it; it asks for about its own size
+more.
 """
 
 from __future__ import annotations
@@ -27,10 +29,12 @@ _MUCH = 0.5  # coefficient of friction that few pairs of dry surfaces surpass
 class Rolling:
     """Whether one run rolled without slipping.
 
-    needed : (n_draw,) the largest coefficient of friction that rolling needs on the way; inf where the body would hop.
+    needed : (n_draw,) the largest coefficient of friction that rolling needs on the way; inf where
+        the body would hop.
     where : the place of the largest need, as x is read, in `unit`; median.
     least_normal : (n_draw,) smallest N/(M g).
-    stated : whether a coefficient of friction was stated.  holds : the probability of rolling all the way with it, nan without.
+    stated : whether a coefficient of friction was stated.
+    holds : the probability of rolling all the way with it, nan without.
     """
 
     run: str
@@ -58,7 +62,12 @@ class Rolling:
     @property
     def finding(self) -> Finding:
         """What it comes to."""
-        numbers = {"enough": self.enough, "typical": self.typical, "hops": self.hops, "where": self.where}
+        numbers = {
+            "enough": self.enough,
+            "typical": self.typical,
+            "hops": self.hops,
+            "where": self.where,
+        }
         kind = Kind.FRICTION_NEEDED
         if self.stated:
             kind = Kind.ROLLING_SURE if self.holds >= SURELY else Kind.ROLLING_DOUBTFUL
@@ -67,10 +76,16 @@ class Rolling:
         return Finding(kind, run=self.run, p=self.holds, numbers=numbers, names=(self.unit,))
 
 
-def check_rolling(problem: Problem, draws: FloatArray, *, rng: np.random.Generator) -> tuple[Rolling, ...]:
+def check_rolling(
+    problem: Problem, draws: FloatArray, *, rng: np.random.Generator
+) -> tuple[Rolling, ...]:
     """One record for each run of a body.  draws : (n_draw, n_par)."""
     named = problem.named(draws)
-    return tuple(found for run in problem.runs if (found := _of_run(run, run.bind(named), len(draws), rng)) is not None)
+    return tuple(
+        found
+        for run in problem.runs
+        if (found := _of_run(run, run.bind(named), len(draws), rng)) is not None
+    )
 
 
 def way_of(run: Observations) -> float:
@@ -78,7 +93,9 @@ def way_of(run: Observations) -> float:
     return float(np.max(run.y if run.positions else run.x))
 
 
-def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, rng: np.random.Generator) -> Rolling | None:
+def _of_run(
+    run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, rng: np.random.Generator
+) -> Rolling | None:
     if run.motion is None:
         return None
     footing = run.motion.footing(way_of(run), arguments)
@@ -89,7 +106,10 @@ def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, 
     if not np.any(moves):
         return None
     where = float(np.median(np.take_along_axis(footing.along, place, axis=1)[moves]))
-    largest, least = (np.broadcast_to(column, n_draw) for column in (largest, np.nanmin(np.where(moves[:, None], footing.normal, np.inf), axis=1)))
+    largest, least = (
+        np.broadcast_to(column, n_draw)
+        for column in (largest, np.nanmin(np.where(moves[:, None], footing.normal, np.inf), axis=1))
+    )
     grip, unit = run.motion.grip, run.y_unit if run.positions else run.x_unit
     if grip is None:
         return Rolling(run.name, largest, where, unit, least, False, math.nan)
@@ -100,4 +120,8 @@ def _of_run(run: Observations, arguments: Mapping[str, ArrayLike], n_draw: int, 
 def rolling_remarks(rolling: Sequence[Rolling]) -> list[Finding]:
     """The runs whose rolling is in doubt."""
     doubtful = (Kind.ROLLING_DOUBTFUL, Kind.ROLLING_HOPS)
-    return [one.finding for one in rolling if one.finding.kind in doubtful or (not one.stated and one.enough > _MUCH)]
+    return [
+        one.finding
+        for one in rolling
+        if one.finding.kind in doubtful or (not one.stated and one.enough > _MUCH)
+    ]

@@ -1,8 +1,10 @@
-"""What each run of a joint fit says of what the runs share, apart from the others: a quadratic in copies of the shared parameters, one for each
-run; and all of it as measurements with unit errors.  `estim.checks.consistency` asks whether one value does for all copies.
+"""What each run of a joint fit says of what the runs share, apart from the others: a quadratic in
+copies of the shared parameters, one for each run; and all of it as measurements with unit errors.
+`estim.checks.consistency` asks whether one value does for all copies.
 
-A run with an unmodelled force says what it says in a fit of its own, where the mean of its force over the track is part of the rolling resistance.
-The joint fit gives each run a force of its own with a mean: under that, runs whose resistances differ would never disagree.
+A run with an unmodelled force says what it says in a fit of its own, where the mean of its force
+over the track is part of the rolling resistance.  The joint fit gives each run a force of its own
+with a mean: under that, runs whose resistances differ would never disagree.
 """
 
 from __future__ import annotations
@@ -23,19 +25,27 @@ from estim.problem import Group
 PRIORS = later("stated values")
 ALONE = 1e-9  # relative: singular values below count as zero
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
-_LEAST_OF_MIXTURE = 0.1  # the same beside what was stated, where a mixture was taken as one normal distribution: it has that only roughly
-_LEAST_TOLD = 0.1  # share of the information in a direction that comes from runs; below, it is known from what was stated
+# the same beside what was stated, where a mixture was taken as one normal distribution: it has that
+# only roughly
+_LEAST_OF_MIXTURE = 0.1
+# share of the information in a direction that comes from runs; below, it is known from what was
+# stated
+_LEAST_TOLD = 0.1
 
 
 Quadratic = tuple[FloatArray, FloatArray]
-"""Information (d, d) and score (d,) at the fit: minus log density = -score . u + u . information . u/2 with u = s - fit."""
+"""Information (d, d) and score (d,) at the fit: minus log density = -score . u + u .
+information . u/2 with u = s - fit.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Measurements t (n_row,) = design (n_row, n_shared) . s with unit errors, s common to all sources.
+    """Measurements t (n_row,) = design (n_row, n_shared) . s with unit errors, s common to all
+    sources.
 
-    moves : source -> (n_row, n) what values of its own would do to t, in directions that the runs tell; no columns where it is all but silent.
+    moves : source -> (n_row, n) what values of its own would do to t, in directions that the runs
+        tell; no columns where it is all but silent.
     """
 
     t: FloatArray
@@ -43,7 +53,9 @@ class Rows:
     moves: Mapping[str, FloatArray]
 
     def between(self, freed: Sequence[str], more: Sequence[str]) -> tuple[float, int]:
-        """By how much the least squares fall where `more` sources than those `freed` have values of their own, and its degrees of freedom."""
+        """By how much the least squares fall where `more` sources than those `freed` have values of
+        their own, and its degrees of freedom.
+        """
         before, rank = self._least(freed)
         after, higher = self._least((*freed, *(name for name in more if name not in freed)))
         return (max(before - after, 0.0), higher - rank) if higher > rank else (0.0, 0)
@@ -58,9 +70,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """What some sources say of the shared parameters, each source with a copy of its own: a quadratic in all the copies at the fit.
+    """What some sources say of the shared parameters, each source with a copy of its own: a
+    quadratic in all the copies at the fit.
 
-    sources : names.  information, score : (n_source n_shared, n_source n_shared), (n_source n_shared,) as in `Quadratic`.
+    sources : names.
+    information, score : (n_source n_shared, n_source n_shared), (n_source n_shared,) as in
+        `Quadratic`.
     """
 
     sources: tuple[str, ...]
@@ -80,35 +95,52 @@ class Copies:
     def alone(self, name: str) -> Quadratic:
         """What one source says where the others may have any values."""
         mine = self.of(name)
-        return _fitted(self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine))
+        return _fitted(
+            self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine)
+        )
 
     def without(self, name: str) -> Quadratic:
         """What the others say together where this one may have any value."""
         mine = self.of(name)
         if len(self.sources) == 1:
             return np.zeros((mine.size, mine.size)), np.zeros(mine.size)
-        return _tied(*_fitted(self.information, self.score, np.setdiff1d(np.arange(self.score.size), mine), mine), len(self.sources) - 1)
+        return _tied(
+            *_fitted(
+                self.information, self.score, np.setdiff1d(np.arange(self.score.size), mine), mine
+            ),
+            len(self.sources) - 1,
+        )
 
 
 def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     """A quadratic in `n` copies as one in their common value."""
     d = score.size // n
-    return np.asarray(information.reshape(n, d, n, d).sum(axis=(0, 2))), np.asarray(score.reshape(n, d).sum(axis=0))
+    return np.asarray(information.reshape(n, d, n, d).sum(axis=(0, 2))), np.asarray(
+        score.reshape(n, d).sum(axis=0)
+    )
 
 
-def _fitted(information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]) -> Quadratic:
+def _fitted(
+    information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]
+) -> Quadratic:
     """A quadratic in those `kept`, the `free` ones fitted."""
     if not free.size:
         return information[np.ix_(kept, kept)], score[kept]
     scale = np.sqrt(np.maximum(np.diag(information)[free], 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
-    inverse = np.linalg.pinv(information[np.ix_(free, free)] / np.outer(scale, scale), rcond=ALONE, hermitian=True)
+    inverse = np.linalg.pinv(
+        information[np.ix_(free, free)] / np.outer(scale, scale), rcond=ALONE, hermitian=True
+    )
     across = information[np.ix_(kept, free)] / scale @ inverse
-    return information[np.ix_(kept, kept)] - across @ (information[np.ix_(free, kept)] / scale[:, None]), score[kept] - across @ (score[free] / scale)
+    return information[np.ix_(kept, kept)] - across @ (
+        information[np.ix_(free, kept)] / scale[:, None]
+    ), score[kept] - across @ (score[free] / scale)
 
 
 def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies, ...]:
-    """The runs of a group, each with its own values of the shared parameters; their own parameters of the curve fitted with their priors."""
+    """The runs of a group, each with its own values of the shared parameters; their own parameters
+    of the curve fitted with their priors.
+    """
     names = tuple(run.name for run in group.runs)
     force = next((one for one in fit.forces if one.alone and one.runs == names), None)
     if force is None:
@@ -119,17 +151,26 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
         own = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
         prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
         for i in own:
-            prior[i], pull[i] = slopes[i]**2, -slopes[i] * off[i]
-        alone = _fitted(information + np.diag(prior), score - information @ moved + pull, shared, own)
+            prior[i], pull[i] = slopes[i] ** 2, -slopes[i] * off[i]
+        alone = _fitted(
+            information + np.diag(prior), score - information @ moved + pull, shared, own
+        )
         found.append(Copies((run.name,), *_beyond(alone, stated)))
     return tuple(found)
 
 
 def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
-    """What a run says, without the directions in which it says next to nothing beside what was `stated`."""
+    """What a run says, without the directions in which it says next to nothing beside what was
+    `stated`.
+    """
     information, score = alone
     scale = np.sqrt(np.diag(information + stated))
-    root = np.linalg.cholesky((information + stated) / np.outer(scale, scale) + ALONE * np.eye(score.size)) * scale[:, None]
+    root = (
+        np.linalg.cholesky(
+            (information + stated) / np.outer(scale, scale) + ALONE * np.eye(score.size)
+        )
+        * scale[:, None]
+    )
     turned = np.linalg.inv(root)
     shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
     kept = shares > _LEAST_OF_MIXTURE
@@ -141,7 +182,11 @@ def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int
     """Places of the parameters of the curve that are `used` and not shared."""
     noise = fit.problem.noise_names
     every = enumerate(fit.problem.parameters)
-    return [i for i, p in every if p.name in used and i not in shared and p.name not in noise and not p.between]
+    return [
+        i
+        for i, p in every
+        if p.name in used and i not in shared and p.name not in noise and not p.between
+    ]
 
 
 def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
@@ -152,14 +197,24 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     runs, copied = [], []
     for run in group.runs:
         renamed = {name: f"{name} of {run.name}" for name in common}
-        arguments = {a: renamed.get(source, source) if isinstance(source, str) else source for a, source in run.arguments.items()}
+        arguments = {
+            a: renamed.get(source, source) if isinstance(source, str) else source
+            for a, source in run.arguments.items()
+        }
         runs.append(replace(run, arguments=arguments))
         copied += list(renamed.values())
         named |= {copy: named[name] for name, copy in renamed.items()}
     own = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
-    jacobian, residuals = Group(tuple(runs), group.shared).likelihood(named).scoring(named, [*copied, *(problem.names[i] for i in own)])
-    slopes = np.hstack([np.zeros((len(own), len(copied))), np.diag(fit.posterior.prior_slopes(fit.values)[own])])
-    rows, z = np.vstack([jacobian, slopes]), np.append(residuals, fit.posterior.prior_residuals(fit.values)[own])
+    jacobian, residuals = (
+        Group(tuple(runs), group.shared)
+        .likelihood(named)
+        .scoring(named, [*copied, *(problem.names[i] for i in own)])
+    )
+    slopes = np.hstack(
+        [np.zeros((len(own), len(copied))), np.diag(fit.posterior.prior_slopes(fit.values)[own])]
+    )
+    rows = np.vstack([jacobian, slopes])
+    z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[own])
     data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
     if own:  # what is left orthogonal to the own parameters
         basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
@@ -175,7 +230,8 @@ def _norms(matrix: FloatArray) -> FloatArray:
 
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
     """The priors of the shared parameters as residuals; a uniform one says nothing."""
-    pull, slope = fit.posterior.prior_residuals(fit.values)[shared], fit.posterior.prior_slopes(fit.values)[shared]
+    pull = fit.posterior.prior_residuals(fit.values)[shared]
+    slope = fit.posterior.prior_slopes(fit.values)[shared]
     return Copies((PRIORS,), np.diag(slope**2), -pull * slope)
 
 
@@ -191,18 +247,25 @@ def each_without_one(quadratics: Sequence[Quadratic]) -> tuple[Quadratic, ...]:
         before, after = np.cumsum(parts[:-1], axis=0), np.cumsum(parts[:0:-1], axis=0)[::-1]
         return np.asarray(np.concatenate([nothing, before]) + np.concatenate([after, nothing]))
 
-    return tuple(zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True))
+    return tuple(
+        zip(*(others(np.array(parts)) for parts in zip(*quadratics, strict=True)), strict=True)
+    )
 
 
 def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
-    """Quadratics as measurements with unit errors, in coordinates where all sources together have unit information.
+    """Quadratics as measurements with unit errors, in coordinates where all sources together have
+    unit information.
 
-    Sources may have values of their own only in directions in which the runs together say something beside what was stated: in the others
-    they cannot but agree, and would only add degrees of freedom.
+    Sources may have values of their own only in directions in which the runs together say something
+    beside what was stated: in the others they cannot but agree, and would only add degrees of
+    freedom.
     """
     total = total_of([one.together for one in copies])[0]
     scale = np.sqrt(np.diag(total))
-    root = np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared)) * scale[:, None]
+    root = (
+        np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared))
+        * scale[:, None]
+    )
     turned = np.linalg.inv(root).T  # s = turned . coordinates
     runs = [one.together for one in copies if one.sources != (PRIORS,)]
     shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
@@ -215,11 +278,19 @@ def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
             moves[name] = np.zeros((n_row, columns.shape[1]))
             moves[name][above : above + t.size] = columns
         above += t.size
-    return Rows(np.concatenate([t for t, _, _ in blocks]), np.vstack([design for _, design, _ in blocks]), moves)
+    return Rows(
+        np.concatenate([t for t, _, _ in blocks]),
+        np.vstack([design for _, design, _ in blocks]),
+        moves,
+    )
 
 
-def _block(copies: Copies, turned: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """t, design and moves of the sources of one quadratic, as far as they say anything; the moves in directions `told`."""
+def _block(
+    copies: Copies, turned: FloatArray, told: FloatArray
+) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
+    """t, design and moves of the sources of one quadratic, as far as they say anything; the moves
+    in directions `told`.
+    """
     every = block_diag(*[turned] * len(copies.sources))
     spectrum, vectors = np.linalg.eigh(_symmetric(every.T @ copies.information @ every))
     kept = spectrum > _LEAST_SHARE
@@ -230,7 +301,9 @@ def _block(copies: Copies, turned: FloatArray, told: FloatArray) -> tuple[FloatA
     for name in copies.sources:
         mine = rows[:, copies.of(name)]
         design += mine
-        shares, own = np.linalg.eigh(_symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told))
+        shares, own = np.linalg.eigh(
+            _symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
+        )
         moves[name] = mine @ (told @ own[:, shares > _LEAST_SHARE])
     return t, design, moves
 

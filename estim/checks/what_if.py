@@ -1,8 +1,11 @@
-"""What an error that no residual can show would do to the result: a clock, a scale, a ramp that sags, a value taken as exact.
+"""What an error that no residual can show would do to the result: a clock, a scale, a ramp that
+sags, a value taken as exact.
 
-The mode of a new fit that accounts for the error, from the mode that was found, in posterior standard deviations: more than half of one, and the
-result is only as good as what is known of that input.  What the curve lacks and the size of the noise are taken as they were found.  No linear
-response is told in its place: a millimetre of sag may move a result by so much that it is wrong by factors.
+The mode of a new fit that accounts for the error, from the mode that was found, in posterior
+standard deviations: more than half of one, and the result is only as good as what is known of that
+input.  What the curve lacks and the size of the noise are taken as they were found.  No linear
+response is told in its place: a millimetre of sag may move a result by so much that it is wrong by
+factors.
 """
 
 from __future__ import annotations
@@ -27,8 +30,10 @@ _MOST_ROUNDS, _SETTLED = 40, 0.005  # of a new fit; standard deviations that its
 class Influence:
     """One input that the data cannot check.
 
-    name : what is wrong ("clock").  size : by how much, in `unit` ("1": a share).  runs : those that it concerns.
-    shifts : parameter -> by how many posterior standard deviations the error has moved it; empty where no fit that accounts for the error settles.
+    name : what is wrong ("clock").
+    size : by how much, in `unit` ("1": a share).  runs : those that it concerns.
+    shifts : parameter -> by how many posterior standard deviations the error has moved it; empty
+        where no fit that accounts for the error settles.
     along : m, length of the ramp of a sag; None for other errors, and where the runs have several.
     """
 
@@ -51,19 +56,38 @@ class Influence:
 
 
 def influences(fit: Fit) -> tuple[Influence, ...]:
-    """What each error in common to the data has done, were it there, the largest first; none where the fit has no standard deviations."""
+    """What each error in common to the data has done, were it there, the largest first; none where
+    the fit has no standard deviations.
+    """
     inside = [i for i in curve_indices(fit) if np.isfinite(fit.sds[i])]
     if fit.singular or not inside:
         return ()
-    errors = {run.name: {error.name: error for error in _errors_of(run)} for run in fit.problem.runs}
+    errors = {
+        run.name: {error.name: error for error in _errors_of(run)} for run in fit.problem.runs
+    }
     found = []
-    for name, kind in {name: error for of_run in errors.values() for name, error in of_run.items()}.items():
+    for name, kind in {
+        name: error for of_run in errors.values() for name, error in of_run.items()
+    }.items():
         concerned = {run: of_run[name] for run, of_run in errors.items() if name in of_run}
         accounted = _accounting(fit.problem, concerned)
         values = _mode_near(fit, accounted)
-        shifts = {} if values is None else {fit.names[i]: float((fit.values[i] - values[i]) / fit.sds[i]) for i in inside}
+        shifts = (
+            {}
+            if values is None
+            else {fit.names[i]: float((fit.values[i] - values[i]) / fit.sds[i]) for i in inside}
+        )
         ramps = {error.along for error in concerned.values()}
-        found.append(Influence(name, kind.size, kind.unit, tuple(concerned), shifts, ramps.pop() if len(ramps) == 1 else None))
+        found.append(
+            Influence(
+                name,
+                kind.size,
+                kind.unit,
+                tuple(concerned),
+                shifts,
+                ramps.pop() if len(ramps) == 1 else None,
+            )
+        )
     return tuple(sorted(found, key=lambda one: -one.largest))
 
 
@@ -76,15 +100,22 @@ def _errors_of(run: Observations) -> tuple[CommonError, ...]:
 def _accounting(problem: Problem, errors: Mapping[str, CommonError]) -> Problem:
     """The problem whose curves account for the errors, run -> error."""
     runs = (
-        replace(run, curve=errors[run.name].curve, arguments=MappingProxyType({**run.arguments, **errors[run.name].arguments}))
-        if run.name in errors else run
+        replace(
+            run,
+            curve=errors[run.name].curve,
+            arguments=MappingProxyType({**run.arguments, **errors[run.name].arguments}),
+        )
+        if run.name in errors
+        else run
         for run in problem.runs
     )
     return replace(problem, runs=tuple(runs))
 
 
 def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
-    """(n_par,) the mode of `problem` next to that of the fit, the noise held; None where the steps do not settle."""
+    """(n_par,) the mode of `problem` next to that of the fit, the noise held; None where the steps
+    do not settle.
+    """
     values, variance = fit.values, np.diag(fit.cov)
     scale = np.sqrt(np.where(variance > 0.0, variance, np.inf))
     free = curve_indices(fit).tolist()
@@ -100,12 +131,24 @@ def _mode_near(fit: Fit, problem: Problem) -> FloatArray | None:
 
 
 def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
-    """What moves a result by more than half a standard deviation, as one finding; none where nothing does."""
+    """What moves a result by more than half a standard deviation, as one finding; none where
+    nothing does.
+    """
     parts = []
     for one in found:
         if one.largest > TOLD_FROM:
             moved = (fit.problem.parameters[fit.names.index(one.strongest)],) if one.shifts else ()
-            amounts = tuple(Amount(parameter.name, one.largest, parameter.label) for parameter in moved)
+            amounts = tuple(
+                Amount(parameter.name, one.largest, parameter.label) for parameter in moved
+            )
             along = {} if one.along is None else {"along": one.along}
-            parts.append(Finding(Kind.COMMON_ERROR, test=one.name, size=one.size, parameters=amounts, numbers=along))
+            parts.append(
+                Finding(
+                    Kind.COMMON_ERROR,
+                    test=one.name,
+                    size=one.size,
+                    parameters=amounts,
+                    numbers=along,
+                )
+            )
     return [Finding(Kind.COMMON_ERRORS, parts=tuple(parts))] if parts else []

@@ -29,66 +29,125 @@ _PATIENCE = "10s"
 
 @contextmanager
 def cluster(address: str | None) -> Iterator[Executor | None]:
-    """The executor of the Dask cluster at `address`; None for None.  Raises InputError where it cannot be had."""
+    """The executor of the Dask cluster at `address`; None for None.  Raises InputError where it
+    cannot be had.
+    """
     if address is None:
         yield None
         return
     try:
         from distributed import Client
     except ImportError:
-        raise InputError("needs dask.distributed: pip install distributed", field="--scheduler", value=address) from None
+        raise InputError(
+            "needs dask.distributed: pip install distributed", field="--scheduler", value=address
+        ) from None
     logging.disable()  # it would print the traceback of what is told in a line below
     try:
         client = Client(address, timeout=_PATIENCE)
     except (OSError, ValueError) as error:
-        raise InputError(f"cannot be reached ({str(error).splitlines()[0]})", field="--scheduler", value=address) from None
+        raise InputError(
+            f"cannot be reached ({str(error).splitlines()[0]})", field="--scheduler", value=address
+        ) from None
     with client:
         try:
             yield client.get_executor()
         except EstimError:
             raise
         except Exception as error:  # of the cluster: whatever happens to a run is told in its row
-            rule = f"was lost ({type(error).__name__}); what is done is kept: continue with --resume"
+            rule = (
+                f"was lost ({type(error).__name__}); what is done is kept: continue with --resume"
+            )
             raise InputError(rule, field="--scheduler", value=address) from None
 
 
 @click.command()
-@click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path))
+@click.argument(
+    "paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path)
+)
 @JOBS
-@click.option("--shard", metavar="I/N", help="Only every N-th run, from the I-th, for job arrays.  At the end, repeat without it, with --resume.")
-@click.option("--scheduler", metavar="ADDRESS", help="Use a Dask cluster: the address of its scheduler (extra `dask`).")
-@click.option("--reports", is_flag=True, help="Write a full report for each run, with figures, instead of result.json alone.")
+@click.option(
+    "--shard",
+    metavar="I/N",
+    help="Only every N-th run, from the I-th, for job arrays.  At the end, repeat without it, "
+    "with --resume.",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Use a Dask cluster: the address of its scheduler (extra `dask`).",
+)
+@click.option(
+    "--reports",
+    is_flag=True,
+    help="Write a full report for each run, with figures, instead of result.json alone.",
+)
 @STEPS
-@click.option("--out", type=click.Path(path_type=Path, file_okay=False), default=Path("out/batch"), show_default=True, help="Folder for the results.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=Path("out/batch"),
+    show_default=True,
+    help="Folder for the results.",
+)
 @SEED
 @NO_FIGURES
 @FORMAT
 @LANG
-@click.option("--resume", is_flag=True, help="Keep the results that are there and were made from the same files, settings and versions.")
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="Keep the results that are there and were made from the same files, settings and "
+    "versions.",
+)
 def batch(
-    paths: tuple[Path, ...], jobs: int | None, shard: str | None, scheduler: str | None, reports: bool, max_steps: int, out: Path, seed: int,
-    no_figures: bool, resume: bool,
+    paths: tuple[Path, ...],
+    jobs: int | None,
+    shard: str | None,
+    scheduler: str | None,
+    reports: bool,
+    max_steps: int,
+    out: Path,
+    seed: int,
+    no_figures: bool,
+    resume: bool,
 ) -> None:
     """Fit the runs of many campaigns one by one, each as `estim fit` does.
 
-    A FOLDER stands for every campaign.toml in it and below.  Each result is written as it comes; a file that cannot be
-    read, or a run that fails, is reported in its line and does not stop the others.  At the end there are summary.csv, a
-    report with scatters and outlying runs, and a figure (docs/batch.md).  Exit code 3: some run is not ok.
+    A FOLDER stands for every campaign.toml in it and below.  Each result is written as it comes; a
+    file that cannot be read, or a run that fails, is reported in its line and does not stop the
+    others.  At the end there are summary.csv, a report with scatters and outlying runs, and a
+    figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
     from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
 
-    units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)  # a worker elsewhere has another working folder
+    # a worker elsewhere has another working folder
+    units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)
     figures, formats = not no_figures, chosen()
-    kind = "-".join(("report", *formats, *(() if figures else ("without figures",)))) if reports else "result"
+    kind = (
+        "-".join(("report", *formats, *(() if figures else ("without figures",))))
+        if reports
+        else "result"
+    )
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     reserve_output(place, "summary.csv", "summary.json", "times.csv", within=out)
-    with held(out / lock / ".lock", within=out), cluster(scheduler) as executor, counted(phrase("batch"), len(units), unit=phrase("run")) as progress:
+    with (
+        held(out / lock / ".lock", within=out),
+        cluster(scheduler) as executor,
+        counted(phrase("batch"), len(units), unit=phrase("run")) as progress,
+    ):
         rows = run_batch(
-            units, out.resolve(), report=written, settings=settings, resume=resume, jobs=processes, executor=executor, progress=progress,
+            units,
+            out.resolve(),
+            report=written,
+            settings=settings,
+            resume=resume,
+            jobs=processes,
+            executor=executor,
+            progress=progress,
         )
     for row in rows:
         note_of_others(row.inputs)

@@ -1,4 +1,6 @@
-"""`estim calibrate`: simulated campaigns, with the trials of each kept until its report is written."""
+"""`estim calibrate`: simulated campaigns, with the trials of each kept until its report is
+written.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,16 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, conclude, counted, finished_pieces, groups_of, report_at, reserve_output, write_report
+from estim.cli.terminal import (
+    NOT_OK,
+    conclude,
+    counted,
+    finished_pieces,
+    groups_of,
+    report_at,
+    reserve_output,
+    write_report,
+)
 from estim.common import Stream, decide, stream
 
 
@@ -20,8 +31,20 @@ from estim.common import Stream, decide, stream
 @click.argument("campaign", type=click.Path(path_type=Path))
 @RUNS
 @JOINT
-@click.option("--simulations", type=click.IntRange(min=20), default=200, show_default=True, help="Simulated campaigns for each question.")
-@click.option("--what", type=click.Choice(["sbc", "coverage", "both"]), default="both", show_default=True, help="True values: priors, or the fit.")
+@click.option(
+    "--simulations",
+    type=click.IntRange(min=20),
+    default=200,
+    show_default=True,
+    help="Simulated campaigns for each question.",
+)
+@click.option(
+    "--what",
+    type=click.Choice(["sbc", "coverage", "both"]),
+    default="both",
+    show_default=True,
+    help="True values: priors, or the fit.",
+)
 @JOBS
 @OUT
 @SEED
@@ -30,29 +53,65 @@ from estim.common import Stream, decide, stream
 @LANG
 @RESUME
 def calibrate(
-    campaign: Path, runs: tuple[str, ...], joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    campaign: Path,
+    runs: tuple[str, ...],
+    joint: bool,
+    simulations: int,
+    what: str,
+    jobs: int | None,
+    out: Path | None,
+    seed: int,
+    resume: bool,
     no_figures: bool,
 ) -> None:
     """Check on simulated data whether the intervals for CAMPAIGN have their nominal coverage.
 
-    The curve is assumed to be complete, without the unmodelled force and the default errors of clock and scale for which
-    `estim fit` allows: its intervals are wider than those checked here, and the report says so.
+    The curve is assumed to be complete, without the unmodelled force and the default errors of
+    clock and scale for which `estim fit` allows: its intervals are wider than those checked here,
+    and the report says so.
 
-    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.  It also means
-    that processes were killed, twice (too little memory?): one line says so, and there is no report.
+    Exit code 3 means that they do not; the report says which one is too narrow, too wide or biased.
+    It also means that processes were killed, twice (too little memory?): one line says so, and
+    there is no report.
     """
     if not run_calibrations(
-        campaign, runs, joint=joint, simulations=simulations, what=what, jobs=jobs, out=out, seed=seed, resume=resume, figures=not no_figures
+        campaign,
+        runs,
+        joint=joint,
+        simulations=simulations,
+        what=what,
+        jobs=jobs,
+        out=out,
+        seed=seed,
+        resume=resume,
+        figures=not no_figures,
     ):
         sys.exit(NOT_OK)
 
 
 def run_calibrations(
-    campaign: Path, runs: Iterable[str], *, joint: bool, simulations: int, what: str, jobs: int | None, out: Path | None, seed: int, resume: bool,
+    campaign: Path,
+    runs: Iterable[str],
+    *,
+    joint: bool,
+    simulations: int,
+    what: str,
+    jobs: int | None,
+    out: Path | None,
+    seed: int,
+    resume: bool,
     figures: bool,
 ) -> bool:
-    """Calibrates each group of runs and writes its report; whether all intervals hold what they say."""
-    from estim.calibration import campaign_design, coverage, coverage_sentence, findings, simulation_based_calibration
+    """Calibrates each group of runs and writes its report; whether all intervals hold what they
+    say.
+    """
+    from estim.calibration import (
+        campaign_design,
+        coverage,
+        coverage_sentence,
+        findings,
+        simulation_based_calibration,
+    )
     from estim.campaign import as_complete, load_campaign
     from estim.reports import calibration_report, unlike_fit
     from estim.words import tell
@@ -68,7 +127,9 @@ def run_calibrations(
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
-            fit = loaded.fit(as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT))
+            fit = loaded.fit(
+                as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT)
+            )
             unlike = unlike_fit(posed, loaded.problem(group, usual=True))
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
@@ -77,15 +138,34 @@ def run_calibrations(
                     processes = jobs or os.cpu_count() or 1
                     calibrations.append(
                         chosen[kind](
-                            design, fit, n_trial=simulations, seed=seed, jobs=processes, progress=progress, store=store.given(loaded.digests(group)),
+                            design,
+                            fit,
+                            n_trial=simulations,
+                            seed=seed,
+                            jobs=processes,
+                            progress=progress,
+                            store=store.given(loaded.digests(group)),
                         )
                     )
             place = folder if len(groups) == 1 else folder / group[0]
-            write_report(place, calibration_report(loaded, calibrations, unlike=unlike, figures=figures), within=folder)
+            write_report(
+                place,
+                calibration_report(loaded, calibrations, unlike=unlike, figures=figures),
+                within=folder,
+            )
             for calibration in calibrations:
                 found = findings(calibration)
                 trusted = trusted and decide(found).ok
-                said = [] if calibration.what == "sbc" else [coverage_sentence(calibration, name) for name in calibration.reported]
-                conclude(f"{', '.join(group)}, {calibration.what}", decide(found), [*map(tell, found), *said], [unlike] if unlike else [])
+                said = (
+                    []
+                    if calibration.what == "sbc"
+                    else [coverage_sentence(calibration, name) for name in calibration.reported]
+                )
+                conclude(
+                    f"{', '.join(group)}, {calibration.what}",
+                    decide(found),
+                    [*map(tell, found), *said],
+                    [unlike] if unlike else [],
+                )
             report_at(place / "report.md", loaded.source.files_outside())
     return trusted

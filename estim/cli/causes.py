@@ -1,4 +1,6 @@
-"""What may be missing, at the command line: refit with a progress bar where something is, or where it was asked for, and said."""
+"""What may be missing, at the command line: refit with a progress bar where something is, or where
+it was asked for, and said.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +15,26 @@ if TYPE_CHECKING:
     from estim.pipeline import Analysis
 
 
-def with_causes(campaign: Campaign, analysis: Analysis, group: Sequence[str], *, asked: bool) -> Analysis:
+def with_causes(
+    campaign: Campaign, analysis: Analysis, group: Sequence[str], *, asked: bool
+) -> Analysis:
     """The analysis of the runs `group`, with candidates for what it lacks."""
     from estim.pipeline import asks_for_a_cause, explained
 
     if not (asked or asks_for_a_cause(analysis)):
         return analysis
-    with pieces(phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")) as progress:
+    with pieces(
+        phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")
+    ) as progress:
         found = explained(campaign, analysis, progress=progress)
     if found.explanation is None:
-        say(phrase("{runs}: possible missing effects cannot be tested, because the curve alone cannot be fitted", runs=", ".join(group)))
+        say(
+            phrase(
+                "{runs}: possible missing effects cannot be tested, because the curve "
+                "alone cannot be fitted",
+                runs=", ".join(group),
+            )
+        )
     return found
 
 

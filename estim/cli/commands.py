@@ -1,7 +1,9 @@
-"""The command line: the only file that prints, and that decides what is written.  Heavy imports are local to the commands.
+"""The command line: the only file that prints, and that decides what is written.  Heavy imports are
+local to the commands.
 
-Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the report is written all
-the same); 74 what was done could not be said on stdout (a full disk); 130 interrupted; 141 nobody read stdout to its end.
+Exit codes: 0 the result is ok; 2 the input is wrong (one line on stderr); 3 a result is not ok (the
+report is written all the same); 74 what was done could not be said on stdout (a full disk); 130
+interrupted; 141 nobody read stdout to its end.
 """
 
 from __future__ import annotations
@@ -49,7 +51,16 @@ from estim.cli.terminal import (
     write_report,
 )
 from estim.cli.verifying import diff, verify
-from estim.common import InputError, PieceStore, Stream, as_json, ended_by_signals, phrase, replace_own, stream
+from estim.common import (
+    InputError,
+    PieceStore,
+    Stream,
+    as_json,
+    ended_by_signals,
+    phrase,
+    replace_own,
+    stream,
+)
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -60,14 +71,25 @@ if TYPE_CHECKING:
 
 @click.group(
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    commands=[batch, calibrate, compare_models, line, map_motions, new_campaign, plan_next, verify, diff],
+    commands=[
+        batch,
+        calibrate,
+        compare_models,
+        line,
+        map_motions,
+        new_campaign,
+        plan_next,
+        verify,
+        diff,
+    ],
 )
 @click.version_option(package_name="estim")
 def cli() -> None:
     """Uncertainties and Bayesian parameter estimation for lab experiments.
 
-    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c", or with a campaign, one TOML file that
-    says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml (docs/README.md).
+    Start with a table, estim fit data.csv --formula "a*exp(-x/tau) + c", or with a campaign, one
+    TOML file that says what was measured: estim new NAME --from data.csv, then estim fit NAME.toml
+    (docs/README.md).
     """
     context = click.get_current_context()
     context.obj = context.with_resource(Ledger())
@@ -85,71 +107,150 @@ def cli() -> None:
 @LANG
 @curve_options
 @click.option(
-    "--marginal/--full", default=None, help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
+    "--marginal/--full",
+    default=None,
+    help="Sample a joint fit through the marginal over its runs, or all unknowns at once.  "
     "[default: the marginal for more than 14 unknowns, if the runs share no force]",
 )
-@click.option("--compare", is_flag=True, help="Fit with every model of the noise that the data allow, and tabulate them.")
-@click.option("--explain", is_flag=True, help="Tabulate possible missing effects, each refitted.  [default: where one is missing]")
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="Fit with every model of the noise that the data allow, and tabulate them.",
+)
+@click.option(
+    "--explain",
+    is_flag=True,
+    help="Tabulate possible missing effects, each refitted.  [default: where one is missing]",
+)
 @RESUME
 def fit(
-    campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, marginal: bool | None, compare: bool,
-    explain: bool, resume: bool, no_figures: bool, said: Mapping[str, Any],
+    campaign: Path,
+    runs: tuple[str, ...],
+    joint: bool,
+    max_steps: int,
+    out: Path | None,
+    seed: int,
+    marginal: bool | None,
+    compare: bool,
+    explain: bool,
+    resume: bool,
+    no_figures: bool,
+    said: Mapping[str, Any],
 ) -> None:
     """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
 
-    A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The report ends with the
-    equivalent campaign file (docs/your-own-curve.md).
+    A table needs no campaign: estim fit data.csv --formula "a*exp(-x/tau) + c" --start tau=2.  The
+    report ends with the equivalent campaign file (docs/your-own-curve.md).
 
-    Each run is fitted separately unless --joint is given.  Exit code 3 means that a result is not reliable; the
-    report explains why.  With the extra `arviz` installed the draws are written too, as draws.nc (docs/interop.md).
+    Each run is fitted separately unless --joint is given.  Exit code 3 means that a result is not
+    reliable; the report explains why.  With the extra `arviz` installed the draws are written too,
+    as draws.nc (docs/interop.md).
 
-    The draws of each run that is done are kept in OUT/.checkpoint until all reports are written.  After Ctrl-C (exit code
-    130), a kill or a crash, the same command with --resume takes them from there and samples the others; a run that was
-    under way begins anew, and so does one whose data, priors, noise, settings, seed or versions have changed
-    (docs/long-runs.md).
+    The draws of each run that is done are kept in OUT/.checkpoint until all reports are written.
+    After Ctrl-C (exit code 130), a kill or a crash, the same command with --resume takes them from
+    there and samples the others; a run that was under way begins anew, and so does one whose data,
+    priors, noise, settings, seed or versions have changed (docs/long-runs.md).
     """
     loaded, folder = load_or_make(campaign, said, out, runs)
     groups = groups_of(loaded, runs, joint=joint)
     if marginal and not joint:
         raise InputError("needs --joint: a single run has no shared parameters", field="--marginal")
     if compare and (explain or marginal is not None):
-        raise InputError("cannot be combined with --explain, --marginal or --full", field="--compare")
+        raise InputError(
+            "cannot be combined with --explain, --marginal or --full", field="--compare"
+        )
     reserve_output(folder, "comparison.json" if compare else "result.json", groups=groups)
     with finished_pieces(folder, resume=resume) as store:
         if compare:
-            all_ok = compare_noise(loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=not no_figures)
+            all_ok = compare_noise(
+                loaded,
+                groups,
+                folder,
+                seed=seed,
+                max_steps=max_steps,
+                store=store,
+                figures=not no_figures,
+            )
         else:
             all_ok = _fit_groups(
-                loaded, groups, folder, seed=seed, max_steps=max_steps, marginal=marginal, explain=explain, store=store, figures=not no_figures,
+                loaded,
+                groups,
+                folder,
+                seed=seed,
+                max_steps=max_steps,
+                marginal=marginal,
+                explain=explain,
+                store=store,
+                figures=not no_figures,
                 file=campaign.name,
             )
     _exit_unless(all_ok)
 
 
 def _fit_groups(
-    campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int, marginal: bool | None, explain: bool,
-    store: PieceStore, figures: bool, file: str,
+    campaign: Campaign,
+    groups: Sequence[tuple[str, ...]],
+    folder: Path,
+    *,
+    seed: int,
+    max_steps: int,
+    marginal: bool | None,
+    explain: bool,
+    store: PieceStore,
+    figures: bool,
+    file: str,
 ) -> bool:
-    """Fits each group of runs and writes its report; whether all are ok.  file : the name of what was said to be fit."""
+    """Fits each group of runs and writes its report; whether all are ok.  file : the name of what
+    was said to be fit.
+    """
     from estim.pipeline import analyse
-    from estim.reports import HOW_TO_GET, can_write_netcdf, index_report, report_and_result, result_lines, slip_words, to_netcdf, with_campaign
+    from estim.reports import (
+        HOW_TO_GET,
+        can_write_netcdf,
+        index_report,
+        report_and_result,
+        result_lines,
+        slip_words,
+        to_netcdf,
+        with_campaign,
+    )
     from estim.sampling import Target
     from estim.words import Voice
 
     results, explanations = {}, []
     for group in groups:
         with progress_bar(together(group)) as progress:
-            analysis = analyse(campaign, group, seed=seed, target=Target(max_step=max_steps), progress=progress, store=store, marginal=marginal)
+            analysis = analyse(
+                campaign,
+                group,
+                seed=seed,
+                target=Target(max_step=max_steps),
+                progress=progress,
+                store=store,
+                marginal=marginal,
+            )
         analysis = with_causes(campaign, analysis, group, asked=explain)
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
-            files, results[group[0]] = report_and_result(campaign, analysis, voice=Voice.COMMANDS, figures=figures)
+            files, results[group[0]] = report_and_result(
+                campaign, analysis, voice=Voice.COMMANDS, figures=figures
+            )
             draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
-            write_report(place, with_campaign(files, campaign.source.written, file=file) | draws, within=folder)
-        reasons = [] if analysis.diagnosis.ok else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
+            write_report(
+                place,
+                with_campaign(files, campaign.source.written, file=file) | draws,
+                within=folder,
+            )
+        reasons = (
+            []
+            if analysis.diagnosis.ok
+            else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
+        )
         shown = [*reasons, *result_lines(results[group[0]])]
-        if len(results) == 1 and (columns := campaign.columns([name for group in groups for name in group])):
+        if len(results) == 1 and (
+            columns := campaign.columns([name for group in groups for name in group])
+        ):
             say(columns)
         conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
         say_causes(analysis)
@@ -158,7 +259,11 @@ def _fit_groups(
         write_report(folder, index_report(campaign, results, explanations))
     report_at(folder / "report.md", campaign.source.files_outside())
     if not can_write_netcdf():
-        say(phrase("draws.nc (the draws, for ArviZ and xarray) was not written: {how}", how=HOW_TO_GET))
+        say(
+            phrase(
+                "draws.nc (the draws, for ArviZ and xarray) was not written: {how}", how=HOW_TO_GET
+            )
+        )
     return all(result.status == "ok" for result in results.values())
 
 
@@ -172,7 +277,15 @@ def _fit_groups(
 @NO_FIGURES
 @FORMAT
 @LANG
-def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, out: Path | None, seed: int, no_figures: bool) -> None:
+def energy(
+    campaign: Path,
+    runs: tuple[str, ...],
+    joint: bool,
+    max_steps: int,
+    out: Path | None,
+    seed: int,
+    no_figures: bool,
+) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?
 
     Exit code 3 is also returned if the data do not reduce the assumed uncertainty of the loss.
@@ -196,11 +309,26 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
     reserve_output(folder, "result.json")
     for group in groups:
         with progress_bar(together(group)) as progress:
-            analyses.append(analyse(loaded, group, seed=seed, target=Target(max_step=max_steps), progress=progress, complete="estim energy"))
+            analyses.append(
+                analyse(
+                    loaded,
+                    group,
+                    seed=seed,
+                    target=Target(max_step=max_steps),
+                    progress=progress,
+                    complete="estim energy",
+                )
+            )
         records.extend(energy_along(analyses[-1], rng=stream(seed, Stream.ENERGY)))
         drifts.append(drift_of(analyses[-1], rng=stream(seed, Stream.DRIFT)))
-        conclude(together(group), energy_status(analyses[-1], drifts[-1]), energy_lines(analyses[-1], drifts[-1]))
-    write_report(folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures))
+        conclude(
+            together(group),
+            energy_status(analyses[-1], drifts[-1]),
+            energy_lines(analyses[-1], drifts[-1]),
+        )
+    write_report(
+        folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures)
+    )
     report_at(folder / "report.md", loaded.source.files_outside())
     _exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
 
@@ -215,11 +343,20 @@ def energy(campaign: Path, runs: tuple[str, ...], joint: bool, max_steps: int, o
 @FORMAT
 @LANG
 @RESUME
-def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None, seed: int, no_figures: bool, resume: bool) -> None:
+def reanalyse(
+    campaign: Path,
+    max_steps: int,
+    jobs: int | None,
+    out: Path | None,
+    seed: int,
+    no_figures: bool,
+    resume: bool,
+) -> None:
     """Analyse everything in CAMPAIGN and write one report.
 
-    It contains the theta_min line, each run separately, the joint fit of each body, energies, the propagated band and the
-    posterior band, and published and reanalysed values.  The numbers are the same for any number of --jobs.
+    It contains the theta_min line, each run separately, the joint fit of each body, energies, the
+    propagated band and the posterior band, and published and reanalysed values.  The numbers are
+    the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
     from estim.reports import called, reanalysis_lines, reanalysis_report
@@ -233,8 +370,17 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
     loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
     reserve_output(folder, "result.json")
     with finished_pieces(folder, resume=resume) as store:
-        result = run_reanalysis(loaded, seed=seed, target=Target(max_step=max_steps), progress_of=announced, jobs=processes, store=store)
-        write_report(folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures))
+        result = run_reanalysis(
+            loaded,
+            seed=seed,
+            target=Target(max_step=max_steps),
+            progress_of=announced,
+            jobs=processes,
+            store=store,
+        )
+        write_report(
+            folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures)
+        )
     said = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(result, what), status, said.get(what, ()))
@@ -244,16 +390,27 @@ def reanalyse(campaign: Path, max_steps: int, jobs: int | None, out: Path | None
 
 @cli.command()
 @click.argument("design", type=click.Path(path_type=Path))
-@click.option("--out", required=True, type=click.Path(path_type=Path, file_okay=False), help="Folder for the campaign.")
+@click.option(
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the campaign.",
+)
 def simulate(design: Path, out: Path) -> None:
-    """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml and the truth."""
+    """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml
+    and the truth.
+    """
     from estim.campaign import load_design, simulate_campaign
 
     written = written_before(out, within=out, name=SIMULATION)
     files = simulate_campaign(load_design(design))
     replace_own(
-        out, {name: text.encode() for name, text in files.items()}, written, SIMULATION,
-        lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))), within=out,
+        out,
+        {name: text.encode() for name, text in files.items()},
+        written,
+        SIMULATION,
+        lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))),
+        within=out,
     )
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
@@ -265,7 +422,9 @@ def simulate(design: Path, out: Path) -> None:
 @FORMAT
 @LANG
 def body(file: Path, out: Path | None, seed: int) -> None:
-    """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their parts, with a budget."""
+    """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their
+    parts, with a budget.
+    """
     report_bodies(file, out or out_folder(file, "body"), seed=seed)
 
 
@@ -277,29 +436,72 @@ def body(file: Path, out: Path | None, seed: int) -> None:
 @FORMAT
 @LANG
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget (docs/propagation.md)."""
-    _exit_unless(say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures))
+    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
+    (docs/propagation.md).
+    """
+    _exit_unless(
+        say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures)
+    )
 
 
 @cli.command("import")
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
-@click.option("--along", default="fit", show_default=True, metavar="fit|x|y|-x|-y|DEG", help="Direction of motion: fitted, an axis, an angle from x.")
-@click.option("--unit", type=click.Choice(["m", "cm", "mm"]), help="Unit of the lengths.  [default: as stated in the file, else m]")
-@click.option("--release", default="first", show_default=True, metavar="first|keep|T", help="x = 0 at the first point, the origin, or time T (s).")
-@click.option("--frame-ms", type=float, metavar="MS", help="Duration of a frame of a .trk, instead of that stated in the file (high-speed film).")
-@click.option("--drop-duplicates", is_flag=True, help="Exclude rows of an export that copy the previous row.")
-@click.option("-o", "--out", required=True, type=click.Path(path_type=Path, dir_okay=False), help="The CSV file to write.")
+@click.option(
+    "--along",
+    default="fit",
+    show_default=True,
+    metavar="fit|x|y|-x|-y|DEG",
+    help="Direction of motion: fitted, an axis, an angle from x.",
+)
+@click.option(
+    "--unit",
+    type=click.Choice(["m", "cm", "mm"]),
+    help="Unit of the lengths.  [default: as stated in the file, else m]",
+)
+@click.option(
+    "--release",
+    default="first",
+    show_default=True,
+    metavar="first|keep|T",
+    help="x = 0 at the first point, the origin, or time T (s).",
+)
+@click.option(
+    "--frame-ms",
+    type=float,
+    metavar="MS",
+    help="Duration of a frame of a .trk, instead of that stated in the file (high-speed film).",
+)
+@click.option(
+    "--drop-duplicates", is_flag=True, help="Exclude rows of an export that copy the previous row."
+)
+@click.option(
+    "-o",
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="The CSV file to write.",
+)
 def import_file(
-    file: Path, track: str | None, along: str, unit: Unit | None, release: str, frame_ms: float | None, drop_duplicates: bool, out: Path
+    file: Path,
+    track: str | None,
+    along: str,
+    unit: Unit | None,
+    release: str,
+    frame_ms: float | None,
+    drop_duplicates: bool,
+    out: Path,
 ) -> None:
-    """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and x_m.
+    """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and
+    x_m.
 
     Warnings about suspicious data go to stderr and into the head of the CSV (docs/tracker.md).
     """
     from estim.reading import Choices, read_release
 
-    import_run(file, Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates), out)
+    import_run(
+        file, Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates), out
+    )
 
 
 def _exit_unless(ok: bool) -> None:
@@ -309,7 +511,9 @@ def _exit_unless(ok: bool) -> None:
 
 
 def main() -> None:
-    """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of NumPy, about which a user can do nothing."""
+    """Entry point: one line on stderr and an exit code in place of a traceback; no warnings of
+    NumPy, about which a user can do nothing.
+    """
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     os.environ["MPLBACKEND"] = "agg"  # figures are files, whatever a user's sessions draw on

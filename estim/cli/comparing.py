@@ -14,9 +14,18 @@ if TYPE_CHECKING:
 
 
 def compare(
-    campaign: Campaign, groups: Sequence[tuple[str, ...]], folder: Path, *, seed: int, max_steps: int, store: PieceStore, figures: bool
+    campaign: Campaign,
+    groups: Sequence[tuple[str, ...]],
+    folder: Path,
+    *,
+    seed: int,
+    max_steps: int,
+    store: PieceStore,
+    figures: bool,
 ) -> bool:
-    """A table of models for each group, each model's own report beside it; whether each group has a model that is ok."""
+    """A table of models for each group, each model's own report beside it; whether each group has a
+    model that is ok.
+    """
     from estim.reports import analysis_report, compare_report, folder_of
     from estim.sampling import Target
     from estim.studies import compare_noise
@@ -27,12 +36,25 @@ def compare(
         place = folder if len(groups) == 1 else folder / group[0]
         for candidate in campaign.noise_models(group[0]):
             reserve_output(place / folder_of(candidate.name), "result.json", within=folder)
-        compared = compare_noise(campaign, group, seed=seed, target=Target(max_step=max_steps), progress_of=progress_bar, store=store)
+        compared = compare_noise(
+            campaign,
+            group,
+            seed=seed,
+            target=Target(max_step=max_steps),
+            progress_of=progress_bar,
+            store=store,
+        )
         for model in compared:
-            report = analysis_report(campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False)
+            report = analysis_report(
+                campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False
+            )
             write_report(place / folder_of(model.candidate.name), report, within=folder)
-            conclude(f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ())
-        write_report(place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder)
+            conclude(
+                f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ()
+            )
+        write_report(
+            place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder
+        )
         report_at(place / "report.md", campaign.source.files_outside())
         all_ok = all_ok and any(model.analysis.diagnosis.ok for model in compared)
     return all_ok

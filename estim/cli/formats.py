@@ -1,4 +1,6 @@
-"""`--format`: a report as one HTML file or as PDF, beside the Markdown that is always there.  Every command that writes a report has it."""
+"""`--format`: a report as one HTML file or as PDF, beside the Markdown that is always there.  Every
+command that writes a report has it.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +13,17 @@ from estim.common import InputError
 
 _KEY = "estim.formats"
 _BROWSER = "or print report.html with a browser"
-_NEEDS = {"html": ("markdown_it", "pip install markdown-it-py"), "pdf": ("weasyprint", f"pip install weasyprint; {_BROWSER}")}
+_NEEDS = {
+    "html": ("markdown_it", "pip install markdown-it-py"),
+    "pdf": ("weasyprint", f"pip install weasyprint; {_BROWSER}"),
+}
 
 _LIBRARIES = "Pango: docs/reports.md says where from"
 
 
-def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str, ...]) -> tuple[str, ...]:
+def _noted(
+    context: click.Context, _option: click.Parameter, formats: tuple[str, ...]
+) -> tuple[str, ...]:
     """Keeps the formats with the command, so that nobody has to pass them on.
 
     Raises InputError, before anything is computed, where one cannot be made.
@@ -26,15 +33,26 @@ def _noted(context: click.Context, _option: click.Parameter, formats: tuple[str,
         try:
             import_module(module)
         except ImportError:
-            raise InputError(f"needs the package {module}: {remedy}", field="--format", value=name) from None
+            raise InputError(
+                f"needs the package {module}: {remedy}", field="--format", value=name
+            ) from None
         except OSError:  # of a package that calls libraries of the system
-            raise InputError(f"needs libraries that {module} does not find ({_LIBRARIES}); {_BROWSER}", field="--format", value=name) from None
+            raise InputError(
+                f"needs libraries that {module} does not find ({_LIBRARIES}); {_BROWSER}",
+                field="--format",
+                value=name,
+            ) from None
     context.meta[_KEY] = formats
     return formats
 
 
 FORMAT = click.option(
-    "--format", "formats", type=click.Choice(list(_NEEDS)), multiple=True, expose_value=False, callback=_noted,
+    "--format",
+    "formats",
+    type=click.Choice(list(_NEEDS)),
+    multiple=True,
+    expose_value=False,
+    callback=_noted,
     help="Beside report.md: report.html, one file with all figures in it, or report.pdf.",
 )
 

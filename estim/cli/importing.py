@@ -1,4 +1,6 @@
-"""`estim import`: a run made of a file of the program Tracker, and what is suspicious about it said."""
+"""`estim import`: a run made of a file of the program Tracker, and what is suspicious about it
+said.
+"""
 
 from __future__ import annotations
 

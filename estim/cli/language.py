@@ -14,6 +14,13 @@ def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
 
 
 LANG = click.option(
-    "--lang", type=click.Choice(list(LANGUAGES)), default="en", show_default=True, is_eager=True, expose_value=False, callback=_speak,
-    help="Language of the report, its figures and the final messages.  Error messages stay English.",
+    "--lang",
+    type=click.Choice(list(LANGUAGES)),
+    default="en",
+    show_default=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_speak,
+    help="Language of the report, its figures and the final messages.  Error messages stay "
+    "English.",
 )

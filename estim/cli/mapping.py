@@ -21,23 +21,48 @@ if TYPE_CHECKING:
 
 @click.command("map")
 @click.argument("campaign", type=click.Path(path_type=Path))
-@click.option("--body", "bodies", multiple=True, metavar="NAME", help="This body only; may be given several times.  [default: every body with runs]")
-@click.option("--ramp-length", type=float, metavar="M", help="From the release to the end of the ramp, m.  [default: stated, else the longest run]")
-@click.option("--fit", "fitted", type=click.Path(path_type=Path), help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), help="Folder for the report.  [default: out/, the name of the campaign, map/]"
+    "--body",
+    "bodies",
+    multiple=True,
+    metavar="NAME",
+    help="This body only; may be given several times.  [default: every body with runs]",
+)
+@click.option(
+    "--ramp-length",
+    type=float,
+    metavar="M",
+    help="From the release to the end of the ramp, m.  [default: stated, else the longest run]",
+)
+@click.option(
+    "--fit",
+    "fitted",
+    type=click.Path(path_type=Path),
+    help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report.  [default: out/, the name of the campaign, map/]",
 )
 @SEED
 @NO_FIGURES
 @FORMAT
 @LANG
 def map_motions(
-    campaign: Path, bodies: tuple[str, ...], ramp_length: float | None, fitted: Path | None, out: Path | None, seed: int, no_figures: bool,
+    campaign: Path,
+    bodies: tuple[str, ...],
+    ramp_length: float | None,
+    fitted: Path | None,
+    out: Path | None,
+    seed: int,
+    no_figures: bool,
 ) -> None:
     """Map the motion of the bodies of CAMPAIGN released at rest, over tilt and angle of release.
 
-    Does it climb, how far, does it turn on the ramp, roll on for ever; each border with its uncertainty, the runs
-    marked.  Exit code 3: a recording shows what the stated values do not allow.
+    Does it climb, how far, does it turn on the ramp, roll on for ever; each border with its
+    uncertainty, the runs marked.  Exit code 3: a recording shows what the stated values do not
+    allow.
     """
     from estim.campaign import load_campaign
     from estim.line import read_theta_min
@@ -52,7 +77,10 @@ def map_motions(
     folder = out or out_folder(campaign, "map")
     reserve_output(folder, "result.json")
     maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
-    write_report(folder, map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures))
+    write_report(
+        folder,
+        map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures),
+    )
     for found in maps:
         conclude(found.body, decide(found.findings), map(tell, found.findings))
         for said in map_lines(found):

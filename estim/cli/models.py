@@ -12,7 +12,17 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
-from estim.cli.terminal import NOT_OK, conclude, finished_pieces, groups_of, progress_bar, report_at, reserve_output, say, write_report
+from estim.cli.terminal import (
+    NOT_OK,
+    conclude,
+    finished_pieces,
+    groups_of,
+    progress_bar,
+    report_at,
+    reserve_output,
+    say,
+    write_report,
+)
 from estim.common import phrase
 
 if TYPE_CHECKING:
@@ -23,11 +33,19 @@ if TYPE_CHECKING:
 @click.argument("campaign", type=click.Path(path_type=Path))
 @RUNS
 @JOINT
-@click.option("--model", "models", multiple=True, metavar="NAME", help="This model only; give two or more.  [default: all]")
+@click.option(
+    "--model",
+    "models",
+    multiple=True,
+    metavar="NAME",
+    help="This model only; give two or more.  [default: all]",
+)
 @STEPS
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign, models/]",
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
+    "campaign, models/]",
 )
 @SEED
 @NO_FIGURES
@@ -35,13 +53,22 @@ if TYPE_CHECKING:
 @LANG
 @RESUME
 def compare_models(
-    campaign: Path, runs: tuple[str, ...], joint: bool, models: tuple[str, ...], max_steps: int, out: Path | None, seed: int, no_figures: bool,
+    campaign: Path,
+    runs: tuple[str, ...],
+    joint: bool,
+    models: tuple[str, ...],
+    max_steps: int,
+    out: Path | None,
+    seed: int,
+    no_figures: bool,
     resume: bool,
 ) -> None:
-    """Compare models of the body in CAMPAIGN: the paper's, with resistance, drag, a free start, an unmodelled force.
+    """Compare models of the body in CAMPAIGN: the paper's, with resistance, drag, a free start, an
+    unmodelled force.
 
-    All describe the same readings; they are compared by evidence, leave-one-out prediction and posterior predictive checks, and one model is
-    recommended (docs/models.md).  Exit code 3 means that no model is ok.
+    All describe the same readings; they are compared by evidence, leave-one-out prediction and
+    posterior predictive checks, and one model is recommended (docs/models.md).  Exit code 3 means
+    that no model is ok.
     """
     from estim.campaign import load_campaign
     from estim.reports import ground_words, models_report, price_words, verdicts
@@ -61,14 +88,31 @@ def compare_models(
                 return progress_bar(f"{what}: {name}")
 
             comparison = compare(
-                loaded, group, seed=seed, target=Target(max_step=max_steps), chosen=models, progress_of=bar_of, store=store,
+                loaded,
+                group,
+                seed=seed,
+                target=Target(max_step=max_steps),
+                chosen=models,
+                progress_of=bar_of,
+                store=store,
             )
             place = folder if len(groups) == 1 else folder / group[0]
-            write_report(place, models_report(loaded, comparison, seed=seed, figures=not no_figures), within=folder)
+            write_report(
+                place,
+                models_report(loaded, comparison, seed=seed, figures=not no_figures),
+                within=folder,
+            )
             for row in comparison.rows:
                 conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())
             name = comparison.recommended or phrase("none")
-            say(phrase("{what}: recommended: {name}: {why}", what=what, name=name, why=ground_words(comparison)))
+            say(
+                phrase(
+                    "{what}: recommended: {name}: {why}",
+                    what=what,
+                    name=name,
+                    why=ground_words(comparison),
+                )
+            )
             for name, why in verdicts(comparison):
                 say(phrase("  not {name}: {why}", name=name, why=why))
             if price := price_words(comparison):

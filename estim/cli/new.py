@@ -19,12 +19,19 @@ if TYPE_CHECKING:
 
 @click.command("new")
 @click.argument("name", type=click.Path(path_type=Path))
-@click.option("--from", "file", type=click.Path(path_type=Path), metavar="FILE", help="The table, .trk or .trz to be fit.  [default: asked for]")
+@click.option(
+    "--from",
+    "file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The table, .trk or .trz to be fit.  [default: asked for]",
+)
 @curve_options
 def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None:
     """Write NAME.toml, a commented campaign for the table FILE, for `estim fit`.
 
-    Its curve is a guess unless --formula is given.  Without --from, the program asks in the terminal.  No file is overwritten.
+    Its curve is a guess unless --formula is given.  Without --from, the program asks in the
+    terminal.  No file is overwritten.
     """
     from estim.campaign import drafted_campaign
 
@@ -35,7 +42,10 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
         raise InputError("is there already and is not overwritten", field="NAME", value=str(path))
     if file is None:
         if not _in_a_terminal():
-            raise InputError("must name the table to be fit (without it, questions are asked in a terminal)", field="--from")
+            raise InputError(
+                "must name the table to be fit (without it, questions are asked in a terminal)",
+                field="--from",
+            )
         file, choices = _asked(said)
     else:
         choices = choices_of_table(said)
@@ -59,12 +69,27 @@ def _asked(said: Mapping[str, Any]) -> tuple[Path, TableChoices]:
     file = Path(click.prompt("Table (or .trk) to be fit"))
     if file.suffix.lower() not in (".trk", ".trz"):
         say(f"columns: {', '.join(columns_of(file, choices_of_table(answers)))}")
-    for key, question in (("x", "Column of x"), ("y", "Column of y"), ("formula", "Curve, in x and its parameters, as a*exp(-x/tau) + c")):
+    for key, question in (
+        ("x", "Column of x"),
+        ("y", "Column of y"),
+        ("formula", "Curve, in x and its parameters, as a*exp(-x/tau) + c"),
+    ):
         answers[key] = answers[key] or click.prompt(question)
     if answers["u_y"] is None:
-        answers["u_y"] = click.prompt("Standard uncertainty of one y (empty: by the residuals)", default="", show_default=False) or None
+        answers["u_y"] = (
+            click.prompt(
+                "Standard uncertainty of one y (empty: by the residuals)",
+                default="",
+                show_default=False,
+            )
+            or None
+        )
     if not answers["start"]:
-        written = click.prompt("Starting values, as tau=2 A=1 (only of parameters that are not linear)", default="", show_default=False)
+        written = click.prompt(
+            "Starting values, as tau=2 A=1 (only of parameters that are not linear)",
+            default="",
+            show_default=False,
+        )
         answers["start"] = tuple(written.replace(",", " ").split())
     answers["title"] = answers["title"] or click.prompt("Title", default=file.stem)
     return file, choices_of_table(answers)

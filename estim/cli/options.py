@@ -6,23 +6,57 @@ from pathlib import Path
 
 import click
 
-WHERE = "default: out/ and the name of the campaign, that of its folder where the file is called campaign.toml"
+WHERE = (
+    "default: out/ and the name of the campaign, that of its folder where the file is called "
+    "campaign.toml"
+)
 
-RUNS = click.option("--run", "runs", multiple=True, metavar="NAME", help="This run only; may be given several times.  [default: every run]")
-JOINT = click.option("--joint", is_flag=True, help="Fit the runs jointly: each shared quantity is one unknown.")
-STEPS = click.option("--max-steps", type=click.IntRange(min=50), default=20_000, show_default=True, help="Hard cap on the sampler's steps.")
+RUNS = click.option(
+    "--run",
+    "runs",
+    multiple=True,
+    metavar="NAME",
+    help="This run only; may be given several times.  [default: every run]",
+)
+JOINT = click.option(
+    "--joint", is_flag=True, help="Fit the runs jointly: each shared quantity is one unknown."
+)
+STEPS = click.option(
+    "--max-steps",
+    type=click.IntRange(min=50),
+    default=20_000,
+    show_default=True,
+    help="Hard cap on the sampler's steps.",
+)
 OUT = click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
     help=f"Folder for the report, made if it is not there.  [{WHERE}]",
 )
-SEED = click.option("--seed", type=click.IntRange(min=0, max=2**63 - 1), default=1, show_default=True, help="Seed of every random number.")
-NO_FIGURES = click.option("--no-figures", is_flag=True, help="Write the report without figures, which is faster.")
-JOBS = click.option("--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]")
+SEED = click.option(
+    "--seed",
+    type=click.IntRange(min=0, max=2**63 - 1),
+    default=1,
+    show_default=True,
+    help="Seed of every random number.",
+)
+NO_FIGURES = click.option(
+    "--no-figures", is_flag=True, help="Write the report without figures, which is faster."
+)
+JOBS = click.option(
+    "--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]"
+)
 
-RESUME = click.option("--resume", is_flag=True, help="Go on with what an interrupted command had finished, kept in OUT/.checkpoint.")
+RESUME = click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with what an interrupted command had finished, kept in OUT/.checkpoint.",
+)
 
 
 def out_folder(campaign: Path, *parts: str) -> Path:
-    """Where the report of a campaign goes by default, its `parts` within: two campaigns in one folder do not share it."""
+    """Where the report of a campaign goes by default, its `parts` within: two campaigns in one
+    folder do not share it.
+    """
     name = campaign.resolve().parent.name if campaign.stem == "campaign" else campaign.stem
     return Path("out", name, *parts)

@@ -1,4 +1,6 @@
-"""How a report was made, kept beside it: command, inputs and outputs with their digests, versions.  `estim verify` reads it."""
+"""How a report was made, kept beside it: command, inputs and outputs with their digests, versions.
+`estim verify` reads it.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,9 @@ OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options tha
 
 
 class Ledger:
-    """What the command under way has read so far; kept in click's context, so that nobody has to pass it on."""
+    """What the command under way has read so far; kept in click's context, so that nobody has to
+    pass it on.
+    """
 
     def __init__(self) -> None:
         self._noting = inputs_read()
@@ -43,9 +47,17 @@ def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes]
     """`files` of a report and the formats asked for; and how they were made."""
     origin = origin_of(part)
     command = code(shlex.join(["estim", *origin.command]))
-    said = phrase("Made by {command}; `estim verify` recomputes this report from the same files.", command=command)
+    said = phrase(
+        "Made by {command}; `estim verify` recomputes this report from the same files.",
+        command=command,
+    )
     line = f"\n---\n\n{said}\n"
-    return in_formats({name: data + line.encode() if name == "report.md" else data for name, data in files.items()}), origin
+    return in_formats(
+        {
+            name: data + line.encode() if name == "report.md" else data
+            for name, data in files.items()
+        }
+    ), origin
 
 
 def origin_of(part: str = "") -> Origin:
@@ -53,7 +65,11 @@ def origin_of(part: str = "") -> Origin:
     context = click.get_current_context()
     ledger = context.find_object(Ledger)
     assert ledger is not None, "the group of all commands keeps one"
-    versions = {"python": sys.version.split()[0]} | engine_versions() | {"matplotlib": version("matplotlib")}
+    versions = (
+        {"python": sys.version.split()[0]}
+        | engine_versions()
+        | {"matplotlib": version("matplotlib")}
+    )
     inputs = {plain(path): digest for path, digest in sorted(ledger.inputs.items())}
     return Origin(SCHEMA, [plain(text) for text in _arguments(context)], part, inputs, {}, versions)
 
@@ -66,8 +82,16 @@ def _arguments(context: click.Context) -> list[str]:
         name = parameter.name or ""
         value = _KEPT[name]() if name in _KEPT else context.params.get(name)
         if isinstance(parameter, click.Argument):
-            plain += [str(item) for item in (value if isinstance(value, tuple) else (value,)) if item is not None]
-        elif isinstance(parameter, click.Option) and name not in OF_THE_MOMENT and value != parameter.get_default(context):
+            plain += [
+                str(item)
+                for item in (value if isinstance(value, tuple) else (value,))
+                if item is not None
+            ]
+        elif (
+            isinstance(parameter, click.Option)
+            and name not in OF_THE_MOMENT
+            and value != parameter.get_default(context)
+        ):
             said += _option(parameter, value)
     return [*(context.info_name or "",), *plain, *said]
 

@@ -9,7 +9,9 @@ from pathlib import Path, PurePosixPath
 from estim.common import InputError, json_of, read_file
 
 ORIGIN = "origin.json"
-SIMULATION = "simulation.json"  # of a synthetic campaign, in whose folder a report may stand: it must not pass for the report before
+# of a synthetic campaign, in whose folder a report may stand: it must not pass for the report
+# before
+SIMULATION = "simulation.json"
 SCHEMA = "estim-origin/1"
 _LARGEST = 2**24
 _LONGEST = 255  # bytes of a name
@@ -17,7 +19,8 @@ _LONGEST = 255  # bytes of a name
 
 @dataclass(frozen=True)
 class Origin:
-    """command : arguments of `estim`, without those that change no number.  part : folder of this report within what the command writes.
+    """command : arguments of `estim`, without those that change no number.  part : folder of this
+    report within what the command writes.
 
     inputs, outputs : path (of outputs: within the folder) -> SHA-256 of its bytes.
     """
@@ -35,23 +38,36 @@ class Origin:
 
 
 def read_origin(folder: Path, *, within: Path | None = None, name: str = ORIGIN) -> Origin:
-    """The origin of the report in `folder`.  Raises InputError where there is none, or it is none of estim's: it may be somebody else's."""
+    """The origin of the report in `folder`.  Raises InputError where there is none, or it is none
+    of estim's: it may be somebody else's.
+    """
     path = folder / name
     data = read_file(path, at_most=_LARGEST, within=within or folder)
     if data is None:
-        raise InputError(f"holds no {ORIGIN}: it is not a report of this version of estim", field="report", value=str(folder))
+        raise InputError(
+            f"holds no {ORIGIN}: it is not a report of this version of estim",
+            field="report",
+            value=str(folder),
+        )
     import msgspec
 
     try:
         origin = msgspec.convert(json_of(data), Origin)
     except (ValueError, msgspec.ValidationError) as error:
-        raise InputError(f"is no origin of a report ({str(error).splitlines()[0]})", file=str(path)) from None
+        raise InputError(
+            f"is no origin of a report ({str(error).splitlines()[0]})", file=str(path)
+        ) from None
     if origin.schema != SCHEMA:
         raise InputError(f"must be {SCHEMA}", field="schema", value=origin.schema, file=str(path))
     for field, places in (("part", [origin.part]), ("outputs", origin.outputs)):
         for place in places:
             if not inside(place) or (field == "outputs" and not PurePosixPath(place).parts):
-                raise InputError("must lie within what the command writes", field=field, value=place, file=str(path))
+                raise InputError(
+                    "must lie within what the command writes",
+                    field=field,
+                    value=place,
+                    file=str(path),
+                )
     return origin
 
 
@@ -65,6 +81,14 @@ def written_before(folder: Path, *, within: Path, name: str = ORIGIN) -> dict[st
 
 
 def inside(name: str) -> bool:
-    """Whether a path that somebody may have written can be one of a file and leads no way out of its folder."""
-    plain = name.isprintable() and all(len(part.encode("utf-8", "replace")) <= _LONGEST for part in PurePosixPath(name).parts)
-    return plain and not (PurePosixPath(name).is_absolute() or Path(name).is_absolute() or ".." in PurePosixPath(name).parts)
+    """Whether a path that somebody may have written can be one of a file and leads no way out of
+    its folder.
+    """
+    plain = name.isprintable() and all(
+        len(part.encode("utf-8", "replace")) <= _LONGEST for part in PurePosixPath(name).parts
+    )
+    return plain and not (
+        PurePosixPath(name).is_absolute()
+        or Path(name).is_absolute()
+        or ".." in PurePosixPath(name).parts
+    )

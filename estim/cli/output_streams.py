@@ -1,7 +1,8 @@
-"""Standard output and standard error that a command can always write to: closed, full, without a reader, unable to show a letter.
+"""Standard output and standard error that a command can always write to: closed, full, without a
+reader, unable to show a letter.
 
-Where nothing can be written any more, what follows is dropped and the reason kept: the numbers and files that a command
-makes do not depend on whether somebody reads what it says.
+Where nothing can be written any more, what follows is dropped and the reason kept: the numbers and
+files that a command makes do not depend on whether somebody reads what it says.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ import sys
 from collections.abc import Iterator
 from typing import TextIO
 
-CANNOT_SAY, NO_READER = 74, 141  # EX_IOERR of sysexits.h; what a shell says of a command that SIGPIPE ended
+# EX_IOERR of sysexits.h; what a shell says of a command that SIGPIPE ended
+CANNOT_SAY, NO_READER = 74, 141
 
 
 class Outlet(io.TextIOBase):
-    """A text stream that drops what cannot be written.  A letter that it cannot show is written like '\\u03b3'."""
+    """A text stream that drops what cannot be written.  A letter that it cannot show is written
+    like '\\u03b3'.
+    """
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._error = stream, 0
@@ -31,8 +35,14 @@ class Outlet(io.TextIOBase):
 
     @property
     def trouble(self) -> str:
-        """Why something could not be written, in words; "" where all was, or only the reader was gone, as `head` is."""
-        return f"cannot be written ({os.strerror(self._error).lower()})" if self.code == CANNOT_SAY else ""
+        """Why something could not be written, in words; "" where all was, or only the reader was
+        gone, as `head` is.
+        """
+        return (
+            f"cannot be written ({os.strerror(self._error).lower()})"
+            if self.code == CANNOT_SAY
+            else ""
+        )
 
     @property
     def code(self) -> int:
@@ -67,7 +77,9 @@ class Outlet(io.TextIOBase):
         return True
 
     def _drop(self, error: OSError) -> None:
-        """Nothing is written from now on; what the stream still holds goes nowhere, or Python would complain at its end."""
+        """Nothing is written from now on; what the stream still holds goes nowhere, or Python would
+        complain at its end.
+        """
         self._error = error.errno or errno.EIO
         with open(os.devnull, "wb") as nowhere:
             os.dup2(nowhere.fileno(), self._stream.fileno())
@@ -76,7 +88,8 @@ class Outlet(io.TextIOBase):
 @contextlib.contextmanager
 def outlets() -> Iterator[Outlet]:
     """`sys.stdout` and `sys.stderr` as outlets while the block runs; the first is given."""
-    while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:  # a closed one must not become the number of a file that is written
+    # a closed one must not become the number of a file that is written
+    while (handle := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(handle)
     before = sys.stdout, sys.stderr

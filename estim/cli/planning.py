@@ -10,28 +10,52 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
-from estim.cli.terminal import NOT_OK, conclude, groups_of, pieces, report_at, reserve_output, write_report
+from estim.cli.terminal import (
+    NOT_OK,
+    conclude,
+    groups_of,
+    pieces,
+    report_at,
+    reserve_output,
+    write_report,
+)
 from estim.common import phrase
 
 
 @click.command("plan")
 @click.argument("campaign", type=click.Path(path_type=Path))
 @RUNS
-@click.option("--for", "wanted", multiple=True, metavar="NAME", help="A quantity to know better; may be repeated.  [default: those that are unknown]")
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the campaign, plan/]",
+    "--for",
+    "wanted",
+    multiple=True,
+    metavar="NAME",
+    help="A quantity to know better; may be repeated.  [default: those that are unknown]",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
+    "campaign, plan/]",
 )
 @SEED
 @NO_FIGURES
 @FORMAT
 @LANG
-def plan_next(campaign: Path, runs: tuple[str, ...], wanted: tuple[str, ...], out: Path | None, seed: int, no_figures: bool) -> None:
+def plan_next(
+    campaign: Path,
+    runs: tuple[str, ...],
+    wanted: tuple[str, ...],
+    out: Path | None,
+    seed: int,
+    no_figures: bool,
+) -> None:
     """Plan which further measurements would best reduce the uncertainties of CAMPAIGN.
 
-    The report ranks possible additions and improvements by the uncertainty that would remain, and states what would be
-    needed to halve it (docs/planning.md).  Exit code 3 means that linear theory, on which these numbers are based, is not
-    valid here, or that the curve as stated does not fit the data.
+    The report ranks possible additions and improvements by the uncertainty that would remain, and
+    states what would be needed to halve it (docs/planning.md).  Exit code 3 means that linear
+    theory, on which these numbers are based, is not valid here, or that the curve as stated does
+    not fit the data.
     """
     from estim.campaign import load_campaign
     from estim.planning import plan

@@ -9,7 +9,9 @@ from estim.common import Stream, phrase, stream
 
 
 def say_propagated(file: Path, folder: Path, *, seed: int, figures: bool) -> bool:
-    """Writes the report of a measurement model and says its results; whether every output has one."""
+    """Writes the report of a measurement model and says its results; whether every output has
+    one.
+    """
     from estim.measurement import propagate, read_model
     from estim.reports import measurement_lines, measurement_report
 
@@ -18,7 +20,9 @@ def say_propagated(file: Path, folder: Path, *, seed: int, figures: bool) -> boo
     with pieces("Monte Carlo", phrase("draw")) as progress:
         propagation = propagate(model, rng=stream(seed, Stream.MEASUREMENT), progress=progress)
     write_report(folder, measurement_report(propagation, seed=seed, figures=figures))
-    for output, status, line in zip(model.outputs, propagation.statuses, measurement_lines(propagation), strict=True):
+    for output, status, line in zip(
+        model.outputs, propagation.statuses, measurement_lines(propagation), strict=True
+    ):
         if status.ok:
             say(line)
         else:

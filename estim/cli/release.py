@@ -27,11 +27,20 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
     line = released = None
     if series is not None:
         with progress_bar(phrase("line")) as progress:
-            line = analyse_line(series, gamma_masses=gamma_of_body(source, series.body), seed=seed, target=target, progress=progress)
+            line = analyse_line(
+                series,
+                gamma_masses=gamma_of_body(source, series.body),
+                seed=seed,
+                target=target,
+                progress=progress,
+            )
     if trials is not None:
-        resistance, gamma = resistance_of_body(source, trials.body), gamma_of_body(source, trials.body)
+        resistance = resistance_of_body(source, trials.body)
+        gamma = gamma_of_body(source, trials.body)
         with progress_bar(phrase("trials")) as progress:
-            released = analyse_trials(trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress)
+            released = analyse_trials(
+                trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress
+            )
     files = {}
     if line is not None:
         files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)

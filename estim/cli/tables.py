@@ -1,4 +1,6 @@
-"""Options in place of a campaign file: those that say how a table is written, and those that say a curve (`estim fit data.csv --formula ...`)."""
+"""Options in place of a campaign file: those that say how a table is written, and those that say a
+curve (`estim fit data.csv --formula ...`).
+"""
 
 from __future__ import annotations
 
@@ -16,52 +18,146 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign, TableChoices
     from estim.reading import Dialect
 
-_ENCODINGS = ("utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250", "windows-1251", "iso-8859-15", "mac-roman", "cp437", "cp850")
+_ENCODINGS = (
+    "utf-8",
+    "utf-16",
+    "latin-1",
+    "windows-1252",
+    "windows-1250",
+    "windows-1251",
+    "iso-8859-15",
+    "mac-roman",
+    "cp437",
+    "cp850",
+)
 _AS_SAID = ("x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")
 _TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
 
 _DIALECT = (
-    click.option("--columns", metavar="A,B,...", help="Names of all columns of FILE from left to right.  [default: its line of names]"),
-    click.option("--delimiter", metavar="MARK", help="Separator of the cells: ; , | tab or blank.  [default: detected from the rows]"),
-    click.option("--decimal", type=click.Choice(["point", "comma"]), help="Decimal mark.  [default: detected from the numbers]"),
-    click.option("--skip-rows", type=click.IntRange(min=0), metavar="N", help="Lines at the top of FILE that are not read."),
-    click.option("--encoding", type=click.Choice(_ENCODINGS), help="Encoding of FILE.  [default: UTF-8, or as marked by its first bytes]"),
+    click.option(
+        "--columns",
+        metavar="A,B,...",
+        help="Names of all columns of FILE from left to right.  [default: its line of names]",
+    ),
+    click.option(
+        "--delimiter",
+        metavar="MARK",
+        help="Separator of the cells: ; , | tab or blank.  [default: detected from the rows]",
+    ),
+    click.option(
+        "--decimal",
+        type=click.Choice(["point", "comma"]),
+        help="Decimal mark.  [default: detected from the numbers]",
+    ),
+    click.option(
+        "--skip-rows",
+        type=click.IntRange(min=0),
+        metavar="N",
+        help="Lines at the top of FILE that are not read.",
+    ),
+    click.option(
+        "--encoding",
+        type=click.Choice(_ENCODINGS),
+        help="Encoding of FILE.  [default: UTF-8, or as marked by its first bytes]",
+    ),
 )
 _CURVE = (
-    click.option("--formula", metavar="TEXT", help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".'),
-    click.option("--start", multiple=True, metavar="NAME=VALUE", help='Starting value of a parameter: tau="2 s".  [default: from the points]'),
+    click.option(
+        "--formula",
+        metavar="TEXT",
+        help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".',
+    ),
+    click.option(
+        "--start",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help='Starting value of a parameter: tau="2 s".  [default: from the points]',
+    ),
     click.option("--low", multiple=True, metavar="NAME=VALUE", help="Lower limit of a parameter."),
     click.option("--high", multiple=True, metavar="NAME=VALUE", help="Upper limit of a parameter."),
-    click.option("--value", multiple=True, metavar="NAME=VALUE", help='A parameter that is known: g=9.81 is exact, g="9.81(2)" was measured.'),
-    click.option("--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'),
+    click.option(
+        "--value",
+        multiple=True,
+        metavar="NAME=VALUE",
+        help='A parameter that is known: g=9.81 is exact, g="9.81(2)" was measured.',
+    ),
+    click.option(
+        "--x", metavar="COLUMN", help='Column of x: "time [s]".  [default: the first of two]'
+    ),
     click.option("--y", metavar="COLUMN", help="Column of y.  [default: the other of two]"),
-    click.option("--u-x", metavar="U|COLUMN", help="Standard uncertainty of x.  [default: the column u_NAME if there, else x is exact]"),
-    click.option("--u-y", metavar="U|COLUMN", help="Standard uncertainty of y.  [default: the column u_NAME if there, else from the residuals]"),
-    click.option("--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."),
-    click.option("--every", type=click.IntRange(min=1), metavar="N", help="Fit one of every N points, in order of x."),
-    click.option("--deviation", type=float, metavar="D", help="Plausible size of a smooth deviation of y from the curve."),
-    click.option("--correlated", is_flag=True, help="Errors are correlated in the order of the rows."),
-    click.option("--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"),
-    click.option("--kind", type=click.Choice(list(KINDS)), help="What the numbers of FILE are.  [default: measured]"),
-    click.option("--track", metavar="NAME", help="The track of a file of the program Tracker.  [default: the only one]"),
-    click.option("--release", metavar="first|keep|T", help="Where x_m of a Tracker file is 0; points before time T (s) are left out."),
+    click.option(
+        "--u-x",
+        metavar="U|COLUMN",
+        help="Standard uncertainty of x.  [default: the column u_NAME if there, else x is exact]",
+    ),
+    click.option(
+        "--u-y",
+        metavar="U|COLUMN",
+        help="Standard uncertainty of y.  [default: the column u_NAME if there, else from the "
+        "residuals]",
+    ),
+    click.option(
+        "--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."
+    ),
+    click.option(
+        "--every",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Fit one of every N points, in order of x.",
+    ),
+    click.option(
+        "--deviation",
+        type=float,
+        metavar="D",
+        help="Plausible size of a smooth deviation of y from the curve.",
+    ),
+    click.option(
+        "--correlated", is_flag=True, help="Errors are correlated in the order of the rows."
+    ),
+    click.option(
+        "--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"
+    ),
+    click.option(
+        "--kind",
+        type=click.Choice(list(KINDS)),
+        help="What the numbers of FILE are.  [default: measured]",
+    ),
+    click.option(
+        "--track",
+        metavar="NAME",
+        help="The track of a file of the program Tracker.  [default: the only one]",
+    ),
+    click.option(
+        "--release",
+        metavar="first|keep|T",
+        help="Where x_m of a Tracker file is 0; points before time T (s) are left out.",
+    ),
 )
 
 
 def dialect_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Adds the options of `_DIALECT`; the command takes what they say as `dialect`, a mapping for `dialect_of`."""
+    """Adds the options of `_DIALECT`; the command takes what they say as `dialect`, a mapping for
+    `dialect_of`.
+    """
     return _gathered(command, _DIALECT, "dialect")
 
 
 def curve_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Adds all options that stand for a campaign; the command takes what they say as `said`, a mapping for `load_or_make`."""
+    """Adds all options that stand for a campaign; the command takes what they say as `said`, a
+    mapping for `load_or_make`.
+    """
     return _gathered(command, (*_CURVE, *_DIALECT), "said")
 
 
-def _gathered(command: Callable[..., Any], options: tuple[Callable[..., Any], ...], name: str) -> Callable[..., Any]:
+def _gathered(
+    command: Callable[..., Any], options: tuple[Callable[..., Any], ...], name: str
+) -> Callable[..., Any]:
     @wraps(command)
     def gathering(**given: Any) -> Any:
-        return command(**{key: value for key, value in given.items() if key not in names}, **{name: {key: given[key] for key in names}})
+        return command(
+            **{key: value for key, value in given.items() if key not in names},
+            **{name: {key: given[key] for key in names}},
+        )
 
     whole: Callable[..., Any] = gathering
     for option in reversed(options):
@@ -74,41 +170,79 @@ def dialect_of(said: Mapping[str, Any]) -> Dialect:
     """How a table is written, of what was said.  Raises InputError naming the option."""
     from estim.reading import Dialect
 
-    columns = None if said["columns"] is None else tuple(name.strip() for name in said["columns"].split(","))
+    columns = (
+        None
+        if said["columns"] is None
+        else tuple(name.strip() for name in said["columns"].split(","))
+    )
     try:
-        return Dialect(columns, said["delimiter"], said["decimal"], said["skip_rows"], None, said["encoding"])
+        return Dialect(
+            columns, said["delimiter"], said["decimal"], said["skip_rows"], None, said["encoding"]
+        )
     except InputError as error:
-        raise InputError(error.rule, field=f"--{str(error.field).replace('_', '-')}", value=error.value) from None
+        raise InputError(
+            error.rule, field=f"--{str(error.field).replace('_', '-')}", value=error.value
+        ) from None
 
 
-def load_or_make(file: Path, said: Mapping[str, Any], out: Path | None, runs: Sequence[str] = ()) -> tuple[Campaign, Path]:
-    """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the table `file`; and the folder of its report."""
+def load_or_make(
+    file: Path, said: Mapping[str, Any], out: Path | None, runs: Sequence[str] = ()
+) -> tuple[Campaign, Path]:
+    """The campaign in `file`, with the tables of `runs`, or the one that fits a formula to the
+    table `file`; and the folder of its report.
+    """
     from estim.campaign import campaign_of_table, load_campaign
 
-    given = [f"--{name.replace('_', '-')}" for name, value in said.items() if value not in (None, (), False)]
+    given = [
+        f"--{name.replace('_', '-')}"
+        for name, value in said.items()
+        if value not in (None, (), False)
+    ]
     if said["formula"] is None:
         if given:
             campaign = file.suffix.lower() == ".toml"
-            rule = "needs --formula and a table; for a campaign it is stated in the file" if campaign else "needs --formula as well"
+            rule = (
+                "needs --formula and a table; for a campaign it is stated in the file"
+                if campaign
+                else "needs --formula as well"
+            )
             raise InputError(rule, field=given[0])
         if file.suffix.lower() in _TABLES:
-            rule = 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for it (estim new NAME --from FILE)'
+            rule = (
+                'is a table, not a campaign: say --formula "a*x + b", or write a campaign for '
+                "it (estim new NAME --from FILE)"
+            )
             raise InputError(rule, field="CAMPAIGN|FILE", value=str(file))
         return load_campaign(file, asked=runs), out or out_folder(file)
     if file.suffix.lower() == ".toml":
-        raise InputError("needs a table of points; the curve of a campaign is stated in its file", field="--formula", value=said["formula"])
+        raise InputError(
+            "needs a table of points; the curve of a campaign is stated in its file",
+            field="--formula",
+            value=said["formula"],
+        )
     return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
 
 
 def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
-    """What the options say of a table and its curve; without a formula, an empty one.  Raises InputError naming the option."""
+    """What the options say of a table and its curve; without a formula, an empty one.  Raises
+    InputError naming the option.
+    """
     from estim.campaign import TableChoices, pairs
 
-    start, low, high, value = (pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value"))
+    start, low, high, value = (
+        pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value")
+    )
     plain: dict[str, Any] = {name: said[name] for name in _AS_SAID}
     return TableChoices(
-        formula=said["formula"] or "", **plain, start=start, low=low, high=high, value=value, kind=said["kind"] or "measured",
-        window=_window(said["window"]), dialect=dialect_of(said),
+        formula=said["formula"] or "",
+        **plain,
+        start=start,
+        low=low,
+        high=high,
+        value=value,
+        kind=said["kind"] or "measured",
+        window=_window(said["window"]),
+        dialect=dialect_of(said),
     )
 
 
@@ -121,4 +255,6 @@ def _window(written: str | None) -> tuple[float | None, float | None] | None:
             raise ValueError
         return (read_number(low) if low else None), (read_number(high) if high else None)
     except ValueError:
-        raise InputError("must be written MIN:MAX, as 0.5:3", field="--window", value=written) from None
+        raise InputError(
+            "must be written MIN:MAX, as 0.5:3", field="--window", value=written
+        ) from None

@@ -1,4 +1,6 @@
-"""What the commands share: one line said to a person, exit codes, progress bars, which runs, files written whole."""
+"""What the commands share: one line said to a person, exit codes, progress bars, which runs, files
+written whole.
+"""
 
 from __future__ import annotations
 
@@ -43,14 +45,18 @@ BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are i
 
 
 def say(line: str, *, err: bool = False) -> None:
-    """One line on stdout or stderr, whatever `line` holds.  Every word of a command goes through here."""
+    """One line on stdout or stderr, whatever `line` holds.  Every word of a command goes through
+    here.
+    """
     stream = sys.stderr if err else sys.stdout
     stream.write(one_line(line) + "\n")
     stream.flush()
 
 
 def exit_code(command: Callable[[], object]) -> int:
-    """The exit code of a command, whose errors become one line on stderr.  Streams that cannot be written to stop nothing."""
+    """The exit code of a command, whose errors become one line on stderr.  Streams that cannot be
+    written to stop nothing.
+    """
     with outlets() as stdout:
         code = _code(command)
         if stdout.trouble:
@@ -70,10 +76,15 @@ def _code(command: Callable[[], object]) -> int:
         said = error.format_message() if isinstance(error, click.ClickException) else str(error)
         say(f"error: {said}", err=True)
         return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
-    except OSError as error:  # of a file that a person named, looked for where nothing opens it: too long a name, a folder of others
+    # of a file that a person named, looked for where nothing opens it: too long a name, a folder of
+    # others
+    except OSError as error:
         if error.filename is None or namesake_behind(error):
             raise
-        say(f"error: {error.filename}: cannot be used ({(error.strerror or str(error)).lower()})", err=True)
+        say(
+            f"error: {error.filename}: cannot be used ({(error.strerror or str(error)).lower()})",
+            err=True,
+        )
         return BAD_INPUT
     return status if isinstance(status, int) else 0
 
@@ -83,7 +94,14 @@ def counted(what: str, total: int, unit: str = "") -> Iterator[Callable[[int], N
     """A progress bar on stderr for a number of equal pieces of work, which are kept."""
     from tqdm import tqdm
 
-    with tqdm(total=total, desc=one_line(what), unit=unit or phrase("campaign"), leave=False, disable=None, dynamic_ncols=True) as bar:
+    with tqdm(
+        total=total,
+        desc=one_line(what),
+        unit=unit or phrase("campaign"),
+        leave=False,
+        disable=None,
+        dynamic_ncols=True,
+    ) as bar:
 
         def show(done: int) -> None:
             bar.update(done - bar.n)
@@ -126,11 +144,20 @@ def announced(what: str) -> Iterator[Progress]:
 
 @contextmanager
 def progress_bar(what: str) -> Iterator[Progress]:
-    """A progress bar on stderr: the share of the draws needed, and what is being done or still lacks."""
+    """A progress bar on stderr: the share of the draws needed, and what is being done or still
+    lacks.
+    """
     from tqdm import tqdm
 
     words = phrase("{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}")
-    with tqdm(total=100, desc=one_line(what), bar_format=words, leave=False, disable=None, dynamic_ncols=True) as bar:
+    with tqdm(
+        total=100,
+        desc=one_line(what),
+        bar_format=words,
+        leave=False,
+        disable=None,
+        dynamic_ncols=True,
+    ) as bar:
 
         def show(percent: int, message: str) -> None:
             bar.n = percent
@@ -140,36 +167,60 @@ def progress_bar(what: str) -> Iterator[Progress]:
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write every file whole.  Raises EstimError, with nothing written, where another file of that name is there already."""
-    require_own(folder, files, {name: sha256(data).hexdigest() for name, data in files.items()}, within=folder)
+    """Write every file whole.  Raises EstimError, with nothing written, where another file of that
+    name is there already.
+    """
+    require_own(
+        folder,
+        files,
+        {name: sha256(data).hexdigest() for name, data in files.items()},
+        within=folder,
+    )
     for name, data in files.items():
         write_whole(folder / name, data, within=folder)
 
 
-def reserve_output(folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None) -> None:
-    """Raises EstimError, before anything is computed, where a report in `folder` would replace what estim did not write, or what somebody changed.
+def reserve_output(
+    folder: Path, *names: str, groups: Sequence[Sequence[str]] = (), within: Path | None = None
+) -> None:
+    """Raises EstimError, before anything is computed, where a report in `folder` would replace what
+    estim did not write, or what somebody changed.
 
-    names : of what a report has beside `report.md`.  groups : of runs, each of which has a report in the folder of its first run if they are several.
+    names : of what a report has beside `report.md`.
+    groups : of runs, each of which has a report in the folder of its first run if they are several.
     """
     for part in ("", *(group[0] for group in groups if len(groups) > 1)):
         place = folder / part
-        require_room(place, names, written_before(place, within=within or folder), within=within or folder)
+        require_room(
+            place, names, written_before(place, within=within or folder), within=within or folder
+        )
 
 
 def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made, in place of the report that was there, of which nothing stays.
+    """Write a report whole, and how it was made, in place of the report that was there, of which
+    nothing stays.
 
-    Raises EstimError, with nothing written, where a file would be replaced that is not as estim wrote it.
+    Raises EstimError, with nothing written, where a file would be replaced that is not as estim
+    wrote it.
     """
     root = within or folder
     part = folder.relative_to(root).as_posix()
     made, origin = with_origin(files, "" if part == "." else part)
     before = written_before(folder, within=root)
-    replace_own(folder, made, before, ORIGIN, lambda outputs: as_json(replace(origin, outputs=dict(outputs))), within=root)
+    replace_own(
+        folder,
+        made,
+        before,
+        ORIGIN,
+        lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
+        within=root,
+    )
 
 
 def report_at(path: Path, outside: Iterable[str]) -> None:
-    """Where the report stands, and which of the files that were read lie outside the campaign's folder."""
+    """Where the report stands, and which of the files that were read lie outside the campaign's
+    folder.
+    """
     for said in outside:
         say(phrase("note: {text}", text=said))
     for made in [path.with_suffix(f".{name}") for name in chosen()] or [path]:
@@ -178,19 +229,29 @@ def report_at(path: Path, outside: Iterable[str]) -> None:
 
 @contextmanager
 def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
-    """Where a command keeps what it has finished, in OUT/.checkpoint, until all its reports are written.
+    """Where a command keeps what it has finished, in OUT/.checkpoint, until all its reports are
+    written.
 
-    Without `resume` what an earlier command left there is discarded.  A signal to stop ends in a line that says whether anything was finished.
-    Raises EstimError, before anything is computed, where another process is at work there, or nothing can be written.
+    Without `resume` what an earlier command left there is discarded.  A signal to stop ends in a
+    line that says whether anything was finished.  Raises EstimError, before anything is computed,
+    where another process is at work there, or nothing can be written.
     """
     store = PieceStore(folder / ".checkpoint", within=folder)
     with held(store.folder / ".lock", within=folder):
         found = len(store.names())
         if resume:
-            rest = f"finished pieces: {found}; those made from the same inputs are used" if found else "nothing to resume, all is computed anew"
+            rest = (
+                f"finished pieces: {found}; those made from the same inputs are used"
+                if found
+                else "nothing to resume, all is computed anew"
+            )
             say(f"{store.folder}: {rest}", err=True)
         elif found:
-            say(f"{store.folder}: what an unfinished command left is discarded (--resume would continue it)", err=True)
+            say(
+                f"{store.folder}: what an unfinished command left is discarded (--resume "
+                "would continue it)",
+                err=True,
+            )
             store.clear()
         try:
             yield store
@@ -201,8 +262,16 @@ def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
 
 def together(runs: Sequence[str]) -> str:
     """The runs of a fit as they are named on the screen."""
-    return ", ".join(runs) if len(runs) <= _MOST_NAMED else phrase(
-        "{first}, {second} ... {last} ({n} runs)", first=runs[0], second=runs[1], last=runs[-1], n=len(runs)
+    return (
+        ", ".join(runs)
+        if len(runs) <= _MOST_NAMED
+        else phrase(
+            "{first}, {second} ... {last} ({n} runs)",
+            first=runs[0],
+            second=runs[1],
+            last=runs[-1],
+            n=len(runs),
+        )
     )
 
 
@@ -211,7 +280,16 @@ def groups_of(campaign: Campaign, runs: Iterable[str], *, joint: bool) -> list[t
     names = tuple(dict.fromkeys(runs)) or campaign.run_names
     for name in names:
         if name not in campaign.run_names:
-            raise InputError(f"must name one of the runs ({', '.join(campaign.source.names)})", field="--run", value=name, file=campaign.source.path)
+            raise InputError(
+                f"must name one of the runs ({', '.join(campaign.source.names)})",
+                field="--run",
+                value=name,
+                file=campaign.source.path,
+            )
     if not names:
-        raise InputError("has no [[runs]] (estim line fits its theta_min series)", field="campaign", file=campaign.source.path)
+        raise InputError(
+            "has no [[runs]] (estim line fits its theta_min series)",
+            field="campaign",
+            file=campaign.source.path,
+        )
     return [names] if joint else [(name,) for name in names]

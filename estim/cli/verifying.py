@@ -1,4 +1,6 @@
-"""`estim verify` and `estim diff`: a report recomputed from its inputs, and two results side by side."""
+"""`estim verify` and `estim diff`: a report recomputed from its inputs, and two results side by
+side.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +21,34 @@ import click
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
-from estim.common import EstimError, InputError, format_rounded, json_of, names_in, read_file, spoken
+from estim.common import (
+    EstimError,
+    InputError,
+    format_rounded,
+    json_of,
+    names_in,
+    read_file,
+    spoken,
+)
 from estim.verification import Difference, Verdict, compare_results, differences, draws_are_same
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
-_MAKING_REPORTS = frozenset({"fit", "line", "energy", "reanalyse", "calibrate", "compare-models", "map", "plan", "propagate", "body", "batch"})
+_MAKING_REPORTS = frozenset(
+    {
+        "fit",
+        "line",
+        "energy",
+        "reanalyse",
+        "calibrate",
+        "compare-models",
+        "map",
+        "plan",
+        "propagate",
+        "body",
+        "batch",
+    }
+)
 _LONGEST_WORD = 4096
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
@@ -35,19 +59,27 @@ _FAR = 0.1  # sds: what moved by less is told together
 
 @click.command()
 @click.argument("report", type=click.Path(path_type=Path))
-@click.option("--from", "root", type=click.Path(path_type=Path, file_okay=False), help="Folder from which the inputs are named.  [default: found]")
+@click.option(
+    "--from",
+    "root",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder from which the inputs are named.  [default: found]",
+)
 def verify(report: Path, root: Path | None) -> None:
     """Recompute REPORT (its folder) from the inputs that it names, and list what differs.
 
-    Reports of single runs in folders below are verified with it.  It lists files that were changed after they were written, inputs that are no longer
-    the same, results that differ by more than the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that
-    was compared agrees; 3: something does not.
+    Reports of single runs in folders below are verified with it.  It lists files that were changed
+    after they were written, inputs that are no longer the same, results that differ by more than
+    the tolerances (docs/verifying.md), and what was not compared.  Exit code 0: everything that was
+    compared agrees; 3: something does not.
     """
     try:
         os.stat(report)
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"cannot be read ({said.lower()})", field="report", value=str(report)) from None
+        raise InputError(
+            f"cannot be read ({said.lower()})", field="report", value=str(report)
+        ) from None
     folder = report if _is_folder(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)
@@ -61,7 +93,13 @@ def verify(report: Path, root: Path | None) -> None:
         if trouble:
             found.wrong.extend([*_changed_outputs(folder, folder, origin), trouble])
         else:
-            _compare(folder, Path(made) / origin.part, place.resolve(), found, lang=str(given.get("lang", "en")))
+            _compare(
+                folder,
+                Path(made) / origin.part,
+                place.resolve(),
+                found,
+                lang=str(given.get("lang", "en")),
+            )
     for line in found.wrong:
         say(line)
     aside = f"; not compared: {_listed(found.aside)}" if found.aside else ""
@@ -73,7 +111,9 @@ def verify(report: Path, root: Path | None) -> None:
 
 @dataclass(frozen=True)
 class Found:
-    """wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were compared and that were not."""
+    """wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were
+    compared and that were not.
+    """
 
     wrong: list[str]
     compared: list[str]
@@ -81,37 +121,55 @@ class Found:
 
 
 def _given(origin: Origin, folder: Path) -> dict[str, Any]:
-    """The options of the command.  Raises InputError unless it is one that makes a report, without any option that a report never names.
+    """The options of the command.  Raises InputError unless it is one that makes a report, without
+    any option that a report never names.
 
-    The origin may be somebody else's: such options choose places and processes, and change no number.
+    The origin may be somebody else's: such options choose places and processes, and change no
+    number.
     """
     group = click.get_current_context().find_root().command
     assert isinstance(group, click.Group)
     name, words = (origin.command or [""])[0], origin.command[1:]
     command = group.commands.get(name) if name in _MAKING_REPORTS else None
-    if command is not None and all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words):
+    if command is not None and all(
+        word.isprintable() and len(word) <= _LONGEST_WORD for word in words
+    ):
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
         except click.ClickException as error:
-            raise InputError(f"is no command of estim ({error.format_message()})", field="command", value=origin.line, file=folder / ORIGIN) from None
-        if given.keys() <= {one.name for one in command.params} - OF_THE_MOMENT:  # and no --help, which click adds
+            raise InputError(
+                f"is no command of estim ({error.format_message()})",
+                field="command",
+                value=origin.line,
+                file=folder / ORIGIN,
+            ) from None
+        # and no --help, which click adds
+        if given.keys() <= {one.name for one in command.params} - OF_THE_MOMENT:
             return dict(given)
     rule = "must name a command that makes a report, and no place, processes or --resume"
     raise InputError(rule, field="command", value=origin.line, file=folder / ORIGIN)
 
 
 def _root_of(folder: Path, origin: Origin) -> Path:
-    """The folder in which all inputs are found under their names: this one, or the nearest above the report.  Raises InputError."""
+    """The folder in which all inputs are found under their names: this one, or the nearest above
+    the report.  Raises InputError.
+    """
     here = Path.cwd()
     for place in (here, *folder.resolve().parents):
         if all(_kind_of(place / path) for path in origin.inputs):
             return place
     missing = next(path for path in origin.inputs if not _kind_of(here / path))
-    raise InputError("cannot be found, here or above the report; --from says from which folder it is named", field="input", value=missing)
+    raise InputError(
+        "cannot be found, here or above the report; --from says from which folder it is named",
+        field="input",
+        value=missing,
+    )
 
 
 def _kind_of(path: Path) -> int:
-    """The kind of what stands there (`stat.S_IFMT`), 0 where nothing does or the name can be none."""
+    """The kind of what stands there (`stat.S_IFMT`), 0 where nothing does or the name can be
+    none.
+    """
     try:
         return stat.S_IFMT(os.stat(path).st_mode)
     except (OSError, ValueError):
@@ -135,9 +193,14 @@ def _shown(root: Path, folder: Path, name: str) -> str:
     return (folder.relative_to(root) / name).as_posix()
 
 
-def _changed_inputs(place: Path, before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+def _changed_inputs(
+    place: Path, before: Mapping[str, str], now: Mapping[str, str]
+) -> Iterator[str]:
     """Of the inputs as the origin has them and as they were read now."""
-    old, new = ({os.path.normpath(place / path): (path, digest) for path, digest in inputs.items()} for inputs in (before, now))
+    old, new = (
+        {os.path.normpath(place / path): (path, digest) for path, digest in inputs.items()}
+        for inputs in (before, now)
+    )
     for where in sorted({*old, *new}):
         path = (old.get(where) or new[where])[0]
         if where not in old:
@@ -156,9 +219,16 @@ def _recompute(origin: Origin, out: Path, place: Path) -> str:
         try:
             group.main([name, "--out", str(out), *words], prog_name="estim", standalone_mode=False)
         except SystemExit as ended:  # a result that is not ok has a report all the same
-            return "" if ended.code in (None, 0, NOT_OK) else f"cannot be recomputed: exit code {ended.code}"
+            return (
+                ""
+                if ended.code in (None, 0, NOT_OK)
+                else f"cannot be recomputed: exit code {ended.code}"
+            )
         except (EstimError, click.ClickException) as error:
-            return f"cannot be recomputed: {error.format_message() if isinstance(error, click.ClickException) else error}"
+            return (
+                "cannot be recomputed: "
+                f"{error.format_message() if isinstance(error, click.ClickException) else error}"
+            )
     return ""
 
 
@@ -174,23 +244,39 @@ def _compare(folder: Path, made: Path, place: Path, found: Found, *, lang: str) 
             found.wrong.append(str(error))
             continue
         if (before.command, before.part) != (now.command, now.part):
-            found.wrong.append(f"{_shown(folder, folder / part, ORIGIN)}: is that of another command: {before.line}")
+            found.wrong.append(
+                f"{_shown(folder, folder / part, ORIGIN)}: is that of another command: "
+                f"{before.line}"
+            )
         pairs.append((part, before, now))
     files = {
-        part: {name: (_bytes(folder, folder / part, name), _bytes(made, made / part, name)) for name in before.outputs}
+        part: {
+            name: (_bytes(folder, folder / part, name), _bytes(made, made / part, name))
+            for name in before.outputs
+        }
         for part, before, _ in pairs
     }
     whole = [
-        (name, old, new) for of_part in files.values() for name, (old, new) in of_part.items()
+        (name, old, new)
+        for of_part in files.values()
+        for name, (old, new) in of_part.items()
         if old is not None and new is not None and not name.endswith(_OWN_BYTES)
     ]
-    same_draws, exact = all(draws_are_same(*one) for one in whole), all(old == new for name, old, new in whole if not name.endswith(".md"))
+    same_draws = all(draws_are_same(*one) for one in whole)
+    exact = all(old == new for name, old, new in whole if not name.endswith(".md"))
     how = _How(folder, same_draws=same_draws, exact=exact, lang=lang)
     if not how.same_draws:
-        say("note: the draws are others, as on another processor: estimates are compared within their Monte-Carlo errors, and what has none is not")
+        say(
+            "note: the draws are others, as on another processor: estimates are compared "
+            "within their Monte-Carlo errors, and what has none is not"
+        )
     for part, before, now in pairs:
         found.wrong.extend(_changed_outputs(folder, folder / part, before))
-        found.wrong.extend(line for line in _changed_inputs(place, before.inputs, now.inputs) if line not in found.wrong)
+        found.wrong.extend(
+            line
+            for line in _changed_inputs(place, before.inputs, now.inputs)
+            if line not in found.wrong
+        )
         _compare_part(how, folder / part, files[part], before, now, found)
 
 
@@ -199,7 +285,9 @@ _Pairs = Mapping[str, tuple[bytes | None, bytes | None]]
 
 @dataclass(frozen=True)
 class _How:
-    """root : of the whole report.  same_draws : in all of its parts.  exact : whether all files of numbers are the same to the last byte."""
+    """root : of the whole report.  same_draws : in all of its parts.  exact : whether all files of
+    numbers are the same to the last byte.
+    """
 
     root: Path
     same_draws: bool
@@ -211,23 +299,43 @@ def _bytes(root: Path, folder: Path, name: str) -> bytes | None:
     return read_file(folder / name, at_most=_LARGEST, within=root)
 
 
-def _compare_part(how: _How, folder: Path, files: _Pairs, before: Origin, now: Origin, found: Found) -> None:
-    other = {name: (old, now.versions.get(name, "none")) for name, old in before.versions.items() if now.versions.get(name) != old}
+def _compare_part(
+    how: _How, folder: Path, files: _Pairs, before: Origin, now: Origin, found: Found
+) -> None:
+    other = {
+        name: (old, now.versions.get(name, "none"))
+        for name, old in before.versions.items()
+        if now.versions.get(name) != old
+    }
     for package, (stated, present) in other.items() if folder == how.root else ():
         say(f"note: made with {package} {stated}, recomputed with {present}")
-    unnamed = [name for name in now.outputs if name not in before.outputs and not name.endswith(_OPTIONAL)]
+    unnamed = [
+        name for name in now.outputs if name not in before.outputs and not name.endswith(_OPTIONAL)
+    ]
     if not any(map(_is_picture, before.outputs)):
         unnamed = [name for name in unnamed if not _is_picture(name)]
-    found.wrong.extend(f"{_shown(how.root, folder, name)}: is made now, and {ORIGIN} does not name it" for name in unnamed)
-    found.aside.extend(_shown(how.root, folder, name) for name in _not_named(how.root, folder, before))
+    found.wrong.extend(
+        f"{_shown(how.root, folder, name)}: is made now, and {ORIGIN} does not name it"
+        for name in unnamed
+    )
+    found.aside.extend(
+        _shown(how.root, folder, name) for name in _not_named(how.root, folder, before)
+    )
     for name, (old, new) in files.items():
         shown = _shown(how.root, folder, name)
         if old is None or (new is None and not name.endswith(_OPTIONAL)):
-            found.wrong.append(f"{shown}: " + ("is missing" if old is None else "is not made any more"))
+            found.wrong.append(
+                f"{shown}: " + ("is missing" if old is None else "is not made any more")
+            )
             continue
         if name == _PAGE:
             new = _page(files, lang=how.lang)
-        if name.endswith(".pdf") or name == _TIMES or new is None or (_is_picture(name) and not _same_picture(old, new)):
+        if (
+            name.endswith(".pdf")
+            or name == _TIMES
+            or new is None
+            or (_is_picture(name) and not _same_picture(old, new))
+        ):
             if _is_picture(name) and how.exact and before.versions == now.versions:
                 found.wrong.append(f"{shown}: shows another picture than the one that is drawn now")
             else:
@@ -235,11 +343,24 @@ def _compare_part(how: _How, folder: Path, files: _Pairs, before: Origin, now: O
         elif _is_picture(name):
             found.compared.append(shown)
         else:
-            _compare_file(shown, differences(name, old, new, same_draws=how.same_draws or name == _PAGE, exact=how.exact or name == _PAGE), found)
+            _compare_file(
+                shown,
+                differences(
+                    name,
+                    old,
+                    new,
+                    same_draws=how.same_draws or name == _PAGE,
+                    exact=how.exact or name == _PAGE,
+                ),
+                found,
+            )
 
 
 def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> None:
-    wrong, within, aside = ([one for one in differing if one.verdict is verdict] for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE))
+    wrong, within, aside = (
+        [one for one in differing if one.verdict is verdict]
+        for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE)
+    )
     if aside and not aside[0].where:
         found.aside.append(shown)
         return
@@ -251,14 +372,24 @@ def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> 
         found.aside.append(f"of {shown} {len(aside)} entries ({_listed(list(names))})")
         for one in aside if shown.endswith(".md") else ():
             say(f"not compared: {shown}, {one.where}: {one.before!r}, recomputed {one.now!r}")
-    found.wrong.extend(f"{shown}, {one.where}: {one.before!r}, recomputed {one.now!r}" for one in wrong[:_TOLD])
+    found.wrong.extend(
+        f"{shown}, {one.where}: {one.before!r}, recomputed {one.now!r}" for one in wrong[:_TOLD]
+    )
     found.wrong.extend([f"{shown}: and {len(wrong) - _TOLD} more"] if len(wrong) > _TOLD else [])
 
 
 def _not_named(root: Path, folder: Path, origin: Origin) -> list[str]:
     """Files that stand there and that the origin does not name: anybody may have put them there."""
-    names = [f"{part}{name}" for part in ("", "figures/", "tables/") for name in names_in(folder / part, within=root)]
-    return [name for name in names if name not in {*origin.outputs, ORIGIN} and not _is_folder(folder / name)]
+    names = [
+        f"{part}{name}"
+        for part in ("", "figures/", "tables/")
+        for name in names_in(folder / part, within=root)
+    ]
+    return [
+        name
+        for name in names
+        if name not in {*origin.outputs, ORIGIN} and not _is_folder(folder / name)
+    ]
 
 
 def _page(files: _Pairs, *, lang: str) -> bytes:
@@ -266,7 +397,14 @@ def _page(files: _Pairs, *, lang: str) -> bytes:
     from estim.reports import with_formats
 
     with spoken(lang):
-        return with_formats({name: pair[0] for name, pair in files.items() if pair[0] is not None and name != _PAGE}, ["html"])[_PAGE]
+        return with_formats(
+            {
+                name: pair[0]
+                for name, pair in files.items()
+                if pair[0] is not None and name != _PAGE
+            },
+            ["html"],
+        )[_PAGE]
 
 
 def _is_picture(name: str) -> bool:
@@ -277,7 +415,8 @@ def _same_picture(before: bytes, now: bytes) -> bool:
     """Whether two files show the same, point by point."""
     if before == now:
         return True
-    if before[:_HEADER] != now[:_HEADER]:  # sizes and colours: what is read is no larger than what was drawn
+    # sizes and colours: what is read is no larger than what was drawn
+    if before[:_HEADER] != now[:_HEADER]:
         return False
     from matplotlib.image import imread
 
@@ -292,9 +431,11 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 @click.argument("first", type=click.Path(path_type=Path))
 @click.argument("second", type=click.Path(path_type=Path))
 def diff(first: Path, second: Path) -> None:
-    """What differs between the results of two analyses, FIRST and SECOND (folders, or files result.json).
+    """What differs between the results of two analyses, FIRST and SECOND (folders, or files
+    result.json).
 
-    It lists inputs, settings and versions, then the shift of each estimate in standard deviations of the first.
+    It lists inputs, settings and versions, then the shift of each estimate in standard deviations
+    of the first.
     """
     pair = compare_results(_result(first), _result(second))
     for line in pair.inputs:
@@ -302,13 +443,23 @@ def diff(first: Path, second: Path) -> None:
     if pair.same:
         say("the results are the same")
         return
-    far = [one for one in pair.estimates if not abs(one.shift) <= _FAR or not 1.0 / 1.1 <= one.ratio <= 1.1]
+    far = [
+        one
+        for one in pair.estimates
+        if not abs(one.shift) <= _FAR or not 1.0 / 1.1 <= one.ratio <= 1.1
+    ]
     for one in far:
         unit = "" if one.unit == "1" else f" {one.unit}"
-        values = " -> ".join(f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}" for mean, sd in (one.first, one.second))
+        values = " -> ".join(
+            f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
+            for mean, sd in (one.first, one.second)
+        )
         say(f"{one.name}: {values}{unit}, moved by {one.shift:+.2f} sd, sd x {one.ratio:.2f}")
     if len(pair.estimates) > len(far):
-        say(f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their sds by at most 10 %")
+        say(
+            f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their "
+            "sds by at most 10 %"
+        )
     if pair.others:
         say(f"other entries that differ: {_listed(pair.others)}")
     for what, names in (("the first alone has", pair.lost), ("the second alone has", pair.gained)):
@@ -317,7 +468,9 @@ def diff(first: Path, second: Path) -> None:
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names[:_TOLD]) + (f" and {len(names) - _TOLD} more" if len(names) > _TOLD else "")
+    return ", ".join(names[:_TOLD]) + (
+        f" and {len(names) - _TOLD} more" if len(names) > _TOLD else ""
+    )
 
 
 def _result(path: Path) -> dict[str, Any]:
@@ -333,5 +486,3 @@ def _result(path: Path) -> dict[str, Any]:
     if not isinstance(record, dict) or not str(record.get("schema", "")).startswith("estim-"):
         raise InputError("must be a result.json of estim", field="result", value=str(file))
     return record
-
-

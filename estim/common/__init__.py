@@ -1,6 +1,20 @@
-"""What every room may use: errors, quantities, labels and units, statuses, the one file that writes.  Read `statuses` and `kinds` first."""
+"""What every room may use: errors, quantities, labels and units, statuses, the one file that
+writes.  Read `statuses` and `kinds` first.
+"""
+
 from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
-from estim.common.escaping import Markdown, as_json, code, destination, json_of, markdown, mathtext, one_line, plain, unescaped
+from estim.common.escaping import (
+    Markdown,
+    as_json,
+    code,
+    destination,
+    json_of,
+    markdown,
+    mathtext,
+    one_line,
+    plain,
+    unescaped,
+)
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
 from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
@@ -9,8 +23,35 @@ from estim.common.lookalikes import first_alike, forms, same_looks
 from estim.common.phrases import LANGUAGES, PhraseTable, language, later, phrase, spoken
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
-from estim.common.quantity import EXTREME, Quantity, e_n, extreme, format_p, format_quantity, format_rounded, p_digits, percentage
+from estim.common.quantity import (
+    EXTREME,
+    Quantity,
+    e_n,
+    extreme,
+    format_p,
+    format_quantity,
+    format_rounded,
+    p_digits,
+    percentage,
+)
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
-from estim.common.statuses import PROBABILITIES, Amount, Finding, Kind, Status, decide, gravest, wrong
-from estim.common.storage import held, inputs_read, names_in, note_input, read_file, remove_files, write_whole
+from estim.common.statuses import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    Kind,
+    Status,
+    decide,
+    gravest,
+    wrong,
+)
+from estim.common.storage import (
+    held,
+    inputs_read,
+    names_in,
+    note_input,
+    read_file,
+    remove_files,
+    write_whole,
+)
 from estim.common.streams import Stream, stream

@@ -1,8 +1,11 @@
-"""Finished pieces of a long computation on disk: a run's draws, a simulated campaign.  What was killed goes on with the pieces that it had.
+"""Finished pieces of a long computation on disk: a run's draws, a simulated campaign.  What was
+killed goes on with the pieces that it had.
 
-A piece is a record (a dataclass of numbers, words, arrays and further records) in a file of its own.  The file's name is the digest of everything
-that decides the piece, so that a piece made from anything else is never found; the file begins with a digest of what follows, so that one that
-was torn or changed is no piece.  A piece that is not found is computed again.  Nothing in a file is run: it is read as the record that is asked for.
+A piece is a record (a dataclass of numbers, words, arrays and further records) in a file of its
+own.  The file's name is the digest of everything that decides the piece, so that a piece made from
+anything else is never found; the file begins with a digest of what follows, so that one that was
+torn or changed is no piece.  A piece that is not found is computed again.  Nothing in a file is
+run: it is read as the record that is asked for.
 """
 
 from __future__ import annotations
@@ -20,13 +23,16 @@ from estim.versions import engine_versions
 T = TypeVar("T")
 
 _NAME = r"[0-9a-f]{64}\.piece"
-_OWN = re.compile(f"{_NAME}|{TEMPORARY.format(_NAME)}", re.ASCII)  # and what a kill can leave behind
+# and what a kill can leave behind
+_OWN = re.compile(f"{_NAME}|{TEMPORARY.format(_NAME)}", re.ASCII)
 _LARGEST = 2**32  # bytes
 _N_DIGEST = 32  # bytes
 
 
 def key_of(*inputs: object) -> str:
-    """The digest of what decides a result: `inputs`, numbers and words or records of such, whose `repr` tells them whole, and versions."""
+    """The digest of what decides a result: `inputs`, numbers and words or records of such, whose
+    `repr` tells them whole, and versions.
+    """
     return sha256(repr((engine_versions(), inputs)).encode()).hexdigest()
 
 
@@ -34,8 +40,9 @@ def key_of(*inputs: object) -> str:
 class PieceStore:
     """Where pieces are kept.
 
-    folder : of these files; others in it stay.  within : the folder above that a person named; below it no symbolic link is followed
-    (None: the one above `folder`).  inputs : what all pieces depend on, as of `key_of`.
+    folder : of these files; others in it stay.
+    within : the folder above that a person named; below it no symbolic link is followed (None: the
+        one above `folder`).  inputs : what all pieces depend on, as of `key_of`.
     """
 
     folder: Path
@@ -47,7 +54,9 @@ class PieceStore:
         return replace(self, inputs=(*self.inputs, *inputs))
 
     def piece(self, name: str, kind: type[T], compute: Callable[[], T]) -> T:
-        """What `compute` returns, or returned when it was kept.  Raises EstimError where it cannot be written."""
+        """What `compute` returns, or returned when it was kept.  Raises EstimError where it cannot
+        be written.
+        """
         key = key_of(*self.inputs, name)
         path = self.folder / f"{key}.piece"
         found = _decoded(read_file(path, at_most=_LARGEST, within=self._root), key, kind)
@@ -77,7 +86,9 @@ def _digest(key: str, content: bytes) -> bytes:
 
 
 def _decoded(data: bytes | None, key: str, kind: type[T]) -> T | None:
-    """The piece in a file; None where the file is not there, or not as it was written under this key."""
+    """The piece in a file; None where the file is not there, or not as it was written under this
+    key.
+    """
     import msgspec
 
     if data is None or data[:_N_DIGEST] != _digest(key, data[_N_DIGEST:]):
@@ -89,7 +100,9 @@ def _decoded(data: bytes | None, key: str, kind: type[T]) -> T | None:
 
 
 def _plain(thing: Any) -> object:
-    """What msgspec does not know as what it does: an array as type, shape and bytes, a number of NumPy's as Python's, a mapping as a dict."""
+    """What msgspec does not know as what it does: an array as type, shape and bytes, a number of
+    NumPy's as Python's, a mapping as a dict.
+    """
     import numpy as np
 
     if isinstance(thing, np.ndarray):

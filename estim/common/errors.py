@@ -1,8 +1,9 @@
 """One class a kind of mistake.
 
-Raise ``InputError`` for anything a person wrote (a file, an argument): it names the place, the field, the rule and the
-value, and the command line turns it into one line and exit code 2.  A numerical failure is not an exception: it is a
-sentence in the record of the stage that met it (``Fit.message``, ``Diagnosis.reasons``).
+Raise ``InputError`` for anything a person wrote (a file, an argument): it names the place, the
+field, the rule and the value, and the command line turns it into one line and exit code 2.  A
+numerical failure is not an exception: it is a sentence in the record of the stage that met it
+(``Fit.message``, ``Diagnosis.reasons``).
 """
 
 from __future__ import annotations
@@ -21,10 +22,13 @@ class EstimError(Exception):
 
 
 class InputError(EstimError, ValueError):
-    """A value breaks a rule.  Reads ``FILE:LINE: 'field' rule (quoted): value``; each part that is unknown is left out.
+    """A value breaks a rule.  Reads ``FILE:LINE: 'field' rule (quoted): value``; each part that is
+    unknown is left out.
 
-    What a file holds stands in `value`, in `quoted` (what is listed whole) or in `field` (a name), never in `rule`.
-    index : of the value in an array `field`, for a reader that knows on which line it stands; else it reads ``(value number 3)``.
+    What a file holds stands in `value`, in `quoted` (what is listed whole) or in `field` (a name),
+    never in `rule`.
+    index : of the value in an array `field`, for a reader that knows on which line it stands; else
+        it reads ``(value number 3)``.
     """
 
     def __init__(
@@ -38,7 +42,14 @@ class InputError(EstimError, ValueError):
         quoted: str = "",
         index: int | None = None,
     ) -> None:
-        self.rule, self.field, self.value, self.file, self.line, self.quoted = rule, field, value, file, line, quoted
+        self.rule, self.field, self.value, self.file, self.line, self.quoted = (
+            rule,
+            field,
+            value,
+            file,
+            line,
+            quoted,
+        )
         self.index = index
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
@@ -47,17 +58,26 @@ class InputError(EstimError, ValueError):
         super().__init__(f"{place}{subject}{rule}{said}{shown}")
 
     def at(self, file: str | Path, line: int | None = None) -> InputError:
-        """The same mistake with its place, for a reader that learns the place later than the rule."""
-        return InputError(self.rule, field=self.field, value=self.value, file=file, line=line, quoted=self.quoted)
+        """The same mistake with its place, for a reader that learns the place later than the
+        rule.
+        """
+        return InputError(
+            self.rule, field=self.field, value=self.value, file=file, line=line, quoted=self.quoted
+        )
 
     def without_quotes(self, fields: Collection[str]) -> InputError:
-        """The same mistake with nothing that the file says: no value, and the field only if it is one of `fields`."""
+        """The same mistake with nothing that the file says: no value, and the field only if it is
+        one of `fields`.
+        """
         rule = f"{self.rule} (a file outside the campaign's folder is not quoted)"
-        return InputError(rule, field=self.field if self.field in fields else None, file=self.file, line=self.line)
+        return InputError(
+            rule, field=self.field if self.field in fields else None, file=self.file, line=self.line
+        )
 
 
 class NumericalError(EstimError):
-    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in its record instead.
+    """A computation cannot go on at all, though the input breaks no rule; what can go on says so in
+    its record instead.
 
     rule : what stops it; at : where, "" where that says nothing.
     """
@@ -68,7 +88,9 @@ class NumericalError(EstimError):
 
 
 class Interrupted(BaseException):
-    """A person or the system asked to stop (not an error: nothing that handles errors may take it for one).  Its argument: how to go on."""
+    """A person or the system asked to stop (not an error: nothing that handles errors may take it
+    for one).  Its argument: how to go on.
+    """
 
 
 def shorten(value: object, limit: int = 60) -> str:
@@ -78,6 +100,8 @@ def shorten(value: object, limit: int = 60) -> str:
 
 
 def listed(names: Sequence[str], most: int = 20) -> str:
-    """Names one by one, each of them short; of a long list the first `most` and how many more there are."""
+    """Names one by one, each of them short; of a long list the first `most` and how many more there
+    are.
+    """
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(shorten(name) for name in names[:most]) + more

@@ -1,9 +1,11 @@
-"""Text that others wrote, on its way to a reader: it is shown as what it is, and can say nothing to a renderer or a terminal.
+"""Text that others wrote, on its way to a reader: it is shown as what it is, and can say nothing to
+a renderer or a terminal.
 
-Which to use: `one_line` for a terminal and for messages; `markdown` for a report, whatever stands around the text (prose, a
-heading, a cell of a table, the text of a link); `code` where it should look like code; `destination` for where a link leads;
-`mathtext` for a figure; `as_json` for a record.  Templates need none of them: `estim.reports.rendering` puts every value through `markdown`, and
-`estim.drawing.png` every text through `mathtext`.
+Which to use: `one_line` for a terminal and for messages; `markdown` for a report, whatever stands
+around the text (prose, a heading, a cell of a table, the text of a link); `code` where it should
+look like code; `destination` for where a link leads; `mathtext` for a figure; `as_json` for a
+record.  Templates need none of them: `estim.reports.rendering` puts every value through `markdown`,
+and `estim.drawing.png` every text through `mathtext`.
 """
 
 from __future__ import annotations
@@ -16,21 +18,26 @@ from urllib.parse import quote
 
 _SPECIAL = re.compile(
     r"""
-    (?<=\w)\[(?P<index>[\w .+-]+)\](?![(\[:])   # an index, as in gamma[heavy]: no link without "(", "[" or ":" behind it
+    # an index, as in gamma[heavy]: no link without "(", "[" or ":" behind it
+    (?<=\w)\[(?P<index>[\w .+-]+)\](?![(\[:])
     | \[(?P<interval>[-−+\d.e∞×⁰¹²³⁴-⁹⁻]+,\ [-−+\d.e∞×⁰¹²³⁴-⁹⁻]+)\](?![(\[:])
     | [\\`*\[\]|$~]
     | <(?=[A-Za-z/!?]|$)                        # "< 3" is no tag
     | &(?=\#?\w+;|\#?\w*$)
-    | (?<![^\W_])_++ | _++(?![^\W_])            # inside a word it emphasises nothing (CommonMark 0.31, section 6.2)
+    # inside a word it emphasises nothing (CommonMark 0.31, section 6.2)
+    | (?<![^\W_])_++ | _++(?![^\W_])
     """,
     re.VERBOSE,
 )
-_BLOCK = re.compile(  # up to where a backslash is wanted: at the beginning of a block, or the end of a heading
+# up to where a backslash is wanted: at the beginning of a block, or the end of a heading
+_BLOCK = re.compile(
     r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
 )
 _DEEPEST = 100  # levels of JSON
-LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"  # of a subscript in a figure; not every letter is in matplotlib's mathematics
-_MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")  # what `estim.common.labels` makes of one
+# of a subscript in a figure; not every letter is in matplotlib's mathematics
+LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"
+# what `estim.common.labels` makes of one
+_MATH = re.compile(rf"(\$_\{{\\mathrm\{{(?:[{LETTERS}]|\\_)+\}}\}}\$)")
 
 
 class Markdown(str):
@@ -40,15 +47,23 @@ class Markdown(str):
 
 
 def one_line(text: str) -> str:
-    """`text` on one line, and visible: a blank for white space of any kind, '\\x1b' for what would move a cursor or turn the writing.
+    """`text` on one line, and visible: a blank for white space of any kind, '\\x1b' for what would
+    move a cursor or turn the writing.
 
-    A byte of a file name that is not UTF-8 is shown as '\\xff'.  Emoji joined by invisible marks are taken apart.
+    A byte of a file name that is not UTF-8 is shown as '\\xff'.  Emoji joined by invisible marks
+    are taken apart.
     """
-    return text if text.isprintable() else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+    return (
+        text
+        if text.isprintable()
+        else "".join(mark if mark.isprintable() else _visible(mark) for mark in text)
+    )
 
 
 def plain(text: str) -> str:
-    """`text` with what UTF-8 cannot hold, such as other bytes in the name of a file, written with a backslash."""
+    """`text` with what UTF-8 cannot hold, such as other bytes in the name of a file, written with a
+    backslash.
+    """
     return text.encode("utf-8", "backslashreplace").decode()
 
 
@@ -63,8 +78,8 @@ def _visible(mark: str) -> str:
 def markdown(text: object) -> Markdown:
     """`text` as Markdown that shows it literally; what is `Markdown` already stays as it is.
 
-    Source: CommonMark 0.31, sections 2.4 (backslash escapes), 2.5 (entities), 4 and 5 (what begins a block); tables,
-    strikethrough and mathematics as GitHub adds them.
+    Source: CommonMark 0.31, sections 2.4 (backslash escapes), 2.5 (entities), 4 and 5 (what begins
+    a block); tables, strikethrough and mathematics as GitHub adds them.
     """
     if isinstance(text, Markdown):
         return text
@@ -96,17 +111,27 @@ def destination(path: object) -> Markdown:
 
 
 def as_json(record: object) -> bytes:
-    """`record` as indented JSON, UTF-8; marks that do not print are written as JSON escapes, so that a terminal can show the file."""
+    """`record` as indented JSON, UTF-8; marks that do not print are written as JSON escapes, so
+    that a terminal can show the file.
+    """
     import msgspec
 
     text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
-    return re.sub(r"[^\n -~]", lambda found: found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1], text).encode() + b"\n"
+    return (
+        re.sub(
+            r"[^\n -~]",
+            lambda found: found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1],
+            text,
+        ).encode()
+        + b"\n"
+    )
 
 
 def json_of(data: bytes) -> Any:
     """The value of a JSON file that somebody may have written by hand.
 
-    Raises ValueError where it is none by RFC 8259, where it is too deep, and where a key stands twice in one object: programs read that differently.
+    Raises ValueError where it is none by RFC 8259, where it is too deep, and where a key stands
+    twice in one object: programs read that differently.
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -126,13 +151,21 @@ def json_of(data: bytes) -> Any:
         raise ValueError("is nested too deeply") from None
     level = [value]
     for _ in range(_DEEPEST):
-        level = [item for one in level for item in (one.values() if isinstance(one, dict) else one if isinstance(one, list) else ())]
+        level = [
+            item
+            for one in level
+            for item in (
+                one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
+            )
+        ]
     if level:
         raise ValueError("is nested too deeply")
     return value
 
 
 def mathtext(text: str) -> str:
-    """`text` as matplotlib shows it literally, but for our own subscripts; matplotlib takes what stands between two $ for mathematics."""
+    """`text` as matplotlib shows it literally, but for our own subscripts; matplotlib takes what
+    stands between two $ for mathematics.
+    """
     parts = _MATH.split(one_line(text))
     return "".join(part if i % 2 else part.replace("$", r"\$") for i, part in enumerate(parts))

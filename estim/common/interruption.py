@@ -1,4 +1,5 @@
-"""Signals to stop: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which comes when a terminal is closed or a connection lost.
+"""Signals to stop: Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which comes when a terminal is closed or a
+connection lost.
 
 A signal that is ignored (`nohup`, a job in the background) stays ignored.
 """
@@ -12,12 +13,16 @@ from types import FrameType
 
 from estim.common.errors import Interrupted
 
-STOPPING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+STOPPING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
 
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Every signal to stop raises Interrupted where the program is: files are written whole, so that it may be anywhere."""
+    """Every signal to stop raises Interrupted where the program is: files are written whole, so
+    that it may be anywhere.
+    """
 
     def handle(_number: int, _frame: FrameType | None) -> None:
         raise Interrupted

@@ -1,8 +1,9 @@
 """The same function for many numbers (or other small things), by several processes.
 
-Workers are spawned (no state is inherited by chance), compute with one thread each, and leave Ctrl-C and the end of a terminal to
-the parent, which waits for the calls under way and raises it.  They end with their parent, however it ends.  Where one of them is
-killed (for want of memory, say) what is missing is done again, once, by half as many.
+Workers are spawned (no state is inherited by chance), compute with one thread each, and leave
+Ctrl-C and the end of a terminal to the parent, which waits for the calls under way and raises it.
+They end with their parent, however it ends.  Where one of them is killed (for want of memory, say)
+what is missing is done again, once, by half as many.
 """
 
 from __future__ import annotations
@@ -32,19 +33,33 @@ if TYPE_CHECKING:
 K = TypeVar("K", bound=Hashable)
 T = TypeVar("T")
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
+_THREADS = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+)
 _task: Callable[[Any], Any] | None = None  # of a worker process
 
 
 def run_parallel(
-    task: Callable[[K], T], numbers: Sequence[K], *, jobs: int, executor: Executor | None = None, progress: Callable[[int], None] | None = None,
-    tell: Callable[[K], None] | None = None, wait_on_error: bool = True,
+    task: Callable[[K], T],
+    numbers: Sequence[K],
+    *,
+    jobs: int,
+    executor: Executor | None = None,
+    progress: Callable[[int], None] | None = None,
+    tell: Callable[[K], None] | None = None,
+    wait_on_error: bool = True,
 ) -> list[T]:
-    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by `executor`, which takes care of its own workers.
+    """`task(n)` for each of `numbers`, in their order, by `jobs` processes (1: this one), or by
+    `executor`, which takes care of its own workers.
 
-    progress : called with how many are done.  tell : called with each that is done.
-    `task` must be picklable, read-only mappings included; so must what it returns.  wait_on_error : whether an error or an interrupt
-    waits for the calls that are under way, which may keep what they find; else they are given up.
+    progress : called with how many are done.
+    tell : called with each that is done.  `task` must be picklable, read-only mappings included; so
+        must what it returns.  wait_on_error : whether an error or an interrupt waits for the calls
+        that are under way, which may keep what they find; else they are given up.
 
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
@@ -53,7 +68,11 @@ def run_parallel(
     if executor is not None:
         results = _through(executor, task, numbers)
     else:
-        results = _in_process(task, numbers) if jobs <= 1 or not numbers else _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
+        results = (
+            _in_process(task, numbers)
+            if jobs <= 1 or not numbers
+            else _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
+        )
     for n, result in results:
         done[n] = result
         if tell is not None:
@@ -74,8 +93,12 @@ def _in_process(task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[
         yield n, task(n)
 
 
-def _through(executor: Executor, task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[K, T]]:
-    """By an executor of the caller's: all are submitted, since it may have any number of workers; those that wait are given up on an error."""
+def _through(
+    executor: Executor, task: Callable[[K], T], numbers: Sequence[K]
+) -> Iterator[tuple[K, T]]:
+    """By an executor of the caller's: all are submitted, since it may have any number of workers;
+    those that wait are given up on an error.
+    """
     from concurrent.futures import as_completed
 
     futures = {executor.submit(task, n): n for n in numbers}
@@ -87,7 +110,9 @@ def _through(executor: Executor, task: Callable[[K], T], numbers: Sequence[K]) -
             future.cancel()
 
 
-def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool) -> Iterator[tuple[K, T]]:
+def _in_pool(
+    task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool
+) -> Iterator[tuple[K, T]]:
     from concurrent.futures.process import BrokenProcessPool
 
     missing = dict.fromkeys(numbers)
@@ -99,10 +124,15 @@ def _in_pool(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_er
         except BrokenProcessPool:
             continue
         return
-    raise NumericalError(f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer take less ('jobs')")
+    raise NumericalError(
+        f"a worker process was killed, twice: is there memory for {jobs} processes?  Fewer "
+        "take less ('jobs')"
+    )
 
 
-def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool) -> Iterator[tuple[K, T]]:
+def _by_workers(
+    task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool
+) -> Iterator[tuple[K, T]]:
     from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
     from multiprocessing import get_context
 
@@ -112,20 +142,25 @@ def _by_workers(task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on
     def submit(pool: ProcessPoolExecutor, count: int) -> None:
         futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
 
-    # only a few calls are ever queued, so that little is left to wait for when one fails or the user interrupts
+    # only a few calls are ever queued, so that little is left to wait for when one fails or the
+    # user interrupts
     with ExitStack() as stack:
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
-            pool = stack.enter_context(ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),)))
+            pool = stack.enter_context(
+                ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),))
+            )
         try:
             with _interrupts_held():
                 submit(pool, 2 * jobs)
             while futures:
                 done, _ = wait(futures, return_when=FIRST_COMPLETED)
-                for future in sorted(done, key=lambda f: f.exception() is not None):  # what was computed, first
+                # what was computed, first
+                for future in sorted(done, key=lambda f: f.exception() is not None):
                     yield futures.pop(future), pickle.loads(future.result())
                     submit(pool, 1)
-        except BaseException:  # where the caller was interrupted between two results this is GeneratorExit
+        # where the caller was interrupted between two results this is GeneratorExit
+        except BaseException:
             if not wait_on_error:
                 _end(pool)
             raise
@@ -141,7 +176,9 @@ def _end(pool: ProcessPoolExecutor) -> None:
 
 @contextmanager
 def _interrupts_held() -> Iterator[None]:
-    """Signals to stop come after this: processes started meanwhile never see Ctrl-C or the end of a terminal, the parent does."""
+    """Signals to stop come after this: processes started meanwhile never see Ctrl-C or the end of a
+    terminal, the parent does.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -154,7 +191,9 @@ def _interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def _environment_of_workers() -> Iterator[None]:
-    """What spawned processes inherit: linear algebra on one thread; Python starts from its own modules, not from files in the working folder."""
+    """What spawned processes inherit: linear algebra on one thread; Python starts from its own
+    modules, not from files in the working folder.
+    """
     stated = dict.fromkeys((*_THREADS, "PYTHONSAFEPATH"), "1")
     before = {name: os.environ.get(name) for name in stated}
     os.environ.update(stated)
@@ -190,15 +229,19 @@ def _start(task: bytes) -> None:
     global _task
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})  # held when this process was started; its parent ends it so
+        # held when this process was started; its parent ends it so
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     if not sys.warnoptions:
-        warnings.simplefilter("ignore")  # as in the command line: a result that is no number is told as such
+        # as in the command line: a result that is no number is told as such
+        warnings.simplefilter("ignore")
     _task = pickle.loads(task)
 
 
 def _end_with_parent() -> None:
-    """Ends this process as soon as its parent has ended: a parent that is killed can tell nobody."""
+    """Ends this process as soon as its parent has ended: a parent that is killed can tell
+    nobody.
+    """
     from multiprocessing import parent_process
 
     parent = parent_process()

@@ -7,7 +7,9 @@ from types import MappingProxyType
 
 
 class Status(StrEnum):
-    """Whether a number may be trusted, gravest first; a result has the gravest status of its findings."""
+    """Whether a number may be trusted, gravest first; a result has the gravest status of its
+    findings.
+    """
 
     CONTRADICTION = "contradiction"  # found before any draw: the cause comes first
     NOT_CONVERGED = "not-converged"
@@ -199,19 +201,47 @@ class Kind(StrEnum):
 
 _KINDS = {
     Status.NOT_CONVERGED: (
-        Kind.FIT_UNSETTLED, Kind.STEP_UNSETTLED, Kind.ROUNDING, Kind.VALUE_OUTSIDE, Kind.CHAIN_SHORT, Kind.WALKERS_STUCK,
+        Kind.FIT_UNSETTLED,
+        Kind.STEP_UNSETTLED,
+        Kind.ROUNDING,
+        Kind.VALUE_OUTSIDE,
+        Kind.CHAIN_SHORT,
+        Kind.WALKERS_STUCK,
     ),
     Status.METHODS_DISAGREE: (Kind.METHODS_DIFFER, Kind.SLOPES_DIFFER),
     Status.CONTRADICTION: (Kind.STATED_DISAGREE, Kind.RUNS_AGAINST_STATED, Kind.RUN_OFF_MAP),
     Status.MULTIMODAL: (Kind.SEVERAL_SOLUTIONS,),
     Status.NOT_IDENTIFIED: (
-        Kind.DIRECTION_FLAT, Kind.SINGULAR, Kind.UNDETERMINED, Kind.HARDLY_HELD, Kind.OPEN_SIDE, Kind.LINE_NOT_RISING, Kind.TRIALS_SILENT,
+        Kind.DIRECTION_FLAT,
+        Kind.SINGULAR,
+        Kind.UNDETERMINED,
+        Kind.HARDLY_HELD,
+        Kind.OPEN_SIDE,
+        Kind.LINE_NOT_RISING,
+        Kind.TRIALS_SILENT,
     ),
     Status.POOR_FIT: (
-        Kind.RESIDUALS_ZERO, Kind.RESIDUALS_TOO_LARGE, Kind.RESIDUALS_NOT_RANDOM, Kind.CURVE_LACKS, Kind.CHI2_TOO_LARGE, Kind.SCATTER_TOO_LARGE,
-        Kind.COUNTS_SCATTER, Kind.DEVIATION_TOO_LARGE, Kind.DEVIATION_TOO_SLOW, Kind.FORCE_TOO_LARGE, Kind.FORCE_NOT_LINEAR, Kind.NOISE_TOO_LARGE,
-        Kind.OUTLIERS_CROWD, Kind.FRAMES_CROWD, Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED, Kind.STATED_AND_CURVE,
-        Kind.GAMMA_TOO_LARGE, Kind.POINTS_SCATTER, Kind.TRIALS_SCATTER,
+        Kind.RESIDUALS_ZERO,
+        Kind.RESIDUALS_TOO_LARGE,
+        Kind.RESIDUALS_NOT_RANDOM,
+        Kind.CURVE_LACKS,
+        Kind.CHI2_TOO_LARGE,
+        Kind.SCATTER_TOO_LARGE,
+        Kind.COUNTS_SCATTER,
+        Kind.DEVIATION_TOO_LARGE,
+        Kind.DEVIATION_TOO_SLOW,
+        Kind.FORCE_TOO_LARGE,
+        Kind.FORCE_NOT_LINEAR,
+        Kind.NOISE_TOO_LARGE,
+        Kind.OUTLIERS_CROWD,
+        Kind.FRAMES_CROWD,
+        Kind.RUNS_DISAGREE,
+        Kind.RUN_DISAGREES,
+        Kind.RUNS_TIED,
+        Kind.STATED_AND_CURVE,
+        Kind.GAMMA_TOO_LARGE,
+        Kind.POINTS_SCATTER,
+        Kind.TRIALS_SCATTER,
     ),
     Status.AT_BOUND: (Kind.PRESSED_EDGE, Kind.PRESSED_LIMIT),
     Status.NOT_CALIBRATED: (Kind.RANKS_UNEVEN, Kind.COVERAGE_OFF, Kind.TRIALS_FAILED),

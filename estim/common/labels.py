@@ -1,6 +1,8 @@
-"""How things are shown to a reader: symbol and unit of a quantity, the kind of data, a Markdown table.
+"""How things are shown to a reader: symbol and unit of a quantity, the kind of data, a Markdown
+table.
 
-Which symbol a quantity has, whoever makes the quantity says (`Notation`); nothing here knows a name.
+Which symbol a quantity has, whoever makes the quantity says (`Notation`); nothing here knows a
+name.
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ _SUBSCRIPT = re.compile(rf"(?<=[^_])_((?:[{LETTERS}]+_)*[{LETTERS}]+)$")
 
 @dataclass(frozen=True)
 class Label:
-    """symbol : with its level in brackets, for text.  tex : the same for a figure.  unit : shown; factor : shown units per SI unit."""
+    """symbol : with its level in brackets, for text.  tex : the same for a figure.  unit : shown;
+    factor : shown units per SI unit.
+    """
 
     symbol: str
     tex: str
@@ -43,7 +47,8 @@ class Label:
 
 @dataclass(frozen=True)
 class Notation:
-    """How a quantity is written, as whoever makes it says: a symbol and, where it is not shown in its own unit, another one.
+    """How a quantity is written, as whoever makes it says: a symbol and, where it is not shown in
+    its own unit, another one.
 
     unit : shown in place of the quantity's own, None for that.  factor : shown units per own unit.
     """
@@ -54,12 +59,21 @@ class Notation:
 
     def label(self, unit: str, level: str = "") -> Label:
         """The label of a quantity in `unit`; `level` ("[heavy-04]") stands behind the symbol."""
-        return Label(self.symbol + level, subscripted(self.symbol) + level, unit if self.unit is None else self.unit, self.factor)
+        return Label(
+            self.symbol + level,
+            subscripted(self.symbol) + level,
+            unit if self.unit is None else self.unit,
+            self.factor,
+        )
 
 
 def subscripted(symbol: str) -> str:
-    """A symbol as a figure shows it: what follows an underscore is a subscript, where mathematics has the letters."""
-    return _SUBSCRIPT.sub(lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol)
+    """A symbol as a figure shows it: what follows an underscore is a subscript, where mathematics
+    has the letters.
+    """
+    return _SUBSCRIPT.sub(
+        lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol
+    )
 
 
 def kind_words(kind: str) -> Markdown:

@@ -1,8 +1,10 @@
-"""Names that a file system or a reader takes for the same: another case, another form of the same letters, letters that look alike.
+"""Names that a file system or a reader takes for the same: another case, another form of the same
+letters, letters that look alike.
 
-Folders are named after runs.  Windows and macOS do not tell `Run` from `run`, macOS not one Unicode form from another,
-Windows drops a full stop at the end, and nobody tells a Cyrillic а from a Latin a.
-Source of the pairs: Unicode Technical Standard 39, confusables.txt, the letters of Greek and Cyrillic that look like Latin ones.
+Folders are named after runs.  Windows and macOS do not tell `Run` from `run`, macOS not one Unicode
+form from another, Windows drops a full stop at the end, and nobody tells a Cyrillic а from a Latin
+a.  Source of the pairs: Unicode Technical Standard 39, confusables.txt, the letters of Greek and
+Cyrillic that look like Latin ones.
 """
 
 from __future__ import annotations
@@ -17,7 +19,9 @@ _LATIN = str.maketrans(_CYRILLIC[0] + _GREEK[0], _CYRILLIC[1] + _GREEK[1])
 
 
 def forms(name: str) -> tuple[str, str]:
-    """What is left of a name without case and Unicode form, and without the script of letters that look alike either."""
+    """What is left of a name without case and Unicode form, and without the script of letters that
+    look alike either.
+    """
     return _folded(_plain(name)), _folded(_looks(name))
 
 
@@ -26,7 +30,9 @@ def _folded(text: str) -> str:
 
 
 def first_alike(names: Sequence[str]) -> tuple[int, int] | None:
-    """Indices of two names that are taken for the same, the later one first; None where all differ."""
+    """Indices of two names that are taken for the same, the later one first; None where all
+    differ.
+    """
     seen: dict[tuple[int, str], int] = {}
     for i, name in enumerate(names):
         for key in enumerate(forms(name)):
@@ -37,12 +43,16 @@ def first_alike(names: Sequence[str]) -> tuple[int, int] | None:
 
 
 def same_looks(names: Iterable[str]) -> str:
-    """Two different names that nobody can tell apart when they are printed, with the letters that differ; "" where there are none."""
+    """Two different names that nobody can tell apart when they are printed, with the letters that
+    differ; "" where there are none.
+    """
     seen: dict[str, str] = {}
     for name in names:
         other = seen.setdefault(_looks(name), name)
         if _plain(name) != _plain(other):
-            return ", ".join(f"{one} ({spelt})" if (spelt := _foreign(one)) else one for one in (other, name))
+            return ", ".join(
+                f"{one} ({spelt})" if (spelt := _foreign(one)) else one for one in (other, name)
+            )
     return ""
 
 
@@ -56,4 +66,6 @@ def _looks(name: str) -> str:
 
 def _foreign(name: str) -> str:
     """The letters of a name that look like Latin ones, as Unicode calls them."""
-    return ", ".join(name_of(mark).lower() for mark in dict.fromkeys(_plain(name)) if ord(mark) in _LATIN)
+    return ", ".join(
+        name_of(mark).lower() for mark in dict.fromkeys(_plain(name)) if ord(mark) in _LATIN
+    )

@@ -1,8 +1,10 @@
 """The language of what is written for a reader: English, unless `spoken` says otherwise.
 
-A sentence is written where it is used, in English, as `phrase("{n} of {total} starts ended elsewhere", n=3, total=8)`; what it is in another
-language stands in `catalogue/LANGUAGE/*.toml`, under the English sentence.  `later` marks a sentence that a table holds and that is said where it
-is used.  A sentence that a catalogue lacks is said in English.  Not translated: errors, names of parameters, keys and statuses.
+A sentence is written where it is used, in English, as `phrase("{n} of {total} starts ended
+elsewhere", n=3, total=8)`; what it is in another language stands in `catalogue/LANGUAGE/*.toml`,
+under the English sentence.  `later` marks a sentence that a table holds and that is said where it
+is used.  A sentence that a catalogue lacks is said in English.  Not translated: errors, names of
+parameters, keys and statuses.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ _SPACES = re.compile(r"\s+")
 
 @contextmanager
 def spoken(language: str) -> Iterator[None]:
-    """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in the processes that `spread` starts.
+    """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in
+    the processes that `spread` starts.
 
     Raises InputError for any other.
     """
@@ -47,7 +50,9 @@ def language() -> str:
 
 
 def phrase(english: str, /, **values: object) -> str:
-    """A sentence in the language that is spoken, `values` put in as `str.format` does.  Where there are none, braces are what they are."""
+    """A sentence in the language that is spoken, `values` put in as `str.format` does.  Where there
+    are none, braces are what they are.
+    """
     words = english if language() == _ENGLISH else catalogue(language()).get(english, english)
     return words.format(**values) if values else words
 
@@ -58,7 +63,9 @@ def later(english: str) -> str:
 
 
 class PhraseTable(Mapping[K, str]):
-    """A table of English sentences, each said in the language that is spoken where it is looked up."""
+    """A table of English sentences, each said in the language that is spoken where it is
+    looked up.
+    """
 
     def __init__(self, english: Mapping[K, str]) -> None:
         self._english = MappingProxyType(dict(english))
@@ -77,6 +84,13 @@ class PhraseTable(Mapping[K, str]):
 def catalogue(language: str) -> Mapping[str, str]:
     """English sentence -> the same in `language`, of all files of its catalogue."""
     found: dict[str, str] = {}
-    for file in sorted(files("estim.common").joinpath("catalogue", language).iterdir(), key=lambda file: file.name):
+    for file in sorted(
+        files("estim.common").joinpath("catalogue", language).iterdir(), key=lambda file: file.name
+    ):
         found |= tomllib.loads(file.read_text(encoding="utf-8"))
-    return MappingProxyType({_SPACES.sub(" ", english).strip() if "\n" in english else english: words for english, words in found.items()})
+    return MappingProxyType(
+        {
+            _SPACES.sub(" ", english).strip() if "\n" in english else english: words
+            for english, words in found.items()
+        }
+    )

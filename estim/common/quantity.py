@@ -1,7 +1,8 @@
 """Reading and rounding "value +/- uncertainty".
 
-A quantity is written as the `uncertainties` package writes it: ``"4.0 +/- 0.4"``, ``"0.1500(5)"``, ``"4.0±0.4"``.
-A plain number, also inside a string, is exact.  The uncertainty is a standard uncertainty (GUM 2.3.1).
+A quantity is written as the `uncertainties` package writes it: ``"4.0 +/- 0.4"``, ``"0.1500(5)"``,
+``"4.0±0.4"``.  A plain number, also inside a string, is exact.  The uncertainty is a standard
+uncertainty (GUM 2.3.1).
 """
 
 from __future__ import annotations
@@ -14,14 +15,20 @@ from dataclasses import dataclass
 from estim.common.errors import InputError
 from estim.common.unit_symbols import is_unit
 
-_NUMBER = re.compile(r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(
+    r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
+)
 
 _SIZE = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:\(\d+(?:[.,]\d*)?\))?(?:[eE][+-]?\d+)?"
-_WITH_UNIT = re.compile(rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?\)?)(\s+1/\S.{{0,20}}|\s*[^\s\d.,].{{0,20}})?", re.ASCII)
+_WITH_UNIT = re.compile(
+    rf"(\(?{_SIZE}(?:\s*(?:\+/-|\+-|±)\s*{_SIZE})?\)?)(\s+1/\S.{{0,20}}|\s*[^\s\d.,].{{0,20}})?",
+    re.ASCII,
+)
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_P = 1e-6
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_LONGEST = 200  # characters of a quantity; the library's pattern takes time as the square of a row of blanks
+# characters of a quantity; the library's pattern takes time as the square of a row of blanks
+_LONGEST = 200
 EXTREME = "must be 0 or between 1e-100 and 1e100 in size"
 
 
@@ -42,9 +49,11 @@ class Quantity:
 
 
 def read_number(text: str) -> float:
-    """The number that `text` says, with the digits 0 to 9 and a decimal point; `nan` and `inf` as words, for their reader to refuse.
+    """The number that `text` says, with the digits 0 to 9 and a decimal point; `nan` and `inf` as
+    words, for their reader to refuse.
 
-    Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not 1000.
+    Raises ValueError for everything else, also where Python reads a number: "1_000" is a slip, not
+    1000.
     """
     if not _NUMBER.fullmatch(text):
         raise ValueError(text)
@@ -52,19 +61,26 @@ def read_number(text: str) -> float:
 
 
 def extreme(value: float) -> bool:
-    """Whether the square of a number, or the product of a few, may be no number at all, which no measurement asks for."""
+    """Whether the square of a number, or the product of a few, may be no number at all, which no
+    measurement asks for.
+    """
     return math.isfinite(value) and value != 0.0 and not 1e-100 <= abs(value) <= 1e100
 
 
 def read_quantity(source: str | float, *, field: str) -> Quantity:
     """The quantity written in `source`.
 
-    Raises InputError naming `field` where the text is no number, is not finite or beyond all measure, or has an uncertainty of zero or less.
+    Raises InputError naming `field` where the text is no number, is not finite or beyond all
+    measure, or has an uncertainty of zero or less.
     """
     if isinstance(source, bool) or not isinstance(source, (str, int, float)):
         raise InputError('must be a number or "value +/- uncertainty"', field=field, value=source)
     try:
-        quantity = Quantity(float(source)) if isinstance(source, (int, float)) else _read_text(source.strip(), field)
+        quantity = (
+            Quantity(float(source))
+            if isinstance(source, (int, float))
+            else _read_text(source.strip(), field)
+        )
     except OverflowError:
         raise InputError("must be finite", field=field, value=source) from None
     if not (math.isfinite(quantity.value) and math.isfinite(quantity.u)):
@@ -87,7 +103,9 @@ def _number_words(text: str) -> str:
 
 def _read_text(text: str, field: str) -> Quantity:
     if len(text) > _LONGEST:
-        raise InputError(f"must be at most {_LONGEST} characters long", field=field, value=len(text))
+        raise InputError(
+            f"must be at most {_LONGEST} characters long", field=field, value=len(text)
+        )
     try:
         return Quantity(read_number(text))
     except ValueError:
@@ -105,14 +123,20 @@ def _read_text(text: str, field: str) -> Quantity:
     except (ValueError, NegativeStdDev):
         raise InputError(rule, field=field, value=text) from None
     if not number.std_dev > 0.0:
-        raise InputError("must have an uncertainty > 0 (write a plain number for an exact value)", field=field, value=text)
+        raise InputError(
+            "must have an uncertainty > 0 (write a plain number for an exact value)",
+            field=field,
+            value=text,
+        )
     return Quantity(float(number.nominal_value), float(number.std_dev))
 
 
 def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = True) -> str:
-    """`value` rounded by its uncertainty `u` (Particle Data Group rule: 355, 949 -> one or two digits).
+    """`value` rounded by its uncertainty `u` (Particle Data Group rule: 355, 949 -> one or two
+    digits).
 
-    "0.187 ± 0.010", or "0.187(10)" without `plus_minus`; without a usable u, `value` to six significant digits.
+    "0.187 ± 0.010", or "0.187(10)" without `plus_minus`; without a usable u, `value` to six
+    significant digits.
     """
     if value is None or not math.isfinite(value):
         return "n/a"
@@ -126,7 +150,9 @@ def format_quantity(value: float, u: float | None = None, *, plus_minus: bool = 
 
 
 def format_rounded(value: float, u: float) -> str:
-    """`value` alone, with the digits that its uncertainty `u` leaves it (one more than `format_quantity` would keep)."""
+    """`value` alone, with the digits that its uncertainty `u` leaves it (one more than
+    `format_quantity` would keep).
+    """
     if not math.isfinite(value):
         return "n/a"
     if not (math.isfinite(u) and u > 0.0):
@@ -136,7 +162,8 @@ def format_rounded(value: float, u: float) -> str:
 
 
 def format_p(p: float, least: float = _LEAST_P) -> str:
-    """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only nearly normal.
+    """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only
+    nearly normal.
 
     least : the smallest that is told, for instance because simulation can tell no less.
     """
@@ -145,11 +172,16 @@ def format_p(p: float, least: float = _LEAST_P) -> str:
 
 def p_digits(p: float, digits: int = 2) -> str:
     """A probability: '0.20', '0.00030', '5e-5'."""
-    return re.sub(r"e([+-])0*(?=\d)", lambda found: "e" + found[1].replace("+", ""), significant(p, digits, least=1e-4, powers="e"))
+    return re.sub(
+        r"e([+-])0*(?=\d)",
+        lambda found: "e" + found[1].replace("+", ""),
+        significant(p, digits, least=1e-4, powers="e"),
+    )
 
 
 def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: str = "×10") -> str:
-    """`value` to as many significant digits, zeros at the end kept ("0.090"); sizes below `least` or from 1e6 on as powers of ten ("5.5×10⁻⁵").
+    """`value` to as many significant digits, zeros at the end kept ("0.090"); sizes below `least`
+    or from 1e6 on as powers of ten ("5.5×10⁻⁵").
 
     powers : "×10" for that, "e" for "5.5e-05".
     """
@@ -161,7 +193,11 @@ def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: s
     rounded = float(f"{mantissa}e{exponent}")
     if least <= abs(rounded) < 1e6:
         return signed(f"{rounded:.{max(0, digits - 1 - int(exponent))}f}")
-    return signed(f"{mantissa}e{exponent}") if powers == "e" else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
+    return (
+        signed(f"{mantissa}e{exponent}")
+        if powers == "e"
+        else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
+    )
 
 
 def exponent_digits(exponent: int) -> str:
@@ -172,22 +208,34 @@ def exponent_digits(exponent: int) -> str:
 def percentage(share: float, digits: int = 2) -> str:
     """A share as '8.6 %', '106 %', '0.30 %'."""
     size = abs(100.0 * share)
-    return f"{significant(100.0 * share, max(digits, 1 + math.floor(math.log10(size))) if size >= 1.0 else digits)} %"
+    if size >= 1.0:
+        digits = max(digits, 1 + math.floor(math.log10(size)))
+    return f"{significant(100.0 * share, digits)} %"
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A number and its unit, brackets around more than one number: '0.447 m', '(3.86 ± 0.26)°'; the unit 1 is not written."""
+    """A number and its unit, brackets around more than one number: '0.447 m', '(3.86 ± 0.26)°'; the
+    unit 1 is not written.
+    """
     if unit in ("", "1") or text == "n/a":
         return text
-    return (f"({text})" if " " in text and not text.startswith("(") else text) + ("" if unit == "°" else " ") + unit
+    return (
+        (f"({text})" if " " in text and not text.startswith("(") else text)
+        + ("" if unit == "°" else " ")
+        + unit
+    )
 
 
 def signed(text: str) -> str:
-    """A formatted number as a reader should see it: a true minus, and no sign before a rounded zero ("-0.42" -> "−0.42", "-0.00" -> "0.00")."""
+    """A formatted number as a reader should see it: a true minus, and no sign before a rounded zero
+    ("-0.42" -> "−0.42", "-0.00" -> "0.00").
+    """
     return re.sub(r"(?<!e)-", "−", re.sub(r"(?<![\w.])[+-](?=0(\.0+)?(?![\d.e]))", "", text))
 
 
 def e_n(a: Quantity, b: Quantity) -> float:
-    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1 means agreement."""
+    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1
+    means agreement.
+    """
     combined = math.hypot(2.0 * a.u, 2.0 * b.u)
     return (a.value - b.value) / combined if combined > 0.0 else math.nan

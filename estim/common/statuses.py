@@ -1,6 +1,8 @@
-"""The statuses of a result, and the record of something wrong or worth knowing: the one place that decides the first from the second.
+"""The statuses of a result, and the record of something wrong or worth knowing: the one place that
+decides the first from the second.
 
-A finding holds facts only; `estim.words` makes sentences of it, and nothing is read back out of those.
+A finding holds facts only; `estim.words` makes sentences of it, and nothing is read back out of
+those.
 """
 
 from __future__ import annotations
@@ -20,7 +22,8 @@ PROBABILITIES = (0.68, 0.95)
 
 @dataclass(frozen=True)
 class Amount:
-    """A number that a finding gives of a parameter: `value` in the parameter's own unit, `whole` what it is a part of (nan: of nothing).
+    """A number that a finding gives of a parameter: `value` in the parameter's own unit, `whole`
+    what it is a part of (nan: of nothing).
 
     label : how the parameter is shown, None where its bare name is.
     """
@@ -35,10 +38,14 @@ class Amount:
 class Finding:
     """Something wrong, worth knowing, or a reason for either, as facts.
 
-    kind : what; it says the status that follows, and what to do.  run : the run it speaks of, "" for all.
-    test : name of the test or quantity that tells, "" where the kind says it.  p : its probability, nan where there is none.
-    size : how large or how many.  numbers : name -> further number.  parameters : those it speaks of, with what it gives of them.
-    names : of runs, arguments or sources that it speaks of.  parts : findings that it is made of.
+    kind : what; it says the status that follows, and what to do.
+    run : the run it speaks of, "" for all.
+    test : name of the test or quantity that tells, "" where the kind says it.
+    p : its probability, nan where there is none.
+    size : how large or how many.
+    numbers : name -> further number.  parameters : those it speaks of, with what it gives of them.
+    names : of runs, arguments or sources that it speaks of.
+    parts : findings that it is made of.
     """
 
     kind: Kind
@@ -70,4 +77,9 @@ def gravest(statuses: Iterable[Status]) -> Status:
 def wrong(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The findings with which a result is not ok, gravest first."""
     order = list(Status)
-    return tuple(sorted((f for f in findings if f.status is not Status.OK), key=lambda finding: order.index(finding.status)))
+    return tuple(
+        sorted(
+            (f for f in findings if f.status is not Status.OK),
+            key=lambda finding: order.index(finding.status),
+        )
+    )

@@ -1,12 +1,15 @@
-"""Files that appear whole or not at all.  The only file that writes; what is written, and when, is said elsewhere.
+"""Files that appear whole or not at all.  The only file that writes; what is written, and when, is
+said elsewhere.
 
-A file is written under a temporary name beside its place, forced to the disk and renamed: whoever reads the place, also
-after a crash or a loss of power, finds the old bytes or the new ones, never a part.
+A file is written under a temporary name beside its place, forced to the disk and renamed: whoever
+reads the place, also after a crash or a loss of power, finds the old bytes or the new ones, never a
+part.
 
-A person names a folder, and that may be a symbolic link.  Below it (`within`) no link is followed, for reading, writing or
-removing: each folder on the way is opened by itself, relative to the one above it, so that what lies elsewhere cannot be
-reached through a link, not even one that appears meanwhile (Windows has no such calls: there each step is looked at before).
-Only plain files are read or removed, by names that the caller knows for its own.
+A person names a folder, and that may be a symbolic link.  Below it (`within`) no link is followed,
+for reading, writing or removing: each folder on the way is opened by itself, relative to the one
+above it, so that what lies elsewhere cannot be reached through a link, not even one that appears
+meanwhile (Windows has no such calls: there each step is looked at before).  Only plain files are
+read or removed, by names that the caller knows for its own.
 """
 
 from __future__ import annotations
@@ -32,7 +35,9 @@ _FOLDER = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_CLOEXEC",
 _NOT_WAITING = getattr(os, "O_NONBLOCK", 0)  # a named pipe would keep its reader waiting
 
 TEMPORARY = r"\.{}\.[0-9a-z_]{{8}}"
-"""Pattern of the name under which a file is written: what a kill can leave behind.  To be formatted with a pattern of the name."""
+"""Pattern of the name under which a file is written: what a kill can leave behind.  To be
+formatted with a pattern of the name.
+"""
 
 
 class _InTheWayError(OSError):
@@ -45,7 +50,9 @@ class _InTheWayError(OSError):
 
 @dataclass(frozen=True)
 class _Place:
-    """An open folder.  `at(name)` is what the calls of `os` take for a file in it: the path, and the folder it is relative to."""
+    """An open folder.  `at(name)` is what the calls of `os` take for a file in it: the path, and
+    the folder it is relative to.
+    """
 
     path: Path
     handle: int | None
@@ -67,7 +74,9 @@ _NOTED: ContextVar[dict[str, str] | None] = ContextVar("_NOTED", default=None)
 
 @contextlib.contextmanager
 def inputs_read() -> Iterator[dict[str, str]]:
-    """Every input file that is read within the block: its path as it was asked for -> SHA-256 of its bytes."""
+    """Every input file that is read within the block: its path as it was asked for -> SHA-256 of
+    its bytes.
+    """
     noted: dict[str, str] = {}
     token = _NOTED.set(noted)
     try:
@@ -84,14 +93,19 @@ def note_input(path: Path, data: bytes) -> None:
 
 
 def write_whole(path: Path, data: bytes, *, within: Path | None = None) -> None:
-    """Put `data` at `path`, whole; folders are made.  Raises EstimError where that cannot be done; then `path` is as it was.
+    """Put `data` at `path`, whole; folders are made.  Raises EstimError where that cannot be done;
+    then `path` is as it was.
 
-    within : the folder that a person named, from which on no link is followed (None: the one of the file).  A link at `path` itself is replaced.
+    within : the folder that a person named, from which on no link is followed (None: the one of the
+        file).  A link at `path` itself is replaced.
     """
     with _said(path, "cannot be written"), _opened(path.parent, within, make=True) as place:
         assert place is not None
         temporary, folder = place.at(f".{path.name}.{os.urandom(4).hex()}")
-        handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK, 0o666, dir_fd=folder)  # less what the umask takes away
+        # less what the umask takes away
+        handle = os.open(
+            temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | _NO_LINK, 0o666, dir_fd=folder
+        )
         try:
             with os.fdopen(handle, "wb") as stream:
                 stream.write(data)
@@ -109,7 +123,8 @@ def write_whole(path: Path, data: bytes, *, within: Path | None = None) -> None:
 def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes | None:
     """The bytes of the plain file at `path`, None where nothing is there.
 
-    Raises EstimError for a link, a pipe, a device or a folder, for more than `at_most` bytes, and where it cannot be read.
+    Raises EstimError for a link, a pipe, a device or a folder, for more than `at_most` bytes, and
+    where it cannot be read.
     """
     with _said(path, "cannot be read"), _opened(path.parent, within) as place:
         if place is None or _plain(place, path.name) is None:
@@ -124,18 +139,30 @@ def read_file(path: Path, *, at_most: int, within: Path | None = None) -> bytes 
                 raise _InTheWayError(path, "is not a plain file")
             size = os.fstat(handle).st_size
             if size > at_most:
-                raise _InTheWayError(path, f"is larger than anything that estim writes there ({at_most} bytes)")
-            return stream.read(size)  # memory is taken for as many bytes as are asked for, and at_most may be more than there is
+                raise _InTheWayError(
+                    path, f"is larger than anything that estim writes there ({at_most} bytes)"
+                )
+            # memory is taken for as many bytes as are asked for, and at_most may be more than there
+            # is
+            return stream.read(size)
 
 
 def names_in(folder: Path, *, within: Path | None = None) -> list[str]:
-    """Names of all that stands in `folder`, in order; none where there is no such folder.  Raises EstimError where it is none or a link."""
+    """Names of all that stands in `folder`, in order; none where there is no such folder.  Raises
+    EstimError where it is none or a link.
+    """
     with _said(folder, "cannot be read"), _opened(folder, within) as place:
-        return [] if place is None else sorted(os.listdir(place.path if place.handle is None else place.handle))
+        return (
+            []
+            if place is None
+            else sorted(os.listdir(place.path if place.handle is None else place.handle))
+        )
 
 
 def remove_files(folder: Path, names: Iterable[str], *, within: Path | None = None) -> None:
-    """Remove the plain files `names` of `folder`; what is not there needs no removing.  Raises EstimError where that cannot be done."""
+    """Remove the plain files `names` of `folder`; what is not there needs no removing.  Raises
+    EstimError where that cannot be done.
+    """
     with _said(folder, "cannot be emptied"), _opened(folder, within) as place:
         if place is None:
             return
@@ -147,7 +174,9 @@ def remove_files(folder: Path, names: Iterable[str], *, within: Path | None = No
 
 
 def remove_empty(folder: Path, *, within: Path | None = None) -> None:
-    """Remove `folder` if it is empty; if it is not, or cannot be removed, it stays, for nobody depends on its absence."""
+    """Remove `folder` if it is empty; if it is not, or cannot be removed, it stays, for nobody
+    depends on its absence.
+    """
     with contextlib.suppress(OSError), _opened(folder.parent, within) as place:
         if place is not None:
             name, relative = place.at(folder.name)
@@ -156,10 +185,11 @@ def remove_empty(folder: Path, *, within: Path | None = None) -> None:
 
 @contextlib.contextmanager
 def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
-    """Hold the lock file `path` while the block runs, where the system has locks that end with their process; then remove it.
+    """Hold the lock file `path` while the block runs, where the system has locks that end with
+    their process; then remove it.
 
-    A file that a crash left behind is no lock.  Raises EstimError where another process holds it, it cannot be written, or a file is
-    there that is not such a lock (which is empty).
+    A file that a crash left behind is no lock.  Raises EstimError where another process holds it,
+    it cannot be written, or a file is there that is not such a lock (which is empty).
     """
     if sys.platform == "win32":
         yield
@@ -171,7 +201,10 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
             try:
                 handle = _lock(place, path)
             except BlockingIOError:
-                raise EstimError(f"{path.parent}: is in use by another process: wait for its end, or choose another place") from None
+                raise EstimError(
+                    f"{path.parent}: is in use by another process: wait for its end, or "
+                    "choose another place"
+                ) from None
         try:
             yield
         finally:
@@ -182,14 +215,22 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
 
 
 def _lock(place: _Place, path: Path) -> int:
-    """Handle of the locked file.  Who locks a file that its holder has just removed holds nothing, and tries again."""
+    """Handle of the locked file.  Who locks a file that its holder has just removed holds nothing,
+    and tries again.
+    """
     while True:
         _plain(place, path.name)
-        handle = os.open(path.name, os.O_RDWR | os.O_CREAT | _NO_LINK | _NOT_WAITING, 0o666, dir_fd=place.handle)
+        handle = os.open(
+            path.name, os.O_RDWR | os.O_CREAT | _NO_LINK | _NOT_WAITING, 0o666, dir_fd=place.handle
+        )
         try:
             opened = os.fstat(handle)
             if not stat.S_ISREG(opened.st_mode) or opened.st_size:
-                raise _InTheWayError(path, "is in the way: estim needs this name for an empty file, its lock; move it away")
+                raise _InTheWayError(
+                    path,
+                    "is in the way: estim needs this name for an empty file, its lock; "
+                    "move it away",
+                )
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             found = place.look(path.name)
             if found is not None and (opened.st_ino, opened.st_dev) == (found.st_ino, found.st_dev):
@@ -203,7 +244,9 @@ def _lock(place: _Place, path: Path) -> int:
 
 
 def _plain(place: _Place, name: str) -> os.stat_result | None:
-    """What stands under `name` if it is a plain file, None if nothing does.  Raises _InTheWayError for anything else."""
+    """What stands under `name` if it is a plain file, None if nothing does.  Raises _InTheWayError
+    for anything else.
+    """
     found = place.look(name)
     if found is not None and not stat.S_ISREG(found.st_mode):
         raise _InTheWayError(place.path / name, _kind(found))
@@ -212,14 +255,23 @@ def _plain(place: _Place, name: str) -> os.stat_result | None:
 
 def _kind(found: os.stat_result) -> str:
     if stat.S_ISLNK(found.st_mode):
-        return "is a symbolic link, and estim follows none here: remove it, or choose another folder"
-    what = "folder" if stat.S_ISDIR(found.st_mode) else "named pipe" if stat.S_ISFIFO(found.st_mode) else "device or the like"
+        return (
+            "is a symbolic link, and estim follows none here: remove it, or choose another folder"
+        )
+    what = (
+        "folder"
+        if stat.S_ISDIR(found.st_mode)
+        else "named pipe"
+        if stat.S_ISFIFO(found.st_mode)
+        else "device or the like"
+    )
     return f"is a {what} where estim keeps a file: move it away, or choose another folder"
 
 
 @contextlib.contextmanager
 def _opened(folder: Path, within: Path | None, *, make: bool = False) -> Iterator[_Place | None]:
-    """`folder`, open, reached from `within` (None: itself) without a link on the way; None where it is not there and not to be made.
+    """`folder`, open, reached from `within` (None: itself) without a link on the way; None where it
+    is not there and not to be made.
 
     Raises OSError.
     """
@@ -252,7 +304,9 @@ def _descend(stack: contextlib.ExitStack, folder: Path, root: Path, *, make: boo
     return place
 
 
-def _open(stack: contextlib.ExitStack, path: str, relative: int | None, *, follow: bool = True) -> int | None:
+def _open(
+    stack: contextlib.ExitStack, path: str, relative: int | None, *, follow: bool = True
+) -> int | None:
     """Handle of a folder, closed with `stack`; None where the system cannot open one."""
     if not _RELATIVE:
         os.stat(path)

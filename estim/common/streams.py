@@ -1,7 +1,7 @@
 """Random streams: which part of the work draws from which.
 
-Each part has its own, so that a new part changes the numbers of no other, and none reuses another's draws.
-A name's number is what the draws depend on: new names go to the end.
+Each part has its own, so that a new part changes the numbers of no other, and none reuses another's
+draws.  A name's number is what the draws depend on: new names go to the end.
 """
 
 from __future__ import annotations
@@ -47,7 +47,9 @@ class Stream(IntEnum):
 
 
 def stream(seed: int, name: Stream, *index: int) -> np.random.Generator:
-    """The generator of `name` under `seed` (the user's), or of its part number `index` (a trial, a run)."""
+    """The generator of `name` under `seed` (the user's), or of its part number `index` (a trial, a
+    run).
+    """
     from numpy.random import SeedSequence, default_rng
 
     return default_rng(SeedSequence(seed, spawn_key=(int(name), *index)))

@@ -1,7 +1,9 @@
-"""What a unit means: its size and its powers of the SI's base units, so far as a text says them beyond doubt.
+"""What a unit means: its size and its powers of the SI's base units, so far as a text says them
+beyond doubt.
 
-Units are words of their users: shown as they were written, never converted.  What is read here only tells whether two of them differ.
-A text that people write for two units (ms⁻¹: 1/ms, or m/s as British books print it) has both meanings, and differs from neither.
+Units are words of their users: shown as they were written, never converted.  What is read here only
+tells whether two of them differ.  A text that people write for two units (ms⁻¹: 1/ms, or m/s as
+British books print it) has both meanings, and differs from neither.
 """
 
 from __future__ import annotations
@@ -18,48 +20,142 @@ from types import MappingProxyType
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−º˚", "-0123456789-°°")
 _LETTERS = str.maketrans("µμ\u2126\u212b", "uuΩÅ")
 _PREFIXES = {
-    "": 1.0, "f": 1e-15, "p": 1e-12, "n": 1e-9, "u": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2, "k": 1e3, "M": 1e6, "G": 1e9, "T": 1e12,
+    "": 1.0,
+    "f": 1e-15,
+    "p": 1e-12,
+    "n": 1e-9,
+    "u": 1e-6,
+    "m": 1e-3,
+    "c": 1e-2,
+    "d": 1e-1,
+    "h": 1e2,
+    "k": 1e3,
+    "M": 1e6,
+    "G": 1e9,
+    "T": 1e12,
 }
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
 _WITH_PREFIX = {
-    "m": (1.0, "m"), "g": (1e-3, "kg"), "s": (1.0, "s"), "A": (1.0, "A"), "K": (1.0, "K"), "mol": (1.0, "mol"), "cd": (1.0, "cd"),
-    "Hz": (1.0, "s-1"), "Bq": (1.0, "s-1"), "N": (1.0, "kg m s-2"), "Pa": (1.0, "kg m-1 s-2"), "bar": (1e5, "kg m-1 s-2"), "J": (1.0, "kg m2 s-2"),
-    "eV": (1.602176634e-19, "kg m2 s-2"), "W": (1.0, "kg m2 s-3"), "C": (1.0, "A s"), "V": (1.0, "kg m2 s-3 A-1"), "F": (1.0, "kg-1 m-2 s4 A2"),
-    "Ω": (1.0, "kg m2 s-3 A-2"), "Ohm": (1.0, "kg m2 s-3 A-2"), "ohm": (1.0, "kg m2 s-3 A-2"), "S": (1.0, "kg-1 m-2 s3 A2"),
-    "Wb": (1.0, "kg m2 s-2 A-1"), "T": (1.0, "kg s-2 A-1"), "H": (1.0, "kg m2 s-2 A-2"), "L": (1e-3, "m3"), "l": (1e-3, "m3"),
-    "Gy": (1.0, "m2 s-2"), "Sv": (1.0, "m2 s-2"), "lm": (1.0, "cd"), "lx": (1.0, "cd m-2"),
+    "m": (1.0, "m"),
+    "g": (1e-3, "kg"),
+    "s": (1.0, "s"),
+    "A": (1.0, "A"),
+    "K": (1.0, "K"),
+    "mol": (1.0, "mol"),
+    "cd": (1.0, "cd"),
+    "Hz": (1.0, "s-1"),
+    "Bq": (1.0, "s-1"),
+    "N": (1.0, "kg m s-2"),
+    "Pa": (1.0, "kg m-1 s-2"),
+    "bar": (1e5, "kg m-1 s-2"),
+    "J": (1.0, "kg m2 s-2"),
+    "eV": (1.602176634e-19, "kg m2 s-2"),
+    "W": (1.0, "kg m2 s-3"),
+    "C": (1.0, "A s"),
+    "V": (1.0, "kg m2 s-3 A-1"),
+    "F": (1.0, "kg-1 m-2 s4 A2"),
+    "Ω": (1.0, "kg m2 s-3 A-2"),
+    "Ohm": (1.0, "kg m2 s-3 A-2"),
+    "ohm": (1.0, "kg m2 s-3 A-2"),
+    "S": (1.0, "kg-1 m-2 s3 A2"),
+    "Wb": (1.0, "kg m2 s-2 A-1"),
+    "T": (1.0, "kg s-2 A-1"),
+    "H": (1.0, "kg m2 s-2 A-2"),
+    "L": (1e-3, "m3"),
+    "l": (1e-3, "m3"),
+    "Gy": (1.0, "m2 s-2"),
+    "Sv": (1.0, "m2 s-2"),
+    "lm": (1.0, "cd"),
+    "lx": (1.0, "cd m-2"),
 }
 _DEGREE, _GON = math.pi / 180.0, math.pi / 200.0
 _ANGLES = {
-    "rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "nrad": 1e-9, "°": _DEGREE, "deg": _DEGREE, "gon": _GON, "′": _DEGREE / 60.0, "arcmin": _DEGREE / 60.0,
-    "″": _DEGREE / 3600.0, "arcsec": _DEGREE / 3600.0, "grad": _DEGREE,
+    "rad": 1.0,
+    "mrad": 1e-3,
+    "urad": 1e-6,
+    "nrad": 1e-9,
+    "°": _DEGREE,
+    "deg": _DEGREE,
+    "gon": _GON,
+    "′": _DEGREE / 60.0,
+    "arcmin": _DEGREE / 60.0,
+    "″": _DEGREE / 3600.0,
+    "arcsec": _DEGREE / 3600.0,
+    "grad": _DEGREE,
 }
 _ALONE = {
     **{name: (size, "") for name, size in _ANGLES.items()},
-    "min": (60.0, "s"), "h": (3600.0, "s"), "d": (86400.0, "s"), "sec": (1.0, "s"), "secs": (1.0, "s"), "kg": (1.0, "kg"),
-    "°C": (1.0, "K"), "°F": (5.0 / 9.0, "K"), "sr": (1.0, ""), "%": (0.01, ""), "‰": (1e-3, ""), "ppm": (1e-6, ""), "ppb": (1e-9, ""),
-    "Å": (1e-10, "m"), "in": (0.0254, "m"), "inch": (0.0254, "m"), "ft": (0.3048, "m"), "t": (1e3, "kg"), "rpm": (2.0 * math.pi / 60.0, "s-1"),
+    "min": (60.0, "s"),
+    "h": (3600.0, "s"),
+    "d": (86400.0, "s"),
+    "sec": (1.0, "s"),
+    "secs": (1.0, "s"),
+    "kg": (1.0, "kg"),
+    "°C": (1.0, "K"),
+    "°F": (5.0 / 9.0, "K"),
+    "sr": (1.0, ""),
+    "%": (0.01, ""),
+    "‰": (1e-3, ""),
+    "ppm": (1e-6, ""),
+    "ppb": (1e-9, ""),
+    "Å": (1e-10, "m"),
+    "in": (0.0254, "m"),
+    "inch": (0.0254, "m"),
+    "ft": (0.3048, "m"),
+    "t": (1e3, "kg"),
+    "rpm": (2.0 * math.pi / 60.0, "s-1"),
 }
 _WORDS = {  # in any case
-    "s": "sec secs second seconds sekunde sekunden segundo segundos", "min": "min minute minutes minuten minuto minutos",
-    "h": "hour hours stunde stunden hora horas", "d": "day days", "m": "meter meters metre metres metro metros", "kg": "kg", "g": "gram grams gramm",
-    "V": "volt volts", "A": "ampere amperes", "K": "kelvin", "°C": "celsius", "°F": "fahrenheit", "N": "newton newtons", "J": "joule joules",
-    "W": "watt watts", "Hz": "hz hertz", "Pa": "pascal", "°": "deg degree degrees grado grados", "grad": "grad", "rad": "rad radian radians",
+    "s": "sec secs second seconds sekunde sekunden segundo segundos",
+    "min": "min minute minutes minuten minuto minutos",
+    "h": "hour hours stunde stunden hora horas",
+    "d": "day days",
+    "m": "meter meters metre metres metro metros",
+    "kg": "kg",
+    "g": "gram grams gramm",
+    "V": "volt volts",
+    "A": "ampere amperes",
+    "K": "kelvin",
+    "°C": "celsius",
+    "°F": "fahrenheit",
+    "N": "newton newtons",
+    "J": "joule joules",
+    "W": "watt watts",
+    "Hz": "hz hertz",
+    "Pa": "pascal",
+    "°": "deg degree degrees grado grados",
+    "grad": "grad",
+    "rad": "rad radian radians",
 }
 _OFTEN_MEANT = {  # not the SI's
-    "C": (1.0, "K"), "F": (5.0 / 9.0, "K"), "°": (1.0, "K"), "deg": (1.0, "K"), "g": (9.80665, "m s-2"), "mg": (9.80665e-3, "m s-2"), "S": (1.0, "s"),
-    "mS": (1e-3, "s"), "rpm": (1.0 / 60.0, "s-1"), "grad": (_GON, ""), "Gs": (1e-4, "kg s-2 A-1"),
+    "C": (1.0, "K"),
+    "F": (5.0 / 9.0, "K"),
+    "°": (1.0, "K"),
+    "deg": (1.0, "K"),
+    "g": (9.80665, "m s-2"),
+    "mg": (9.80665e-3, "m s-2"),
+    "S": (1.0, "s"),
+    "mS": (1e-3, "s"),
+    "rpm": (1.0 / 60.0, "s-1"),
+    "grad": (_GON, ""),
+    "Gs": (1e-4, "kg s-2 A-1"),
 }
 _OF_TEMPERATURE = re.compile(r"(?i:°|deg|grad|celsius|fahrenheit)|[CF]$")
-_JOINED = re.compile(r"(?i:°|degrees?|deg\.?|grados?|grad)\s*(?:(C)(?:elsius)?|(F)(?:ahrenheit)?)(?![^\W\d_])")
-_TOKEN = re.compile(r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|[^\W\d_]+|[%‰′″]|[()/ ]|\^[+-]?\d{1,3}(?![\d.])")
+_JOINED = re.compile(
+    r"(?i:°|degrees?|deg\.?|grados?|grad)\s*(?:(C)(?:elsius)?|(F)(?:ahrenheit)?)(?![^\W\d_])"
+)
+_TOKEN = re.compile(
+    r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|[^\W\d_]+|[%‰′″]|[()/ ]|\^[+-]?\d{1,3}(?![\d.])"
+)
 _LONGEST = 200  # characters of a unit that is read
 _MOST = 64  # meanings of one
 
 
 @dataclass(frozen=True)
 class Unit:
-    """size : natural logarithm of the SI units in one of it.  powers : of metre, kilogram, second, ampere, kelvin, mole, candela."""
+    """size : natural logarithm of the SI units in one of it.  powers : of metre, kilogram, second,
+    ampere, kelvin, mole, candela.
+    """
 
     size: float
     powers: tuple[int, ...]
@@ -68,15 +164,22 @@ class Unit:
         return Unit(self.size * power, tuple(power * p for p in self.powers))
 
     def times(self, other: Unit) -> Unit:
-        return Unit(self.size + other.size, tuple(p + q for p, q in zip(self.powers, other.powers, strict=True)))
+        return Unit(
+            self.size + other.size,
+            tuple(p + q for p, q in zip(self.powers, other.powers, strict=True)),
+        )
 
     def same(self, other: Unit) -> bool:
-        return self.powers == other.powers and math.isclose(self.size, other.size, rel_tol=1e-12, abs_tol=1e-9)
+        return self.powers == other.powers and math.isclose(
+            self.size, other.size, rel_tol=1e-12, abs_tol=1e-9
+        )
 
 
 @dataclass(frozen=True)
 class Factor:
-    """A symbol or a number with the power that is written at it, and that of what it stands in: s⁻² below a line is -2 and -1."""
+    """A symbol or a number with the power that is written at it, and that of what it stands in: s⁻²
+    below a line is -2 and -1.
+    """
 
     symbol: str
     power: int = 1
@@ -91,7 +194,9 @@ _KELVIN = tuple(int(base == "K") for base in _BASE)
 
 
 def same_unit(one: str, other: str) -> bool | None:
-    """Whether two units mean the same, or may; None where one of them is not known.  Zeros are not compared: °C is K."""
+    """Whether two units mean the same, or may; None where one of them is not known.  Zeros are not
+    compared: °C is K.
+    """
     if _plain(one) == _plain(other):
         return True
     pairs = [(a, b) for a in _meanings(one) for b in _meanings(other)]
@@ -99,11 +204,20 @@ def same_unit(one: str, other: str) -> bool | None:
 
 
 def in_unit(value: float, unit: str, wanted: str) -> float | None:
-    """A value in another unit; None where the two are not known to be of one dimension, may mean several, or have zeros of their own."""
+    """A value in another unit; None where the two are not known to be of one dimension, may mean
+    several, or have zeros of their own.
+    """
     pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a.powers == b.powers]
     sizes = [a.size - b.size for a, b in pairs]
-    temperatures = any(a.powers == _KELVIN for a, _ in pairs) and any(_OF_TEMPERATURE.search(_plain(one)) for one in (unit, wanted))
-    if not pairs or max(sizes) - min(sizes) > 1e-9 or temperatures or abs(sizes[0]) > math.log(1e300):
+    temperatures = any(a.powers == _KELVIN for a, _ in pairs) and any(
+        _OF_TEMPERATURE.search(_plain(one)) for one in (unit, wanted)
+    )
+    if (
+        not pairs
+        or max(sizes) - min(sizes) > 1e-9
+        or temperatures
+        or abs(sizes[0]) > math.log(1e300)
+    ):
         return None
     return float(f"{value * math.exp(sizes[0]):.12g}")
 
@@ -116,16 +230,24 @@ def is_unit(text: str) -> bool:
 def is_angle(unit: str) -> bool:
     """Whether a unit is one of angles: the radian, the degree, the minute of arc and so on."""
     factors = _factors_of(unit)
-    return factors is not None and [factor.power * factor.outer for factor in factors] == [1] and _symbol_of(factors[0].symbol) in _ANGLES
+    return (
+        factors is not None
+        and [factor.power * factor.outer for factor in factors] == [1]
+        and _symbol_of(factors[0].symbol) in _ANGLES
+    )
 
 
 def is_in_degrees(unit: str) -> bool:
     """Whether a unit is the degree of an angle."""
-    return is_angle(unit) and any(one.same(Unit(math.log(_DEGREE), _PURE.powers)) for one in _meanings(unit))
+    return is_angle(unit) and any(
+        one.same(Unit(math.log(_DEGREE), _PURE.powers)) for one in _meanings(unit)
+    )
 
 
 def powers_in(unit: str) -> dict[str, int] | None:
-    """Symbols of a unit with their powers: "m/s²" -> m 1, s -2; None where it holds a number, or may be read in several ways."""
+    """Symbols of a unit with their powers: "m/s²" -> m 1, s -2; None where it holds a number, or
+    may be read in several ways.
+    """
     factors = [factor for factor in _factors_of(unit) or (Factor("0"),) if factor.symbol != "1"]
     if any(factor.symbol[0].isdigit() or _as_two(factor) for factor in factors):
         return None
@@ -137,7 +259,9 @@ def powers_in(unit: str) -> dict[str, int] | None:
 
 @lru_cache(maxsize=512)
 def _factors_of(text: str) -> tuple[Factor, ...] | None:
-    """The factors of a unit, known or not; None where their order leaves a doubt (m/s V: is V above or below?)."""
+    """The factors of a unit, known or not; None where their order leaves a doubt (m/s V: is V above
+    or below?).
+    """
     spelled = _spelled(text)
     tokens = deque(_TOKEN.findall(spelled))
     if len(spelled) > _LONGEST or "".join(tokens) != spelled:
@@ -156,7 +280,12 @@ def _plain(text: str) -> str:
 
 def _spelled(text: str) -> str:
     """A unit with blanks, powers, products and degrees written alike."""
-    text = re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"^{found[0]}", text.strip().rstrip(".")).translate(_LOWERED).replace("℃", "°C").replace("℉", "°F")
+    text = (
+        re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"^{found[0]}", text.strip().rstrip("."))
+        .translate(_LOWERED)
+        .replace("℃", "°C")
+        .replace("℉", "°F")
+    )
     text = _JOINED.sub(lambda found: f"°{found[1] or found[2]}".upper(), text)
     text = re.sub(r"\^[({]([+-]?\d+)[)}]", r"^\1", text.replace("**", "^"))
     text = re.sub(r"(?<=[^\W\d_°%])(?<!\d[eE])(?=-?\d)", "^", text)
@@ -195,7 +324,9 @@ def _power(tokens: deque[str]) -> int:
 
 @lru_cache(maxsize=512)
 def _meanings(text: str) -> tuple[Unit, ...]:
-    """What a unit may mean: nothing where it is not known, two where people write the same for two."""
+    """What a unit may mean: nothing where it is not known, two where people write the same for
+    two.
+    """
     readings = [_readings(factor) for factor in _factors_of(text) or ()]
     if not readings or math.prod(map(len, readings)) > _MOST:
         return ()
@@ -212,13 +343,19 @@ def _readings(factor: Factor) -> list[Unit]:
     """What a factor may mean: one of its symbol's meanings, or m s⁻¹ where ms⁻¹ is written."""
     if factor.symbol[0].isdigit():
         number = float(factor.symbol)
-        return [Unit(math.log(number), _PURE.powers).raised(factor.power * factor.outer)] if 0.0 < number < math.inf else []
+        return (
+            [Unit(math.log(number), _PURE.powers).raised(factor.power * factor.outer)]
+            if 0.0 < number < math.inf
+            else []
+        )
     found = [*(unit.raised(factor.power) for unit in _known(factor.symbol)), *_as_two(factor)]
     return [unit.raised(factor.outer) for unit in found]
 
 
 def _as_two(factor: Factor) -> list[Unit]:
-    """m s⁻¹ for ms⁻¹: each way to part a symbol with a negative power into two, the second without a prefix."""
+    """m s⁻¹ for ms⁻¹: each way to part a symbol with a negative power into two, the second without
+    a prefix.
+    """
     found, symbol = list[Unit](), factor.symbol.translate(_LETTERS)
     for second in (*_WITH_PREFIX, "kg") if factor.power < 0 else ():
         first = symbol.removesuffix(second)
@@ -238,7 +375,7 @@ def _symbol_of(text: str) -> str:
 
 
 def _unit(size: float, text: str) -> Unit:
-    """"kg m2 s-2" as powers of the base units."""
+    """ "kg m2 s-2" as powers of the base units."""
     found = {base: int(power or 1) for base, power in re.findall(r"([A-Za-z]+)(-?\d*)", text)}
     return Unit(math.log(size), tuple(found.get(base, 0) for base in _BASE))
 
@@ -253,8 +390,12 @@ def _all_symbols() -> Iterator[tuple[str, tuple[float, str]]]:
 
 def _all_meanings() -> dict[str, tuple[Unit, ...]]:
     strict = {symbol: (_unit(*meant),) for symbol, meant in _all_symbols()}
-    return strict | {symbol: (*strict.get(symbol, ()), _unit(*meant)) for symbol, meant in _OFTEN_MEANT.items()}
+    return strict | {
+        symbol: (*strict.get(symbol, ()), _unit(*meant)) for symbol, meant in _OFTEN_MEANT.items()
+    }
 
 
 _SYMBOLS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(_all_meanings())
-_SYMBOL_OF_WORD: Mapping[str, str] = MappingProxyType({word: symbol for symbol, names in _WORDS.items() for word in names.split()})
+_SYMBOL_OF_WORD: Mapping[str, str] = MappingProxyType(
+    {word: symbol for symbol, names in _WORDS.items() for word in names.split()}
+)

@@ -1,4 +1,6 @@
-"""Figures of a fitted curve (`CurveFit.plot`, `CurveFit.contour`): points, curve and residuals; the region of two parameters."""
+"""Figures of a fitted curve (`CurveFit.plot`, `CurveFit.contour`): points, curve and residuals; the
+region of two parameters.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,8 @@ _CIRCLE = np.linspace(0.0, 2.0 * np.pi, 181)
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval, all (n,), unit of y.
+    """The fitted curve at x (n,): value, its standard uncertainty u and the ends of its interval,
+    all (n,), unit of y.
 
     u, low, high : nan where the status is not ok, or a parameter has no standard deviation.
     """
@@ -39,13 +42,19 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where two parameters of a fit may lie together: the profile of the likelihood (and of priors), in the parameters' own units.
+    """Where two parameters of a fit may lie together: the profile of the likelihood (and of
+    priors), in the parameters' own units.
 
-    a, b : names.  x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) how far minus twice the log likelihood stands above its minimum
-        at (x[i], y[j]), the other parameters fitted anew at each point; inf where the curve or a limit allows none.
-    levels : probability -> the rise at its border: chi-squared with two degrees of freedom, 2 F where the size of the errors was estimated.
-    ellipses : probability -> (181, 2) border of the region of the linear theory, nan where there is none.
-    best : (2,) fitted values.  labels : how the parameters are written.
+    a, b : names.
+    x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) how far minus twice the log
+        likelihood stands above its minimum at (x[i], y[j]), the other parameters fitted anew at
+        each point; inf where the curve or a limit allows none.
+    levels : probability -> the rise at its border: chi-squared with two degrees of freedom, 2 F
+        where the size of the errors was estimated.
+    ellipses : probability -> (181, 2) border of the region of the linear theory, nan where there is
+        none.
+    best : (2,) fitted values.
+    labels : how the parameters are written.
     n_failed : points at which the search over the other parameters did not settle.
     """
 
@@ -61,12 +70,19 @@ class Region:
     n_failed: int
 
     def holds(self, a: float, b: float, *, probability: float = 0.95) -> bool:
-        """Whether the region of that probability, one of `levels`, holds the point; nothing outside the grid is held."""
+        """Whether the region of that probability, one of `levels`, holds the point; nothing outside
+        the grid is held.
+        """
         inside = self.x[0] <= a <= self.x[-1] and self.y[0] <= b <= self.y[-1]
-        return bool(inside and _refined(self, np.array([a]), np.array([b]))[0, 0] <= self.levels[probability])
+        return bool(
+            inside
+            and _refined(self, np.array([a]), np.array([b]))[0, 0] <= self.levels[probability]
+        )
 
     def plot(self, figure: Figure | None = None) -> Figure:
-        """The regions with the ellipses of the linear theory, in a new figure or in the user's own (which may be one of pyplot's)."""
+        """The regions with the ellipses of the linear theory, in a new figure or in the user's own
+        (which may be one of pyplot's).
+        """
         return handed_out(figure, lambda own: _draw_region(own.subplots(), self), 4.6)
 
     def _repr_png_(self) -> bytes:
@@ -75,22 +91,45 @@ class Region:
         return as_png(self.plot())
 
 
-def region_of(found: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]) -> Region:
+def region_of(
+    found: Contour, *, best: FloatArray, cov: FloatArray, labels: tuple[Label, Label]
+) -> Region:
     """`found` with the ellipses of the covariance matrix cov (2, 2) about best (2,)."""
-    values, axes = np.linalg.eigh(cov) if np.all(np.isfinite(cov)) else (np.full(2, np.nan), np.eye(2))
+    values, axes = (
+        np.linalg.eigh(cov) if np.all(np.isfinite(cov)) else (np.full(2, np.nan), np.eye(2))
+    )
     circle = np.stack([np.cos(_CIRCLE), np.sin(_CIRCLE)], axis=1)
     unit = circle * np.sqrt(np.where(values >= 0.0, values, np.nan)) @ axes.T
     ellipses = {p: best + np.sqrt(level) * unit for p, level in found.levels.items()}
-    return Region(found.a, found.b, found.x, found.y, found.rise, found.levels, ellipses, best, labels, found.n_failed)
+    return Region(
+        found.a,
+        found.b,
+        found.x,
+        found.y,
+        found.rise,
+        found.levels,
+        ellipses,
+        best,
+        labels,
+        found.n_failed,
+    )
 
 
 def curve_figure(
-    run: Observations, at_points: FloatArray, curve: Prediction, inner: Prediction, *, sd: FloatArray, sd_x: FloatArray, title: str,
+    run: Observations,
+    at_points: FloatArray,
+    curve: Prediction,
+    inner: Prediction,
+    *,
+    sd: FloatArray,
+    sd_x: FloatArray,
+    title: str,
     figure: Figure | None,
 ) -> Figure:
     """Points with their errors, the curve with its bands, and the residuals in the unit of y.
 
-    at_points : (n_obs,) the fitted curve at the points.  curve, inner : along x, with 95 % and 68 % intervals.
+    at_points : (n_obs,) the fitted curve at the points.
+    curve, inner : along x, with 95 % and 68 % intervals.
     sd, sd_x : (n_obs,) standard deviations of y and x, 0 for none.
     """
 
@@ -99,18 +138,39 @@ def curve_figure(
         counts = run.noise.counted
         _draw_curve(upper, curve, inner)
         bars = run.n_obs <= MANY and counts is None
-        errors = {"yerr": sd if bars and np.any(sd > 0.0) else None, "xerr": sd_x if bars and np.any(sd_x > 0.0) else None}
-        style = {"fmt": "o", "color": INK, "ms": 3.5 if run.n_obs <= MANY else 1.8, "elinewidth": 0.9, "capsize": 0}
-        said = phrase("counts") if counts is not None else phrase("data ± u") if bars and np.any(sd > 0.0) else phrase("data")
+        errors = {
+            "yerr": sd if bars and np.any(sd > 0.0) else None,
+            "xerr": sd_x if bars and np.any(sd_x > 0.0) else None,
+        }
+        style = {
+            "fmt": "o",
+            "color": INK,
+            "ms": 3.5 if run.n_obs <= MANY else 1.8,
+            "elinewidth": 0.9,
+            "capsize": 0,
+        }
+        said = (
+            phrase("counts")
+            if counts is not None
+            else phrase("data ± u")
+            if bars and np.any(sd > 0.0)
+            else phrase("data")
+        )
         upper.errorbar(run.x, run.y, **errors, **style, label=said, zorder=5 if bars else 1.9)
         if counts is not None:
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
             scatter = scatter if counts.bins is None else np.repeat(scatter, 2)
-            lower.fill_between(at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label=phrase("± sd of a count"))
+            lower.fill_between(
+                at, -scatter, scatter, color=GREY, alpha=0.25, lw=0, label=phrase("± sd of a count")
+            )
         elif not bars and np.any(sd > 0.0):
-            lower.fill_between(run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label=phrase("± u of a reading"))
-        lower.fill_between(curve.x, curve.low - curve.value, curve.high - curve.value, color=BLUE, alpha=0.3, lw=0)
+            lower.fill_between(
+                run.x, -sd, sd, color=GREY, alpha=0.25, lw=0, label=phrase("± u of a reading")
+            )
+        lower.fill_between(
+            curve.x, curve.low - curve.value, curve.high - curve.value, color=BLUE, alpha=0.3, lw=0
+        )
         lower.axhline(0.0, color=BLUE, lw=1.2)
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
         if lower.get_legend_handles_labels()[0]:
@@ -119,7 +179,14 @@ def curve_figure(
         upper.set(ylabel=run.y_label)
         lower.set(xlabel=run.x_label, ylabel=phrase("residual") + unit)
         upper.set_title(title, fontsize=10, pad=20)
-        upper.legend(fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, borderaxespad=0.1)
+        upper.legend(
+            fontsize=8,
+            frameon=False,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=4,
+            borderaxespad=0.1,
+        )
         own.align_ylabels([upper, lower])
 
     return handed_out(figure, draw, 5.0)
@@ -127,13 +194,31 @@ def curve_figure(
 
 def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:
     if np.any(np.isfinite(curve.low)):
-        ax.fill_between(curve.x, curve.low, curve.high, color=BLUE, alpha=0.22, lw=0, label=phrase("the curve, {p:.0f} %", p=95))
-        ax.fill_between(curve.x, inner.low, inner.high, color=BLUE, alpha=0.40, lw=0, label=phrase("the curve, {p:.0f} %", p=68))
+        ax.fill_between(
+            curve.x,
+            curve.low,
+            curve.high,
+            color=BLUE,
+            alpha=0.22,
+            lw=0,
+            label=phrase("the curve, {p:.0f} %", p=95),
+        )
+        ax.fill_between(
+            curve.x,
+            inner.low,
+            inner.high,
+            color=BLUE,
+            alpha=0.40,
+            lw=0,
+            label=phrase("the curve, {p:.0f} %", p=68),
+        )
     ax.plot(curve.x, curve.value, color=BLUE, lw=1.3, label=phrase("best curve"))
 
 
 def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
-    """(n, m) rise at all pairs of a (n,) and b (m,), by cubic splines between the points of the grid; inf beside points without a value."""
+    """(n, m) rise at all pairs of a (n,) and b (m,), by cubic splines between the points of the
+    grid; inf beside points without a value.
+    """
     from scipy.interpolate import RectBivariateSpline, RegularGridInterpolator
 
     if np.all(np.isfinite(region.rise)):
@@ -148,21 +233,60 @@ def _draw_region(ax: Axes, region: Region) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    a, b = np.linspace(region.x[0], region.x[-1], _FINE), np.linspace(region.y[0], region.y[-1], _FINE)
+    a = np.linspace(region.x[0], region.x[-1], _FINE)
+    b = np.linspace(region.y[0], region.y[-1], _FINE)
     rise, (first, second) = _refined(region, a, b), region.labels
     levels = sorted(region.levels.values())
     shades = [BLUE, PALE, "#E3F0F7"][: len(levels)]
     top = 1e3 * levels[-1]
-    ax.contourf(a * first.factor, b * second.factor, np.minimum(rise.T, top), levels=[-top, *levels], colors=shades)
-    ax.contour(a * first.factor, b * second.factor, np.minimum(rise.T, top), levels=levels, colors=INK, linewidths=0.8)
+    ax.contourf(
+        a * first.factor,
+        b * second.factor,
+        np.minimum(rise.T, top),
+        levels=[-top, *levels],
+        colors=shades,
+    )
+    ax.contour(
+        a * first.factor,
+        b * second.factor,
+        np.minimum(rise.T, top),
+        levels=levels,
+        colors=INK,
+        linewidths=0.8,
+    )
     for ellipse in region.ellipses.values():
-        ax.plot(ellipse[:, 0] * first.factor, ellipse[:, 1] * second.factor, color=ORANGE, lw=1.4, ls="--")
-    ax.plot(region.best[0] * first.factor, region.best[1] * second.factor, "o", color="white", mec=INK, ms=5)
+        ax.plot(
+            ellipse[:, 0] * first.factor,
+            ellipse[:, 1] * second.factor,
+            color=ORANGE,
+            lw=1.4,
+            ls="--",
+        )
+    ax.plot(
+        region.best[0] * first.factor,
+        region.best[1] * second.factor,
+        "o",
+        color="white",
+        mec=INK,
+        ms=5,
+    )
     names = [phrase("profile, {p:.0f} %", p=100 * p) for p in sorted(region.levels)]
-    handles: list[Artist] = [Patch(facecolor=shade, edgecolor=INK, label=name) for shade, name in zip(shades, names, strict=False)]
+    handles: list[Artist] = [
+        Patch(facecolor=shade, edgecolor=INK, label=name)
+        for shade, name in zip(shades, names, strict=False)
+    ]
     if any(np.all(np.isfinite(one)) for one in region.ellipses.values()):
         handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label=phrase("linear theory")))
-    handles.append(Line2D([], [], color="white", marker="o", mec=INK, ls="", label=phrase("best values")))
-    ax.legend(handles=handles, fontsize=8, frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(handles))
+    handles.append(
+        Line2D([], [], color="white", marker="o", mec=INK, ls="", label=phrase("best values"))
+    )
+    ax.legend(
+        handles=handles,
+        fontsize=8,
+        frameon=False,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=len(handles),
+    )
     ax.set(xlabel=first.axis, ylabel=second.axis)
     ax.locator_params(axis="x", nbins=6)

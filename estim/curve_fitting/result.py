@@ -1,4 +1,6 @@
-"""The record of a user's own curve, fitted (`fit_curve` makes it): values, intervals, status, and how a person reads them."""
+"""The record of a user's own curve, fitted (`fit_curve` makes it): values, intervals, status, and
+how a person reads them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,19 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import P_FLOOR, Goodness
-from estim.common import Finding, InputError, Kind, Status, code, format_p, markdown, one_line, phrase, signed, table
+from estim.common import (
+    Finding,
+    InputError,
+    Kind,
+    Status,
+    code,
+    format_p,
+    markdown,
+    one_line,
+    phrase,
+    signed,
+    table,
+)
 from estim.curve_fitting.figures import Prediction, Region, curve_figure, region_of
 from estim.curves import refuse_quantities
 from estim.deviation import FoundDeviation
@@ -26,7 +40,8 @@ from estim.words import advice, advice_for, tell
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED, Kind.ROUNDING, Kind.HARDLY_HELD)  # of which a reason says what to do as well
+# of which a reason says what to do as well
+_ADVISED = (Kind.SEVERAL_SOLUTIONS, Kind.STEP_UNSETTLED, Kind.ROUNDING, Kind.HARDLY_HELD)
 _TOLD_CORRELATION = 0.1
 _ALONG = 401  # points along a drawn curve
 _TITLE = 60  # marks of a formula that a title has room for
@@ -36,21 +51,29 @@ _TITLE = 60  # marks of a formula that a title has room for
 class CurveFit:
     """A fitted curve.
 
-    names : of the parameters, shared errors included.  values, sds : name -> best value and standard deviation (nan where a
-        symmetric one would be wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
-    intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of the errors was estimated, by
-        profiles beside a limit (`estim.fitting.curve_intervals`); an end at the limit itself is open.  nan where there is none.
+    names : of the parameters, shared errors included.
+    values, sds : name -> best value and standard deviation (nan where a symmetric one would be
+        wrong: at a limit, where the data determine nothing or have no scatter; `notes` says which).
+    intervals : name -> probability (0.68, 0.95) -> (low, high), by Student's t where the size of
+        the errors was estimated, by profiles beside a limit (`estim.fitting.curve_intervals`); an
+        end at the limit itself is open.  nan where there is none.
     cov : (n_par, n_par) covariance matrix in the order of `names`.
-    chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared residuals (unit of y squared).  With u_x
-        a residual is the normal score of y, F^-1(P(Y < y | x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
-    dof : points and informative priors minus parameters.  p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
+    chi2 : squared residuals over u_y, priors included; without u_y the plain sum of squared
+        residuals (unit of y squared).  With u_x a residual is the normal score of y, F^-1(P(Y < y |
+        x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
+    dof : points and informative priors minus parameters.
+    p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first, and the status that follows.  remarks : what to know before using it, nothing wrong.
-    reasons, notes : the same in words.  message : how the search went.
+    findings : everything wrong, gravest first, and the status that follows.
+    remarks : what to know before using it, nothing wrong.
+    reasons, notes : the same in words.
+    message : how the search went.
     goodness : tests of the residuals, in order of x; empty where the points are too few.
-    text : the formula, or how the function is called.  called : "gaussian + line" where the curve was asked for by name, else the same.
+    text : the formula, or how the function is called.
+    called : "gaussian + line" where the curve was asked for by name, else the same.
     fixed : name -> exact value of the parameters that were not fit.
-    fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further parameter.
+    fit, problem : what sampling starts from; without u_y `problem` has `sigma_y` as a further
+        parameter.
     held : the same optimum with errors of a fixed size, that of the residuals without u_y.
     """
 
@@ -76,7 +99,9 @@ class CurveFit:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        return tuple(f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings)
+        return tuple(
+            f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings
+        )
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -98,20 +123,32 @@ class CurveFit:
 
     @cached_property
     def derived(self) -> Mapping[str, LinearDerived]:
-        """Name -> what follows from the parameters by the formulas `derived`, linear about the fit; `sample_curve` computes it from draws."""
+        """Name -> what follows from the parameters by the formulas `derived`, linear about the fit;
+        `sample_curve` computes it from draws.
+        """
         unknown = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
         values = np.array([self.values[name] for name in self.names])
         found: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
-            for one in linear_derived(run, self.names, values, self.cov, dof=self._dof, unknown=unknown):
-                own = any("[" in name for name, slope in zip(self.names, one.gradient, strict=True) if slope != 0.0)
+            for one in linear_derived(
+                run, self.names, values, self.cov, dof=self._dof, unknown=unknown
+            ):
+                own = any(
+                    "[" in name
+                    for name, slope in zip(self.names, one.gradient, strict=True)
+                    if slope != 0.0
+                )
                 found.setdefault(f"{one.name}[{run.name}]" if own else one.name, one)
         return found
 
-    def predict(self, x: ArrayLike, *, probability: float = 0.95, data: str | None = None) -> Prediction:
-        """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM 100:2008, 5.2.2), not the scatter of a new reading.
+    def predict(
+        self, x: ArrayLike, *, probability: float = 0.95, data: str | None = None
+    ) -> Prediction:
+        """The curve at x, a number or (n,), with the uncertainty of its parameters (linear; JCGM
+        100:2008, 5.2.2), not the scatter of a new reading.
 
-        probability : of the interval low to high, by Student's t where the size of the errors was estimated.
+        probability : of the interval low to high, by Student's t where the size of the errors was
+            estimated.
         data : name of the data set, where several were fit together.  Raises InputError.
         """
         refuse_quantities(x=x)
@@ -123,16 +160,24 @@ class CurveFit:
         run = self._run(data)
         points = replace(run.points, x=places, y=np.zeros(places.size))
         value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
-        gradient, known = points.gradient(self.values, self.names), self.status.ok and all(map(math.isfinite, self.sds.values()))
-        u = np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient)) if known else np.full(places.size, np.nan)
+        gradient = points.gradient(self.values, self.names)
+        known = self.status.ok and all(map(math.isfinite, self.sds.values()))
+        u = (
+            np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient))
+            if known
+            else np.full(places.size, np.nan)
+        )
         half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
         return Prediction(places, value, u, value - half, value + half)
 
     def plot(self, figure: Figure | None = None, *, data: str | None = None) -> Figure:
-        """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in the unit of y.
+        """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in
+        the unit of y.
 
-        figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook shows and `savefig` writes.
-        data : name of the data set, where several were fit together.  A curve whose status is not ok has no band.
+        figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook
+            shows and `savefig` writes.
+        data : name of the data set, where several were fit together.  A curve whose status is not
+            ok has no band.
         """
         run = self._run(data)
         ends = (run.noise.counted.bins if run.noise.counted is not None else None, run.x)
@@ -142,28 +187,56 @@ class CurveFit:
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
         return curve_figure(
-            run, self.predict(run.x, data=data).value, outer, inner, sd=gain * (1.0 if self.sigma is None else self.sigma), sd_x=run.noise.x_gain(),
-            title=": ".join([*([data] if data else []), *([self.called] if len(self.called) <= _TITLE else []), str(self.status)]), figure=figure,
+            run,
+            self.predict(run.x, data=data).value,
+            outer,
+            inner,
+            sd=gain * (1.0 if self.sigma is None else self.sigma),
+            sd_x=run.noise.x_gain(),
+            title=": ".join(
+                [
+                    *([data] if data else []),
+                    *([self.called] if len(self.called) <= _TITLE else []),
+                    str(self.status),
+                ]
+            ),
+            figure=figure,
         )
 
     def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
-        """Where the parameters a and b lie together, by profiles of the likelihood, beside the ellipses of the linear theory.
+        """Where the parameters a and b lie together, by profiles of the likelihood, beside the
+        ellipses of the linear theory.
 
-        A notebook shows it; `.plot()` draws it.  Raises InputError for unknown names, and where the status is not ok or the curve may lack
-        something (`deviation`, `correlated`): then no region would hold what it says.
+        A notebook shows it; `.plot()` draws it.  Raises InputError for unknown names, and where the
+        status is not ok or the curve may lack something (`deviation`, `correlated`): then no region
+        would hold what it says.
         """
         if not self.status.ok:
-            raise InputError(f"needs a fit with status ok, not {self.status}: its region would not have its nominal coverage", field="contour")
+            raise InputError(
+                f"needs a fit with status ok, not {self.status}: its region would not have "
+                "its nominal coverage",
+                field="contour",
+            )
         if self.deviation is not None:
-            raise InputError("is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve", field="contour")
+            raise InputError(
+                "is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve",
+                field="contour",
+            )
         found = contour(self.held, a, b, probabilities, dof=self._dof)
         at = [self.names.index(name) for name in (a, b)]
         known = {p.name: p.label for p in self.problem.parameters}
-        return region_of(found, best=np.array([self.values[a], self.values[b]]), cov=self.cov[np.ix_(at, at)], labels=(known[a], known[b]))
+        return region_of(
+            found,
+            best=np.array([self.values[a], self.values[b]]),
+            cov=self.cov[np.ix_(at, at)],
+            labels=(known[a], known[b]),
+        )
 
     @property
     def aic(self) -> float:
-        """Akaike's criterion -2 ln L + 2 k; k counts an estimated size of the errors.  nan beside informative priors, which it does not know."""
+        """Akaike's criterion -2 ln L + 2 k; k counts an estimated size of the errors.  nan beside
+        informative priors, which it does not know.
+        """
         return self._criterion(2.0)
 
     @property
@@ -173,22 +246,42 @@ class CurveFit:
 
     @property
     def r_squared(self) -> float:
-        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of the curve."""
+        """Share of the scatter of y about its mean that the curve explains, unweighted; no test of
+        the curve.
+        """
         runs = self.problem.runs
-        off = sum(float(np.sum((run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]) ** 2)) for run in runs)
+        off = sum(
+            float(
+                np.sum(
+                    (run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]) ** 2
+                )
+            )
+            for run in runs
+        )
         every = np.concatenate([run.y for run in runs])
         total = float(np.sum((every - every.mean()) ** 2))
         return 1.0 - off / total if total > 0.0 else math.nan
 
     def summary(self) -> str:
-        """What `print` shows, with criteria for comparing curves on the same points, and correlations (where the status is ok)."""
+        """What `print` shows, with criteria for comparing curves on the same points, and
+        correlations (where the status is ok).
+        """
         criteria = f"AIC = {self.aic:.6g}, BIC = {self.bic:.6g}, R2 = {self.r_squared:.6g}"
         lines = [str(self), f"{criteria}, {phrase('{n} points', n=self.problem.n_obs)}"]
         matrix = self.correlation
-        pairs = [(float(matrix[i, j]), f"{a}, {b}") for i, a in enumerate(self.names) for j, b in enumerate(self.names[:i])]
-        told = sorted((pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION), key=lambda pair: -abs(pair[0]))
+        pairs = [
+            (float(matrix[i, j]), f"{a}, {b}")
+            for i, a in enumerate(self.names)
+            for j, b in enumerate(self.names[:i])
+        ]
+        told = sorted(
+            (pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION),
+            key=lambda pair: -abs(pair[0]),
+        )
         if self.status.ok and told:
-            lines.append(phrase("correlations (those below {size} are omitted):", size=_TOLD_CORRELATION))
+            lines.append(
+                phrase("correlations (those below {size} are omitted):", size=_TOLD_CORRELATION)
+            )
             lines += [f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told]
         return "\n".join(lines)
 
@@ -203,8 +296,15 @@ class CurveFit:
         if any(p.prior.informative for p in self.problem.parameters if p.name in self.names):
             return math.nan
         if self.sigma is not None and self.deviation is None:
-            return n * (math.log(2.0 * math.pi * self.chi2 / n) + 1.0) + weight * (k + 1) if self.chi2 > 0.0 else -math.inf
-        return -2.0 * float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0]) + weight * k
+            return (
+                n * (math.log(2.0 * math.pi * self.chi2 / n) + 1.0) + weight * (k + 1)
+                if self.chi2 > 0.0
+                else -math.inf
+            )
+        return (
+            -2.0 * float(self.fit.posterior.log_likelihood(self.fit.values[None, :])[0])
+            + weight * k
+        )
 
     @property
     def _dof(self) -> float:
@@ -212,32 +312,61 @@ class CurveFit:
 
     @property
     def correlation(self) -> FloatArray:
-        """(n_par, n_par) correlation matrix; nan beside a parameter without a standard deviation."""
+        """(n_par, n_par) correlation matrix; nan beside a parameter without a standard
+        deviation.
+        """
         sds = np.sqrt(np.diag(self.cov))
         with np.errstate(invalid="ignore", divide="ignore"):
             return self.cov / np.outer(sds, sds)
 
     def __str__(self) -> str:
         width = max(map(len, (*self.names, *self.derived)))
-        rows = [f"{name:<{width}} {f'{relation} {value}'.strip()}" for name, (relation, value) in self._rows()]
+        rows = [
+            f"{name:<{width}} {f'{relation} {value}'.strip()}"
+            for name, (relation, value) in self._rows()
+        ]
         head = [f"{self.called}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         head += [f"  {phrase('what to do: {words}', words=words)}" for words in self.advice]
-        said = [*head, *rows, *self._fixed_words(), *(phrase("note: {words}", words=note) for note in self.notes)]
+        said = [
+            *head,
+            *rows,
+            *self._fixed_words(),
+            *(phrase("note: {words}", words=note) for note in self.notes),
+        ]
         return "\n".join(map(one_line, [*said, self._summary()]))
 
     def _repr_markdown_(self) -> str:
-        head = [f"{code(self.called)}: **{self.status}**", *(f"- {markdown(reason)}" for reason in self.reasons)]
+        head = [
+            f"{code(self.called)}: **{self.status}**",
+            *(f"- {markdown(reason)}" for reason in self.reasons),
+        ]
         head += [f"- {phrase('What to do:')} {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
-        shown = ["", table((phrase("parameter"), phrase("value and intervals")), rows)] if rows else []
-        notes = [*self._fixed_words(), *(phrase("Note: {words}", words=note) for note in self.notes)]
-        return "\n".join([*head, *shown, "", *(f"- {markdown(note)}" for note in notes), "", markdown(self._summary())])
+        shown = (
+            ["", table((phrase("parameter"), phrase("value and intervals")), rows)] if rows else []
+        )
+        notes = [
+            *self._fixed_words(),
+            *(phrase("Note: {words}", words=note) for note in self.notes),
+        ]
+        return "\n".join(
+            [
+                *head,
+                *shown,
+                "",
+                *(f"- {markdown(note)}" for note in notes),
+                "",
+                markdown(self._summary()),
+            ]
+        )
 
     def _fixed_words(self) -> list[str]:
         return [f"{name} = {value:.10g} ({phrase('fixed')})" for name, value in self.fixed.items()]
 
     def _rows(self) -> list[tuple[str, tuple[str, str]]]:
-        """Name, and relation and value in words; limits where the curve or an edge is contradicted, nothing where no number is a result."""
+        """Name, and relation and value in words; limits where the curve or an edge is contradicted,
+        nothing where no number is a result.
+        """
         if self.status not in (Status.OK, Status.POOR_FIT, Status.AT_BOUND):
             return []
         few, anywhere = self.sigma is not None and self.dof <= FEW, (-math.inf, math.inf)
@@ -246,27 +375,57 @@ class CurveFit:
             (
                 name,
                 shown_value(
-                    self.values[name], self.sds[name], self.intervals[name], (priors[name].low, priors[name].high), unit=_unit(self.problem, name),
-                    few=few, ok=self.status.ok,
+                    self.values[name],
+                    self.sds[name],
+                    self.intervals[name],
+                    (priors[name].low, priors[name].high),
+                    unit=_unit(self.problem, name),
+                    few=few,
+                    ok=self.status.ok,
                 ),
             )
             for name in self.names
         ] + [
             (name, (relation, f"{shown} ({_derived_words(d)})"))
             for name, d in self.derived.items()
-            for relation, shown in [shown_value(d.value, d.sd, d.interval, anywhere, unit=_shown(d.unit), few=few, ok=self.status.ok)]
+            for relation, shown in [
+                shown_value(
+                    d.value,
+                    d.sd,
+                    d.interval,
+                    anywhere,
+                    unit=_shown(d.unit),
+                    few=few,
+                    ok=self.status.ok,
+                )
+            ]
         ]
 
     def _summary(self) -> str:
         if self.sigma is None:
-            size = "chi2" if all(run.noise.counted is None for run in self.problem.runs) else phrase("deviance")
-            p = format_p(self.p_value, P_FLOOR) if self.p_value == P_FLOOR else format_p(self.p_value)
+            size = (
+                "chi2"
+                if all(run.noise.counted is None for run in self.problem.runs)
+                else phrase("deviance")
+            )
+            p = (
+                format_p(self.p_value, P_FLOOR)
+                if self.p_value == P_FLOOR
+                else format_p(self.p_value)
+            )
             return f"{size} = {self.chi2:.4g}, dof = {self.dof}, {p}; {self.message}"
-        return f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, dof = {self.dof}; {self.message}"
+        return (
+            f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, "
+            f"dof = {self.dof}; {self.message}"
+        )
 
 
 def _derived_words(found: LinearDerived) -> str:
-    return phrase("derived, linear") if math.isfinite(found.interval[0.95][0]) else phrase("derived; sample_curve can provide one")
+    return (
+        phrase("derived, linear")
+        if math.isfinite(found.interval[0.95][0])
+        else phrase("derived; sample_curve can provide one")
+    )
 
 
 def _unit(problem: Problem, name: str) -> str:

@@ -1,8 +1,10 @@
-"""Fitting a user's own curve y = f(x; parameters): `fit_curve`, from numbers to a result with a status.
+"""Fitting a user's own curve y = f(x; parameters): `fit_curve`, from numbers to a result with a
+status.
 
-The curve is a formula in text (`estim.curves.formula` says what it may hold) or a Python function `curve(x, **parameters)`.
-Say `u_y` where the errors of y are known: then chi-square tests the curve.  Without it their common size is estimated
-from the residuals, as a textbook regression does, and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
+The curve is a formula in text (`estim.curves.formula` says what it may hold) or a Python function
+`curve(x, **parameters)`.  Say `u_y` where the errors of y are known: then chi-square tests the
+curve.  Without it their common size is estimated from the residuals, as a textbook regression does,
+and nothing tests it.  `estim.reports.curve.sample_curve` goes on from here.
 """
 
 from __future__ import annotations
@@ -67,7 +69,9 @@ from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
-_NO_SCATTER = 1e-6  # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too few to be one
+# the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
+# few to be one
+_NO_SCATTER = 1e-6
 
 
 def fit_curve(
@@ -95,29 +99,43 @@ def fit_curve(
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
-    curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or models by name, like "gaussian + line"
-        (`estim.curves.models`), whose starts are found from the points where `start` gives none.
-    start : starting values; the order of magnitude and the sign matter, several further starts are tried.  Those that a formula or models by name
-        lack are found from the points; a function needs one for each parameter that is fit.
-    u_y : standard uncertainty of y, a number or (n_obs,).  cov_y : (n_obs, n_obs) covariance matrix in its place.
-    u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The true abscissas are integrated out one by one
-        under a normal distribution fitted to the x (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse Fisher
-        information.  The curve is evaluated up to 4.8 u_x beside each x; where it is not defined there, no true abscissa lies.
-    fixed : name -> exact value of each parameter of the curve that is not fit; it has neither start nor prior nor uncertainty.
-    bounds : name -> (low, high), None for no limit.  priors : name -> prior, or text like "9.81(2)"; else flat.
-    errors : errors common to all points (`Component`), fit as further parameters.  units : name -> unit, for tables.
+    curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or
+        models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
+        the points where `start` gives none.
+    start : starting values; the order of magnitude and the sign matter, several further starts are
+        tried.  Those that a formula or models by name lack are found from the points; a function
+        needs one for each parameter that is fit.
+    u_y : standard uncertainty of y, a number or (n_obs,).
+    cov_y : (n_obs, n_obs) covariance matrix in its place.
+    u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
+        true abscissas are integrated out one by one under a normal distribution fitted to the x
+        (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
+        Fisher information.  The curve is evaluated up to 4.8 u_x beside each x; where it is not
+        defined there, no true abscissa lies.
+    fixed : name -> exact value of each parameter of the curve that is not fit; it has neither start
+        nor prior nor uncertainty.
+    bounds : name -> (low, high), None for no limit.
+    priors : name -> prior, or text like "9.81(2)"; else flat.
+    errors : errors common to all points (`Component`), fit as further parameters.
+    units : name -> unit, for tables.
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.
-    deviation : how large a smooth deviation of y from the curve would not surprise you (the scale of a half-normal prior, unit of y); 0 for none.
-    correlated : whether errors of points that follow each other may be alike: True in the order given, or their times (n_obs,).
-        With either, values, sds and intervals are those of a mixture over its size and length, linear in the parameters (`estim.deviation`).
-    noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`, `Binomial(trials=...)`, `EventTimes(low, high)` with y = None
-        (`estim.curves.counting`).  Intervals are then profiles of the likelihood, and chi2 is the deviance.
-    tied : name -> formula of the parameters that the curve's parameter of that name follows, like {"right_sigma": "left_sigma", "b": "2*a"}; it
-        has neither start nor prior, and is told among what follows from the fit.
-    derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name those before it, `units` have its unit.
-    x, y, u_x, u_y, start, fixed and bounds may be quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
-    rng : of the further starts and of the simulated tests; None always draws the same.  n_start : starts tried, 1 for the given one alone;
-        None: 8, and 1 for differential equations (`estim.ode`).
+    deviation : how large a smooth deviation of y from the curve would not surprise you (the scale
+        of a half-normal prior, unit of y); 0 for none.
+    correlated : whether errors of points that follow each other may be alike: True in the order
+        given, or their times (n_obs,).  With either, values, sds and intervals are those of a
+        mixture over its size and length, linear in the parameters (`estim.deviation`).
+    noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
+        `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.counting`).
+        Intervals are then profiles of the likelihood, and chi2 is the deviance.
+    tied : name -> formula of the parameters that the curve's parameter of that name follows, like
+        {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is told among
+        what follows from the fit.
+    derived : name -> formula of the parameters, like {"g": "4*pi**2/slope"}; a formula may name
+        those before it, `units` have its unit.  x, y, u_x, u_y, start, fixed and bounds may be
+        quantities of pint: the fit is then in SI base units (`estim.curves.quantities`).
+    rng : of the further starts and of the simulated tests; None always draws the same.
+    n_start : starts tried, 1 for the given one alone; None: 8, and 1 for differential equations
+        (`estim.ode`).
 
     Raises InputError where an argument breaks a rule.
     """
@@ -125,26 +143,52 @@ def fit_curve(
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
     start, fixed = {} if start is None else start, {} if fixed is None else fixed
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied, units, axes = {} if tied is None else tied, {} if units is None else units, AxisNames() if axes is None else axes
+    tied = {} if tied is None else tied
+    units = {} if units is None else units
+    axes = AxisNames() if axes is None else axes
     refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = unstarted(curve, start, fixed, tied)
-    begin, limits = (start, bounds) if named is None else provisional(named, start, bounds, priors, {*fixed, *tied})
+    begin, limits = (
+        (start, bounds)
+        if named is None
+        else provisional(named, start, bounds, priors, {*fixed, *tied})
+    )
     posed = pose_curve(
-        curve if named is None else named.expression, plain.x, plain.y, start=begin, u_y=plain.u_y, cov_y=cov_y, u_x=plain.u_x, bounds=limits,
-        priors=priors, errors=tuple(errors), units=plain.units, axes=plain.axes, fixed=fixed, deviation=deviation,
-        correlated=correlated, noise=noise, derived={} if derived is None else derived, tied=tied, chosen={*begin} - {*start},
+        curve if named is None else named.expression,
+        plain.x,
+        plain.y,
+        start=begin,
+        u_y=plain.u_y,
+        cov_y=cov_y,
+        u_x=plain.u_x,
+        bounds=limits,
+        priors=priors,
+        errors=tuple(errors),
+        units=plain.units,
+        axes=plain.axes,
+        fixed=fixed,
+        deviation=deviation,
+        correlated=correlated,
+        noise=noise,
+        derived={} if derived is None else derived,
+        tied=tied,
+        chosen={*begin} - {*start},
     )
     posed.require_points()
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
-    found = complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
+    found = (
+        complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
+    )
     return _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and found else complete
 
 
-def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_stated(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
@@ -152,7 +196,9 @@ def fit_stated(posed: CurveProblem | JointProblem, rng: np.random.Generator, n_s
 
 
 def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
-    """The fit whose residuals say how large the errors are; with informative priors, in rounds until that size settles."""
+    """The fit whose residuals say how large the errors are; with informative priors, in rounds
+    until that size settles.
+    """
     pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
@@ -164,19 +210,34 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         if abs(sigma / before - 1.0) < 1e-10:
             break
     best = replace(
-        best, n_start=first.n_start, n_same=first.n_same, others=first.others, symmetry=first.symmetry, aliases=first.aliases,
+        best,
+        n_start=first.n_start,
+        n_same=first.n_same,
+        others=first.others,
+        symmetry=first.symmetry,
+        aliases=first.aliases,
         unheld=first.unheld,
     )
     estimated = _residual_sd(posed, best.values)
-    return _concluded(posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng)
+    return _concluded(
+        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    )
 
 
 def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Generator) -> CurveFit:
-    """The fit of a curve that may lack something, from the one `complete` that takes it as it is."""
+    """The fit of a curve that may lack something, from the one `complete` that takes it as it
+    is.
+    """
     problem = posed.with_discrepancy(complete.sigma or 1.0)
     start = np.array([complete.values[p.name] for p in problem.parameters])
     fit = fit_discrepancy(fit_least_squares(problem, rng=rng, n_start=1, start=start), rng=rng)
-    fit = replace(fit, n_start=complete.fit.n_start, n_same=complete.fit.n_same, symmetry=complete.fit.symmetry, aliases=complete.fit.aliases)
+    fit = replace(
+        fit,
+        n_start=complete.fit.n_start,
+        n_same=complete.fit.n_same,
+        symmetry=complete.fit.symmetry,
+        aliases=complete.fit.aliases,
+    )
     (found,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
     kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
@@ -184,18 +245,39 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
     values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names
     outside = values_outside(dict(zip(names, values, strict=True)), found.intervals)
-    findings = wrong([*kept, *outside, *pressed_limits(fit, fit.values), *tests, *refused, stated_values(fit, check_stated_values(fit))])
+    findings = wrong(
+        [
+            *kept,
+            *outside,
+            *pressed_limits(fit, fit.values),
+            *tests,
+            *refused,
+            stated_values(fit, check_stated_values(fit)),
+        ]
+    )
     about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
     sds, near = sds_near_limits(found, problem)
     return replace(
-        complete, values=dict(zip(names, values, strict=True)), sds=dict(zip(names, sds.tolist(), strict=True)), intervals=found.intervals,
-        cov=found.cov, chi2=fit.chi2, p_value=fit.p_value, sigma=None if complete.sigma is None else found.noise[1], status=decide(findings),
-        findings=findings, remarks=(*near, replace(about, run="")), goodness=goodness, fit=fit,
+        complete,
+        values=dict(zip(names, values, strict=True)),
+        sds=dict(zip(names, sds.tolist(), strict=True)),
+        intervals=found.intervals,
+        cov=found.cov,
+        chi2=fit.chi2,
+        p_value=fit.p_value,
+        sigma=None if complete.sigma is None else found.noise[1],
+        status=decide(findings),
+        findings=findings,
+        remarks=(*near, replace(about, run="")),
+        goodness=goodness,
+        fit=fit,
     )
 
 
 def _residual_sd(posed: CurveProblem, values: FloatArray) -> float:
-    """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding errors of y."""
+    """Square root of the residuals' squares over the degrees of freedom, no smaller than rounding
+    errors of y.
+    """
     pulls = sum(p.prior.informative for p in posed.parameters)
     squares = float(np.sum(posed.residuals(values) ** 2))
     return max(math.sqrt(squares / max(1, posed.y.size + pulls - values.size)), _floor(posed))
@@ -206,7 +288,13 @@ def _floor(posed: CurveProblem | JointProblem) -> float:
 
 
 def _concluded(
-    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, *, sigma: float | None, scale: float, rng: np.random.Generator
+    posed: CurveProblem | JointProblem,
+    best: Optimum,
+    problem: Problem,
+    *,
+    sigma: float | None,
+    scale: float,
+    rng: np.random.Generator,
 ) -> CurveFit:
     """The record of an optimum of `problem`, whose covariance is to be multiplied by scale^2."""
     pulls = sum(p.prior.informative for p in posed.parameters)
@@ -215,47 +303,95 @@ def _concluded(
     inner = _inner_fit(posed, best, problem, sigma, rng)
     chi2 = _size(inner, best) if sigma is None else squares
     whitened = problem.linearised(best.values).residuals(best.values)[: posed.y.size]
-    cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(np.sum(posed.y**2))
+    cancelled = float(np.sum(whitened**2)) <= best.rounding and squares <= _NO_SCATTER**2 * float(
+        np.sum(posed.y**2)
+    )
     perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
     fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best, rng)
-    found = spread(fixed, best, dof=math.inf if sigma is None else dof, scale=scale, unknown=perfect and sigma is not None)
+    found = spread(
+        fixed,
+        best,
+        dof=math.inf if sigma is None else dof,
+        scale=scale,
+        unknown=perfect and sigma is not None,
+    )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    if goodness and any(one.normal is None for one in inner.posterior.likelihoods):  # chi^2 is only nearly what it is called
+    # chi^2 is only nearly what it is called
+    if goodness and any(one.normal is None for one in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
-    outside = values_outside(dict(zip(fixed.names, best.values.tolist(), strict=True)), found.intervals)
-    about = curve_findings(fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect)
+    outside = values_outside(
+        dict(zip(fixed.names, best.values.tolist(), strict=True)), found.intervals
+    )
+    about = curve_findings(
+        fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
+    )
     findings = wrong([*solutions, *outside, *found.open, *about, *stated])
     names = tuple(p.name for p in posed.parameters)
     asked = isinstance(posed, CurveProblem) and posed.lacks is not None
-    lacking = [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]
+    lacking = (
+        [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]
+    )
     return CurveFit(
-        names=names, values=dict(zip(names, best.values.tolist(), strict=True)), sds=dict(zip(names, found.sds.tolist(), strict=True)),
-        intervals=found.intervals, cov=found.cov, chi2=chi2, dof=dof, p_value=p_value, sigma=sigma, status=decide(findings), findings=findings,
-        remarks=(*found.notes, *curve_remarks(inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect), *lacking),
-        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]), goodness=goodness,
-        fit=inner, held=fixed, text=posed.text, fixed=posed.fixed, called=posed.called or posed.text,
+        names=names,
+        values=dict(zip(names, best.values.tolist(), strict=True)),
+        sds=dict(zip(names, found.sds.tolist(), strict=True)),
+        intervals=found.intervals,
+        cov=found.cov,
+        chi2=chi2,
+        dof=dof,
+        p_value=p_value,
+        sigma=sigma,
+        status=decide(findings),
+        findings=findings,
+        remarks=(
+            *found.notes,
+            *curve_remarks(
+                inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
+            ),
+            *lacking,
+        ),
+        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]),
+        goodness=goodness,
+        fit=inner,
+        held=fixed,
+        text=posed.text,
+        fixed=posed.fixed,
+        called=posed.called or posed.text,
     )
 
 
 def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit:
     """The same optimum as a record with errors of a fixed size."""
-    return replace(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), values=best.values, posterior=problem.linearised(best.values))
+    return replace(
+        fit_least_squares(problem, rng=rng, n_start=1, start=best.values),
+        values=best.values,
+        posterior=problem.linearised(best.values),
+    )
 
 
 def _size(inner: Fit, best: Optimum) -> float:
     """chi^2 of the data and of the priors."""
-    return float(np.sum(inner.posterior.size_residuals(best.values) ** 2) + np.sum(inner.posterior.prior_residuals(best.values) ** 2))
+    return float(
+        np.sum(inner.posterior.size_residuals(best.values) ** 2)
+        + np.sum(inner.posterior.prior_residuals(best.values) ** 2)
+    )
 
 
 def _inner_fit(
-    posed: CurveProblem | JointProblem, best: Optimum, problem: Problem, sigma: float | None, rng: np.random.Generator
+    posed: CurveProblem | JointProblem,
+    best: Optimum,
+    problem: Problem,
+    sigma: float | None,
+    rng: np.random.Generator,
 ) -> Fit:
-    """The same optimum as the record that the tests and the sampler take, with the size of the errors unknown if it was not stated."""
+    """The same optimum as the record that the tests and the sampler take, with the size of the
+    errors unknown if it was not stated.
+    """
     if sigma is None:
         start = best.values
     else:
@@ -266,7 +402,15 @@ def _inner_fit(
     led = led_here(best.n_same, best.n_start)
     words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
     posterior = problem.linearised(values)
-    fit = replace(fit, values=values, posterior=posterior, n_start=best.n_start, n_same=best.n_same, success=best.settled, message=words)
+    fit = replace(
+        fit,
+        values=values,
+        posterior=posterior,
+        n_start=best.n_start,
+        n_same=best.n_same,
+        success=best.settled,
+        message=words,
+    )
     return with_other_modes(fit, best, rng)
 
 

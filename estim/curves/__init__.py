@@ -1,14 +1,59 @@
-"""What can be fit, with derivatives and errors common to all points.  Read `rolling` for the disk, `formula` for text."""
+"""What can be fit, with derivatives and errors common to all points.  Read `rolling` for the disk,
+`formula` for text.
+"""
+
 from estim.curves.counting import MAX_EVENTS, Binomial, Counting, EventTimes, Poisson
-from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, DisturbedPhaseCurve, Place, Setting, energy_of_speed, size_with_blur
+from estim.curves.disturbed import (
+    DisturbedMotion,
+    DisturbedMotionCurve,
+    DisturbedPhaseCurve,
+    Place,
+    Setting,
+    energy_of_speed,
+    size_with_blur,
+)
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
-from estim.curves.named import BareFormula, ModelSum, Unstarted, called_by_name, linear_in, provisional, read_model, started, unstarted, within
-from estim.curves.posing import MAX_DENSE, MAX_OBS, SIGMA, SIGMA_NOTATION, SIGMA_SPREAD, AxisNames, CurveProblem, pose_curve, units_of
+from estim.curves.named import (
+    BareFormula,
+    ModelSum,
+    Unstarted,
+    called_by_name,
+    linear_in,
+    provisional,
+    read_model,
+    started,
+    unstarted,
+    within,
+)
+from estim.curves.posing import (
+    MAX_DENSE,
+    MAX_OBS,
+    SIGMA,
+    SIGMA_NOTATION,
+    SIGMA_SPREAD,
+    AxisNames,
+    CurveProblem,
+    pose_curve,
+    units_of,
+)
 from estim.curves.quantities import Plain, refuse_quantities, without_units
-from estim.curves.regimes import borders_of, farthest_stop, placed, steepest_tilt, stop_of, turning_contours
+from estim.curves.regimes import (
+    borders_of,
+    farthest_stop,
+    placed,
+    steepest_tilt,
+    stop_of,
+    turning_contours,
+)
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import Component, scale_errors_of
-from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek, unit_that_follows
+from estim.curves.derived import (
+    SoughtQuantity,
+    check_derived_names,
+    in_units,
+    seek,
+    unit_that_follows,
+)
 from estim.curves.varying import VaryingCurve, VaryingMotion, shift_of, spread_of

@@ -1,9 +1,12 @@
-"""Expected numbers in bins: a user's curve as a density along x, integrated over each bin by Gauss-Legendre quadrature that refines itself.
+"""Expected numbers in bins: a user's curve as a density along x, integrated over each bin by
+Gauss-Legendre quadrature that refines itself.
 
-Ten nodes in every panel.  A panel is halved while the highest Legendre coefficients of the density in it are felt, and while the density somewhere
-in it stands out above all its nodes by an area that is felt: at an event, at an end, at the value of a parameter, or at such a value plus or minus
-another one.  So a feature far narrower than its bin is found where a parameter says its place, or events lie in it.  What is still not settled after
-60 halvings is nan: a density whose integral is not known is none.
+Ten nodes in every panel.  A panel is halved while the highest Legendre coefficients of the density
+in it are felt, and while the density somewhere in it stands out above all its nodes by an area that
+is felt: at an event, at an end, at the value of a parameter, or at such a value plus or minus
+another one.  So a feature far narrower than its bin is found where a parameter says its place, or
+events lie in it.  What is still not settled after 60 halvings is nan: a density whose integral is
+not known is none.
 """
 
 from __future__ import annotations
@@ -18,21 +21,28 @@ from estim.arrays import FloatArray
 from estim.problem import EXACT, Curve, LocalCurve, n_draws
 
 _AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
-# (node, 2) the two highest Legendre coefficients of the polynomial through the nodes: (k + 1/2) sum_i w_i P_k(x_i) f_i
-_HIGHEST = np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
+# (node, 2) the two highest Legendre coefficients of the polynomial through the nodes: (k + 1/2)
+# sum_i w_i P_k(x_i) f_i
+_HIGHEST = (
+    np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
+)
 _LEAST_PANELS = 16  # in all, before any is halved
 _HALVINGS = 60
 _MOST_PANELS = 400  # of one draw that are halved at once
 _SMOOTH = 1e-5  # share of the whole that the highest coefficients of a panel may have,
 _SEEN = 1e-3  # and what stands out between its nodes; both less for many events:
-_OFF = 0.01  # of the log-likelihood, and ten times as much for what stands out, which is nearly always a round top or a slope at an end
+# of the log-likelihood, and ten times as much for what stands out, which is nearly always a round
+# top or a slope at an end
+_OFF = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class BinnedCurve:
-    """What is expected in bins from low to high (n_bin,), in order, of a `density` per unit of x; at any x that of the bin around it.
+    """What is expected in bins from low to high (n_bin,), in order, of a `density` per unit of x;
+    at any x that of the bin around it.
 
-    total : number of events to which the density is scaled, so that its normalisation is irrelevant; None where it is taken as it is.
+    total : number of events to which the density is scaled, so that its normalisation is
+        irrelevant; None where it is taken as it is.
     events : (n_event,) places of single ones in order, if they are known.
     """
 
@@ -55,14 +65,23 @@ class BinnedCurve:
         """The slope is that of a bin moved as a whole."""
         nodes, weights, bins = self._quadrature(arguments)
         local, at = self.density.local(nodes, arguments), self._bin_of(x)
-        inside, *slopes = (self._summed(part * weights, bins) for part in (local.value, *local.gradient.values()))
+        inside, *slopes = (
+            self._summed(part * weights, bins) for part in (local.value, *local.gradient.values())
+        )
         scale = self._scale(inside)
-        gradient = {name: (scale * (slope - self._pull(inside, slope)))[:, at] for name, slope in zip(local.gradient, slopes, strict=True)}
-        ends = [np.broadcast_to(self.density.value(edge, arguments), (1, edge.size)) for edge in (self.low, self.high)]
+        gradient = {
+            name: (scale * (slope - self._pull(inside, slope)))[:, at]
+            for name, slope in zip(local.gradient, slopes, strict=True)
+        }
+        ends = [
+            np.broadcast_to(self.density.value(edge, arguments), (1, edge.size))
+            for edge in (self.low, self.high)
+        ]
         return LocalCurve((scale * inside)[:, at], (scale * (ends[1] - ends[0]))[:, at], gradient)
 
     def rate(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        """The density at the events (n_draw, n_event), scaled as the bins are, and what is expected in the bins (n_draw, n_bin).
+        """The density at the events (n_draw, n_event), scaled as the bins are, and what is expected
+        in the bins (n_draw, n_bin).
 
         nan for draws whose density is negative anywhere.
         """
@@ -78,7 +97,15 @@ class BinnedCurve:
         whole = float(np.sum(inside.value * weights))
         scale = 1.0 if self.total is None else self.total / whole
         gradient = {
-            name: scale * (partial - (here.value / whole * np.sum(inside.gradient[name] * weights) if self.total is not None else 0.0))
+            name: scale
+            * (
+                partial
+                - (
+                    here.value / whole * np.sum(inside.gradient[name] * weights)
+                    if self.total is not None
+                    else 0.0
+                )
+            )
             for name, partial in here.gradient.items()
         }
         return LocalCurve(scale * here.value, scale * here.slope, gradient)
@@ -88,9 +115,13 @@ class BinnedCurve:
         return self._quadrature(arguments)[:2]
 
     def without_integral(self, arguments: Mapping[str, ArrayLike]) -> tuple[float, float] | None:
-        """Ends of the first bin without a finite integral of a density that is finite in the middle of it, for single arguments."""
+        """Ends of the first bin without a finite integral of a density that is finite in the middle
+        of it, for single arguments.
+        """
         inside = self._integrals(arguments, self._at_events(arguments))[0][0]
-        middle = np.broadcast_to(self.density.value(0.5 * (self.low + self.high), arguments), (1, self.low.size))[0]
+        middle = np.broadcast_to(
+            self.density.value(0.5 * (self.low + self.high), arguments), (1, self.low.size)
+        )[0]
         bad = np.flatnonzero(~np.isfinite(inside) & np.isfinite(middle))
         return (float(self.low[bad[0]]), float(self.high[bad[0]])) if bad.size else None
 
@@ -99,16 +130,28 @@ class BinnedCurve:
         n_draw = n_draws(arguments)
         if not self.events.size:
             return np.zeros((n_draw, 0))
-        return np.asarray(np.broadcast_to(self.density.value(self.events, arguments), (n_draw, self.events.size)))
+        return np.asarray(
+            np.broadcast_to(self.density.value(self.events, arguments), (n_draw, self.events.size))
+        )
 
-    def _quadrature(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
+    def _quadrature(
+        self, arguments: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.int64]]:
         """Places, weights and bins (n_node,) for single arguments."""
         panels = self._panels(arguments, self._at_events(arguments))
         half = 0.5 * (panels.high - panels.low)[:, None]
-        return _spread(panels.low, panels.high).ravel(), (half * _WEIGHTS).ravel(), np.repeat(panels.bins, _AT.size)
+        return (
+            _spread(panels.low, panels.high).ravel(),
+            (half * _WEIGHTS).ravel(),
+            np.repeat(panels.bins, _AT.size),
+        )
 
-    def _integrals(self, arguments: Mapping[str, ArrayLike], here: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Integrals (n_draw, n_bin) of the density, and the least that it is at any node (n_draw,)."""
+    def _integrals(
+        self, arguments: Mapping[str, ArrayLike], here: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Integrals (n_draw, n_bin) of the density, and the least that it is at any node
+        (n_draw,).
+        """
         n_draw, n_bin = here.shape[0], self.low.size
         panels = self._panels(arguments, here)
         inside = np.zeros((n_draw, n_bin))
@@ -118,14 +161,26 @@ class BinnedCurve:
         return inside, least
 
     def _panels(self, arguments: Mapping[str, ArrayLike], here: FloatArray) -> _Panels:
-        """Panels in which the density of each draw is integrated; here : (n_draw, n_event) the density at the events."""
+        """Panels in which the density of each draw is integrated; here : (n_draw, n_event) the
+        density at the events.
+        """
         n_draw = here.shape[0]
         each = -(-_LEAST_PANELS // self.low.size)
-        edges = self.low[:, None] + (self.high - self.low)[:, None] * np.linspace(0.0, 1.0, each + 1)
-        bins, low, high = np.repeat(np.arange(self.low.size), each), edges[:, :-1].ravel(), edges[:, 1:].ravel()
-        values = np.broadcast_to(self.density.value(_spread(low, high).ravel(), arguments), (n_draw, low.size * _AT.size))
+        edges = self.low[:, None] + (self.high - self.low)[:, None] * np.linspace(
+            0.0, 1.0, each + 1
+        )
+        bins = np.repeat(np.arange(self.low.size), each)
+        low = edges[:, :-1].ravel()
+        high = edges[:, 1:].ravel()
+        values = np.broadcast_to(
+            self.density.value(_spread(low, high).ravel(), arguments), (n_draw, low.size * _AT.size)
+        )
         panels = _panels_of(
-            np.repeat(np.arange(n_draw), low.size), np.tile(low, n_draw), np.tile(high, n_draw), np.tile(bins, n_draw), values.reshape(-1, _AT.size)
+            np.repeat(np.arange(n_draw), low.size),
+            np.tile(low, n_draw),
+            np.tile(high, n_draw),
+            np.tile(bins, n_draw),
+            values.reshape(-1, _AT.size),
         )
         places, heights = self._marks(arguments, n_draw)
         done: list[_Panels] = []
@@ -134,12 +189,23 @@ class BinnedCurve:
             whole = settled + np.bincount(panels.draw, np.abs(panels.integral), minlength=n_draw)
             events = np.maximum(1.0, whole if self.total is None else self.total)
             off = whole * np.maximum(np.minimum(_SMOOTH, _OFF / events), 10.0 * self.precision)
-            seen = whole * np.maximum(np.minimum(_SEEN, 10.0 * _OFF / events), 10.0 * self.precision)
-            outstanding = np.maximum(self._highest_event(panels, here), _highest_mark(panels, places, heights)) - panels.highest
-            coarse = (panels.rough > off[panels.draw]) | (outstanding * (panels.high - panels.low) > seen[panels.draw])
+            seen = whole * np.maximum(
+                np.minimum(_SEEN, 10.0 * _OFF / events), 10.0 * self.precision
+            )
+            outstanding = (
+                np.maximum(
+                    self._highest_event(panels, here), _highest_mark(panels, places, heights)
+                )
+                - panels.highest
+            )
+            coarse = (panels.rough > off[panels.draw]) | (
+                outstanding * (panels.high - panels.low) > seen[panels.draw]
+            )
             many = np.bincount(panels.draw[coarse], minlength=n_draw) > _MOST_PANELS
             done.append(panels.where(~coarse))
-            settled = settled + np.bincount(done[-1].draw, np.abs(done[-1].integral), minlength=n_draw)
+            settled = settled + np.bincount(
+                done[-1].draw, np.abs(done[-1].integral), minlength=n_draw
+            )
             panels = panels.where(coarse)
             panels.integral[many[panels.draw]] = np.nan
             if not panels.draw.size or np.all(many[panels.draw]):
@@ -154,26 +220,45 @@ class BinnedCurve:
         low, high = np.concatenate([panels.low, middle]), np.concatenate([middle, panels.high])
         x = _spread(low, high)
         if n_draw == 1:
-            values = np.broadcast_to(self.density.value(x.ravel(), arguments), (1, x.size)).reshape(x.shape)
+            values = np.broadcast_to(self.density.value(x.ravel(), arguments), (1, x.size)).reshape(
+                x.shape
+            )
         else:  # each panel like a draw of its own
-            own = {name: np.asarray(a)[draw] if np.ndim(a) == 2 and np.shape(a)[0] > 1 else a for name, a in arguments.items()}
+            own = {
+                name: np.asarray(a)[draw] if np.ndim(a) == 2 and np.shape(a)[0] > 1 else a
+                for name, a in arguments.items()
+            }
             values = np.broadcast_to(self.density.value(x, own), x.shape)
         return _panels_of(draw, low, high, bins, values)
 
-    def _marks(self, arguments: Mapping[str, ArrayLike], n_draw: int) -> tuple[FloatArray, FloatArray]:
+    def _marks(
+        self, arguments: Mapping[str, ArrayLike], n_draw: int
+    ) -> tuple[FloatArray, FloatArray]:
         """Places (n_draw, n) where a density may have something narrow, and the density there."""
         values = [np.broadcast_to(np.reshape(a, (-1, 1)), (n_draw, 1)) for a in arguments.values()]
-        beside = [a + sign * np.abs(b) for a in values for b in values if a is not b for sign in (-1.0, 1.0)]
+        beside = [
+            a + sign * np.abs(b)
+            for a in values
+            for b in values
+            if a is not b
+            for sign in (-1.0, 1.0)
+        ]
         ends = [np.full((n_draw, 1), end) for end in (self.low[0], 0.0, self.high[-1])]
-        places = np.clip(np.concatenate([*ends, *values, *beside], axis=1), self.low[0], self.high[-1])
+        places = np.clip(
+            np.concatenate([*ends, *values, *beside], axis=1), self.low[0], self.high[-1]
+        )
         if n_draw == 1:
-            return places, np.broadcast_to(self.density.value(places.ravel(), arguments), places.shape)
+            return places, np.broadcast_to(
+                self.density.value(places.ravel(), arguments), places.shape
+            )
         return places, np.broadcast_to(self.density.value(places, arguments), places.shape)
 
     def _highest_event(self, panels: _Panels, here: FloatArray) -> FloatArray:
         """(n_panel,) the greatest finite density of its events, 0 where there is none."""
         found, n_event = np.zeros(panels.draw.size), here.shape[1]
-        first, last = (np.searchsorted(self.events, edge, side="left") for edge in (panels.low, panels.high))
+        first, last = (
+            np.searchsorted(self.events, edge, side="left") for edge in (panels.low, panels.high)
+        )
         some = first < last
         if np.any(some):
             flat = np.append(np.where(np.isfinite(here), here, 0.0).ravel(), 0.0)
@@ -183,7 +268,12 @@ class BinnedCurve:
 
     def _summed(self, values: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
         """(1, n_bin) sums of values that broadcast to (1, n_node)."""
-        return np.asarray(np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[None, :], dtype=float)
+        return np.asarray(
+            np.bincount(bins, np.broadcast_to(values, (1, bins.size))[0], minlength=self.low.size)[
+                None, :
+            ],
+            dtype=float,
+        )
 
     def _scale(self, inside: FloatArray) -> FloatArray:
         """(n_draw, 1)."""
@@ -196,7 +286,9 @@ class BinnedCurve:
         """By how much less the bins gain where their sum is held."""
         if self.total is None:
             return np.zeros_like(inside)
-        return np.asarray(inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True))
+        return np.asarray(
+            inside / np.sum(inside, axis=1, keepdims=True) * np.sum(slope, axis=1, keepdims=True)
+        )
 
     def _bin_of(self, x: FloatArray) -> NDArray[np.int64]:
         return np.clip(np.searchsorted(self.low, x, side="right") - 1, 0, self.low.size - 1)
@@ -204,7 +296,9 @@ class BinnedCurve:
 
 @dataclass(frozen=True, eq=False)
 class _Panels:
-    """(n_panel,) each: the draw and the bin, both ends, the integral, the share of it in the highest coefficients, and the range of the density."""
+    """(n_panel,) each: the draw and the bin, both ends, the integral, the share of it in the
+    highest coefficients, and the range of the density.
+    """
 
     draw: NDArray[np.int64]
     bins: NDArray[np.int64]
@@ -219,16 +313,36 @@ class _Panels:
         return _Panels(*(part[kept] for part in vars(self).values()))
 
 
-def _panels_of(draw: NDArray[np.int64], low: FloatArray, high: FloatArray, bins: NDArray[np.int64], values: FloatArray) -> _Panels:
+def _panels_of(
+    draw: NDArray[np.int64],
+    low: FloatArray,
+    high: FloatArray,
+    bins: NDArray[np.int64],
+    values: FloatArray,
+) -> _Panels:
     """values : (n_panel, 10) at the nodes."""
     width = high - low
     with np.errstate(all="ignore"):
         rough = width * np.sum(np.abs(values @ _HIGHEST), axis=1)
-        return _Panels(draw, bins, low, high, 0.5 * width * (values @ _WEIGHTS), rough, np.min(values, axis=1), np.max(values, axis=1))
+        return _Panels(
+            draw,
+            bins,
+            low,
+            high,
+            0.5 * width * (values @ _WEIGHTS),
+            rough,
+            np.min(values, axis=1),
+            np.max(values, axis=1),
+        )
 
 
 def _joined(several: list[_Panels]) -> _Panels:
-    return _Panels(*(np.concatenate(parts) for parts in zip(*(vars(one).values() for one in several), strict=True)))
+    return _Panels(
+        *(
+            np.concatenate(parts)
+            for parts in zip(*(vars(one).values() for one in several), strict=True)
+        )
+    )
 
 
 def _spread(low: FloatArray, high: FloatArray) -> FloatArray:
@@ -237,7 +351,13 @@ def _spread(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _highest_mark(panels: _Panels, places: FloatArray, heights: FloatArray) -> FloatArray:
-    """(n_panel,) the greatest finite density at a mark (n_draw, n) in each, 0 where there is none."""
+    """(n_panel,) the greatest finite density at a mark (n_draw, n) in each, 0 where there is
+    none.
+    """
     at = places[panels.draw]
-    inside = (at >= panels.low[:, None]) & (at <= panels.high[:, None]) & np.isfinite(heights)[panels.draw]
+    inside = (
+        (at >= panels.low[:, None])
+        & (at <= panels.high[:, None])
+        & np.isfinite(heights)[panels.draw]
+    )
     return np.asarray(np.max(np.where(inside, heights[panels.draw], 0.0), axis=1, initial=0.0))

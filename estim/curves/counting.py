@@ -1,9 +1,11 @@
-"""What was counted, in place of an error of y: `Poisson`, `Binomial`, `EventTimes`, and the points that come of it.
+"""What was counted, in place of an error of y: `Poisson`, `Binomial`, `EventTimes`, and the points
+that come of it.
 
-- `Poisson`: y is a number of events.  With `bins` the curve is their density along x, integrated over each bin; without, what is expected at x.
+- `Poisson`: y is a number of events.  With `bins` the curve is their density along x, integrated
+  over each bin; without, what is expected at x.
 - `Binomial`: y is the number of successes among `trials`; the curve is the probability of one.
-- `EventTimes`: x are the times of single events within a window; the curve is their density, whose normalisation is irrelevant.  A background is part
-  of the formula ("exp(-x/tau) + b").
+- `EventTimes`: x are the times of single events within a window; the curve is their density, whose
+  normalisation is irrelevant.  A background is part of the formula ("exp(-x/tau) + b").
 """
 
 from __future__ import annotations
@@ -33,7 +35,9 @@ _TOUCH = 1e-9  # of a width: bins that overlap by less share an edge
 
 @dataclass(frozen=True, eq=False)
 class Poisson:
-    """Counts.  bins : None, the width of bins with x in their middle, or their edges: (n_obs + 1,) in order, or (n_obs, 2) low and high."""
+    """Counts.  bins : None, the width of bins with x in their middle, or their edges: (n_obs + 1,)
+    in order, or (n_obs, 2) low and high.
+    """
 
     bins: ArrayLike | None = None
 
@@ -64,7 +68,9 @@ Counting = Poisson | Binomial | EventTimes
 class CountedPoints:
     """Points (n_obs,) in order of x whose y were counted.
 
-    bins : (n_obs, 2) edges, or None.  total : of events, where only their density counts.  events : (n_event,) their times in order, where known.
+    bins : (n_obs, 2) edges, or None.
+    total : of events, where only their density counts.  events : (n_event,) their times in order,
+        where known.
     """
 
     x: FloatArray
@@ -94,10 +100,13 @@ class CountedPoints:
         return BinnedCurve(curve, self.bins[:, 0], self.bins[:, 1], self.total, self.events)
 
 
-def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object) -> CountedPoints | None:
+def ask_counts(
+    noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **beside: object
+) -> CountedPoints | None:
     """The points that the argument `noise` of `fit_curve` makes of x and y, None for readings.
 
-    beside : arguments that speak of errors of readings, which counts do not have.  Raises InputError.
+    beside : arguments that speak of errors of readings, which counts do not have.  Raises
+        InputError.
     """
     if noise is None:
         return None
@@ -107,8 +116,13 @@ def ask_counts(noise: Any, x: ArrayLike, y: ArrayLike | None, *, what: str, **be
         raise InputError(rule, field="noise", value=noise)
     for name, value in beside.items():
         if value is not None:
-            raise InputError("cannot be combined with 'noise', which defines the scatter of counts: omit it", field=name)
-    return counted_points(counting, column(x, "x"), None if y is None else column(y, "y"), what=what)
+            raise InputError(
+                "cannot be combined with 'noise', which defines the scatter of counts: omit it",
+                field=name,
+            )
+    return counted_points(
+        counting, column(x, "x"), None if y is None else column(y, "y"), what=what
+    )
 
 
 def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
@@ -116,20 +130,32 @@ def refuse_errors(points: CountedPoints, errors: Sequence[Component]) -> None:
     for component in errors:
         if component.kind == "zero_y" and points.bins is not None:
             rule = "has no zero error for counts in bins: put a background into the formula"
-            raise InputError(rule, field=f"errors[{component.parameter_name}]", value=component.kind)
+            raise InputError(
+                rule, field=f"errors[{component.parameter_name}]", value=component.kind
+            )
         if component.kind == "scale_y" and points.total is not None:
             rule = "has no scale of y where only the density of the events counts"
-            raise InputError(rule, field=f"errors[{component.parameter_name}]", value=component.kind)
+            raise InputError(
+                rule, field=f"errors[{component.parameter_name}]", value=component.kind
+            )
 
 
-def counted_points(noise: Counting, x: FloatArray, y: FloatArray | None, *, what: str) -> CountedPoints:
-    """The points of x and y (n_obs,) as counted.  Raises InputError naming x, y, bins, trials, low or high."""
+def counted_points(
+    noise: Counting, x: FloatArray, y: FloatArray | None, *, what: str
+) -> CountedPoints:
+    """The points of x and y (n_obs,) as counted.  Raises InputError naming x, y, bins, trials, low
+    or high.
+    """
     if isinstance(noise, EventTimes):
         if y is not None:
             raise InputError("must be None where x are the times of single events", field="y")
         low, high = real_number(noise.low, "low"), real_number(noise.high, "high")
-        if noise.cells is not None and not (isinstance(noise.cells, int) and 2 <= noise.cells <= _MOST_CELLS):
-            raise InputError(f"must be a whole number from 2 to {_MOST_CELLS}", field="cells", value=noise.cells)
+        if noise.cells is not None and not (
+            isinstance(noise.cells, int) and 2 <= noise.cells <= _MOST_CELLS
+        ):
+            raise InputError(
+                f"must be a whole number from 2 to {_MOST_CELLS}", field="cells", value=noise.cells
+            )
         return _events(x, low, high, noise.cells, what)
     if y is None:
         raise InputError("must hold the counts", field="y")
@@ -152,18 +178,30 @@ def _middles(bins: FloatArray) -> FloatArray:
 def _poisson(x: FloatArray, y: FloatArray, bins: ArrayLike | None, what: str) -> CountedPoints:
     _require_counts(y, "the number of events, not a rate or an average")
     if not np.any(y):
-        raise InputError("are all 0, which no curve can be fit to: fewer than 3 events were expected in all (95 %)", field="y")
+        raise InputError(
+            "are all 0, which no curve can be fit to: fewer than 3 events were expected in "
+            "all (95 %)",
+            field="y",
+        )
     order = np.argsort(x, kind="stable")
     if bins is None:
-        return CountedPoints(x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None)
+        return CountedPoints(
+            x[order], y[order], Counts(POISSON, np.ones(x.size), y[order], what), None, None
+        )
     edges = _edges(bins, x)[order]
     place = np.argsort(edges[:, 0], kind="stable")
     edges, counts = edges[place], y[order][place]
     overlap = edges[:-1, 1] - edges[1:, 0] > _TOUCH * (edges[:-1, 1] - edges[:-1, 0])
     if np.any(overlap):
         k = int(np.argmax(overlap))
-        raise InputError("must not overlap", field="bins", value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}")
-    return CountedPoints(_middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None)
+        raise InputError(
+            "must not overlap",
+            field="bins",
+            value=f"{edges[k].tolist()} and {edges[k + 1].tolist()}",
+        )
+    return CountedPoints(
+        _middles(edges), counts, Counts(POISSON, np.ones(x.size), counts, what, edges), edges, None
+    )
 
 
 def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> CountedPoints:
@@ -172,13 +210,20 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
     try:
         size = np.array(np.broadcast_to(given, y.shape))
     except ValueError:
-        raise InputError(f"must be a number or have as many values as y ({y.size})", field="trials") from None
+        raise InputError(
+            f"must be a number or have as many values as y ({y.size})", field="trials"
+        ) from None
     if not np.all(np.isfinite(size)):
         raise InputError("must be finite", field="trials", value=float(size[~np.isfinite(size)][0]))
     bad = not_a_count(size)
     if bad is not None or np.any(size < 1.0):
         bad = int(np.argmax(size < 1.0)) if bad is None else bad
-        raise InputError("must be whole and at least 1", field="trials", value=float(size[bad]), index=bad if given.ndim else None)
+        raise InputError(
+            "must be whole and at least 1",
+            field="trials",
+            value=float(size[bad]),
+            index=bad if given.ndim else None,
+        )
     if np.any(y > size):
         bad = int(np.argmax(y > size))
         raise InputError("must not exceed the trials", field="y", value=float(y[bad]), index=bad)
@@ -187,15 +232,23 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
     return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what), None, None)
 
 
-def _events(times: FloatArray, low: float, high: float, cells: int | None, what: str) -> CountedPoints:
+def _events(
+    times: FloatArray, low: float, high: float, cells: int | None, what: str
+) -> CountedPoints:
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise InputError("must be finite, the low end below the high one", field="window", value=f"{low:g}, {high:g}")
+        raise InputError(
+            "must be finite, the low end below the high one",
+            field="window",
+            value=f"{low:g}, {high:g}",
+        )
     outside = (times < low) | (times > high)
     if np.any(outside):
         rule = "must lie within the window; leave out what does not"
         raise InputError(rule, field="x", value=float(times[int(np.argmax(outside))]))
     if times.size > MAX_EVENTS:
-        raise InputError(f"must be at most {MAX_EVENTS} times: count them in bins", field="x", value=times.size)
+        raise InputError(
+            f"must be at most {MAX_EVENTS} times: count them in bins", field="x", value=times.size
+        )
     n_cell = cells or min(max(8, round(math.sqrt(times.size))), 200)
     edges = np.linspace(low, high, n_cell + 1)
     ordered = np.sort(times)
@@ -208,7 +261,9 @@ def _events(times: FloatArray, low: float, high: float, cells: int | None, what:
 def _require_counts(y: FloatArray, meaning: str) -> None:
     bad = not_a_count(y)
     if bad is not None:
-        raise InputError(f"must be a whole number from 0 ({meaning})", field="y", value=float(y[bad]), index=bad)
+        raise InputError(
+            f"must be a whole number from 0 ({meaning})", field="y", value=float(y[bad]), index=bad
+        )
 
 
 def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
@@ -224,12 +279,26 @@ def _edges(bins: ArrayLike, x: FloatArray) -> FloatArray:
     elif given.shape == (x.size, 2):
         edges = given
     else:
-        raise InputError(f"must be a width, {x.size + 1} edges in order, or ({x.size}, 2) low and high edges", field="bins", value=given.shape)
+        raise InputError(
+            f"must be a width, {x.size + 1} edges in order, or ({x.size}, 2) low and high edges",
+            field="bins",
+            value=given.shape,
+        )
     proper = np.isfinite(edges).all(axis=1) & (edges[:, 0] < edges[:, 1])
     if not np.all(proper):
         bad = int(np.argmin(proper))
-        raise InputError("must have its high edge above its low one, both finite", field="bins", value=edges[bad].tolist(), index=bad)
+        raise InputError(
+            "must have its high edge above its low one, both finite",
+            field="bins",
+            value=edges[bad].tolist(),
+            index=bad,
+        )
     if np.any((x < edges[:, 0]) | (x > edges[:, 1])):
         bad = int(np.argmax((x < edges[:, 0]) | (x > edges[:, 1])))
-        raise InputError("must hold their x", field="bins", value=f"{x[bad]:g} in {edges[bad].tolist()}", index=bad)
+        raise InputError(
+            "must hold their x",
+            field="bins",
+            value=f"{x[bad]:g} in {edges[bad].tolist()}",
+            index=bad,
+        )
     return edges

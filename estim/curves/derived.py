@@ -1,7 +1,9 @@
-"""A quantity that follows from the parameters of a curve by a formula of the user's: `g = "4*pi**2/slope"`.
+"""A quantity that follows from the parameters of a curve by a formula of the user's: `g =
+"4*pi**2/slope"`.
 
-A name in the formula is an argument of the curve as this run has it, or another quantity that follows from them, stated before this one.
-`name[level]` is the same of another run or body of the fit.  Several runs may make one name mean several things: then it is one quantity a run.
+A name in the formula is an argument of the curve as this run has it, or another quantity that
+follows from them, stated before this one.  `name[level]` is the same of another run or body of the
+fit.  Several runs may make one name mean several things: then it is one quantity a run.
 """
 
 from __future__ import annotations
@@ -29,9 +31,11 @@ _SHOWN = 60  # marks of a formula that stand for a meaning
 class SoughtQuantity:
     """What a user wants computed.
 
-    text : the formula as written.  formula : the same, with `symbols` in the place of names with a level.
+    text : the formula as written.
+    formula : the same, with `symbols` in the place of names with a level.
     symbols : name in the formula -> "gamma[heavy]" or, of this run, the name itself.
-    others : "gamma[heavy]" -> name of the parameter, or an exact number; empty until it is known which runs are fit together.
+    others : "gamma[heavy]" -> name of the parameter, or an exact number; empty until it is known
+        which runs are fit together.
     stated : the unit that was stated, if any; `unit` is what follows in its place (`in_units`).
     """
 
@@ -62,24 +66,43 @@ class SoughtQuantity:
         return tuple(written for written in self.symbols.values() if "[" not in written)
 
     def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
-        """Its values where `known` has scalars or (n_draw, 1) of every name; None where it lacks one.  nan where the formula has no value."""
+        """Its values where `known` has scalars or (n_draw, 1) of every name; None where it lacks
+        one.  nan where the formula has no value.
+        """
         varied = [name for name in known if shift_of(name) in known]
         values = own_values(known, varied) if varied else known
         if any(written not in values for written in self.symbols.values()):
             return None
-        found = evaluate(self.formula.tree, {symbol: np.asarray(values[written], dtype=float) for symbol, written in self.symbols.items()})
-        return Derived(self.unit, np.atleast_2d(np.asarray(found, dtype=float)), self.meaning, self.notation)
+        found = evaluate(
+            self.formula.tree,
+            {
+                symbol: np.asarray(values[written], dtype=float)
+                for symbol, written in self.symbols.items()
+            },
+        )
+        return Derived(
+            self.unit, np.atleast_2d(np.asarray(found, dtype=float)), self.meaning, self.notation
+        )
 
     def bound(self, others: Mapping[str, str | float]) -> SoughtQuantity:
         """The same, with the sources of the names that have a level."""
         return replace(self, others=MappingProxyType(dict(others)))
 
 
-def seek(name: str, text: object, *, unit: str | None = None, symbol: str | None = None, meaning: str | None = None) -> SoughtQuantity:
+def seek(
+    name: str,
+    text: object,
+    *,
+    unit: str | None = None,
+    symbol: str | None = None,
+    meaning: str | None = None,
+) -> SoughtQuantity:
     """The quantity `name` that follows by the formula `text`.  Raises InputError."""
     check_names([name], field="derived")
     if not isinstance(text, str) or not text.strip():
-        raise InputError('must be a formula like "4*pi**2/slope"', field=name, value=text if text != "" else "''")
+        raise InputError(
+            'must be a formula like "4*pi**2/slope"', field=name, value=text if text != "" else "''"
+        )
     symbols: dict[str, str] = {}  # "gamma[heavy]" -> what stands for it
 
     def stand_in(found: re.Match[str]) -> str:
@@ -91,41 +114,71 @@ def seek(name: str, text: object, *, unit: str | None = None, symbol: str | None
     try:
         formula = read_formula(plain, field=name)
     except InputError as error:
-        raise InputError(error.rule, field=name, value=text if error.value == " ".join(plain.split()) else error.value) from None
+        raise InputError(
+            error.rule,
+            field=name,
+            value=text if error.value == " ".join(plain.split()) else error.value,
+        ) from None
     if formula.uses_x:
-        raise InputError("must not hold x: a derived quantity is one number, not a curve", field=name, value=text)
+        raise InputError(
+            "must not hold x: a derived quantity is one number, not a curve", field=name, value=text
+        )
     written = {stands: full for full, stands in symbols.items()}
     shown = " ".join(text.split())
     said = meaning or (shown if len(shown) <= _SHOWN else f"{shown[: _SHOWN - 3]}...")
     places = MappingProxyType({one: written.get(one, one) for one in formula.names})
-    return SoughtQuantity(name, unit or "1", Notation(symbol or name), said, shown, formula, places, stated=unit)
+    return SoughtQuantity(
+        name, unit or "1", Notation(symbol or name), said, shown, formula, places, stated=unit
+    )
 
 
-def check_derived_names(sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()) -> None:
-    """Every name without a level is one of `known` (arguments of the curve), `derived` (what follows in any case) or of a quantity before it, and
-    no quantity has a name that is taken.  Raises InputError with the quantity as field."""
+def check_derived_names(
+    sought: Iterable[SoughtQuantity], known: Collection[str], derived: Collection[str] = ()
+) -> None:
+    """Every name without a level is one of `known` (arguments of the curve), `derived` (what
+    follows in any case) or of a quantity before it, and no quantity has a name that is taken.
+    Raises InputError with the quantity as field.
+    """
     everything = [*known, *derived]
     for quantity in sought:
         if quantity.name in everything:
-            raise InputError("is the name of something else here: choose another", field=quantity.name)
+            raise InputError(
+                "is the name of something else here: choose another", field=quantity.name
+            )
         if alike := same_looks((*everything, quantity.name)):
-            raise InputError("looks like the name of something else here: choose another", field=quantity.name, value=alike)
+            raise InputError(
+                "looks like the name of something else here: choose another",
+                field=quantity.name,
+                value=alike,
+            )
         for name in quantity.own:
             if name not in everything:
-                rule = f"names '{name}', which is neither a parameter nor a derived quantity before it ({', '.join(everything)})"
+                rule = (
+                    f"names '{name}', which is neither a parameter nor a derived quantity "
+                    f"before it ({', '.join(everything)})"
+                )
                 raise InputError(rule, field=quantity.name, value=quantity.text)
         everything.append(quantity.name)
 
 
-def in_units(sought: Iterable[SoughtQuantity], units: Mapping[str, str]) -> tuple[SoughtQuantity, ...]:
-    """The same, each in the unit that was stated of it, or that follows from those before it and `units`, of names as they are written.
+def in_units(
+    sought: Iterable[SoughtQuantity], units: Mapping[str, str]
+) -> tuple[SoughtQuantity, ...]:
+    """The same, each in the unit that was stated of it, or that follows from those before it and
+    `units`, of names as they are written.
 
-    Raises InputError with the quantity as field, where the stated unit is another, or the formula cannot mean what it says.
+    Raises InputError with the quantity as field, where the stated unit is another, or the formula
+    cannot mean what it says.
     """
     found: list[SoughtQuantity] = []
     for one in sought:
         try:
-            follows = unit_that_follows(one.formula.tree, one.symbols, {**units, **{before.name: before.unit for before in found}}, one.stated)
+            follows = unit_that_follows(
+                one.formula.tree,
+                one.symbols,
+                {**units, **{before.name: before.unit for before in found}},
+                one.stated,
+            )
         except InputError as error:
             raise InputError(error.rule, field=one.name, value=error.value or one.text) from None
         found.append(replace(one, unit=follows))
@@ -133,15 +186,24 @@ def in_units(sought: Iterable[SoughtQuantity], units: Mapping[str, str]) -> tupl
 
 
 def seek_of_fit(
-    derived: Mapping[str, str], units: Mapping[str, str], known: Collection[str], of_parameters: Mapping[str, str] = MappingProxyType({})
+    derived: Mapping[str, str],
+    units: Mapping[str, str],
+    known: Collection[str],
+    of_parameters: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[SoughtQuantity, ...]:
-    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.  Raises InputError.
+    """The quantities of a fit from Python: name -> formula; there is one run, and so no level.
+    Raises InputError.
 
-    units : those stated, also of quantities.  of_parameters : those of the parameters, stated or as they follow.
+    units : those stated, also of quantities.
+    of_parameters : those of the parameters, stated or as they follow.
     """
     sought = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
     for one in sought:
         if one.of_levels:
-            raise InputError("must use ( ), not [ ]: there are no runs to choose from", field=one.name, value=one.text)
+            raise InputError(
+                "must use ( ), not [ ]: there are no runs to choose from",
+                field=one.name,
+                value=one.text,
+            )
     check_derived_names(sought, known)
     return in_units(sought, of_parameters)

@@ -1,7 +1,9 @@
-"""In which unit a derived quantity is, from the units of the names in its formula; and what cannot be meant there, as the tangent of degrees.
+"""In which unit a derived quantity is, from the units of the names in its formula; and what cannot
+be meant there, as the tangent of degrees.
 
-Nothing is converted.  A name in "1" may have a unit that nobody told, and a number may have one of its own (`5*v`, the way in 5 s): nothing follows
-from them.  Numbers that are surely pure: exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside pi.
+Nothing is converted.  A name in "1" may have a unit that nobody told, and a number may have one of
+its own (`5*v`, the way in 5 s): nothing follows from them.  Numbers that are surely pure:
+exponents, the 1 of `1/tau`, whole divisors as in `v**2/2`, and factors beside pi.
 """
 
 from __future__ import annotations
@@ -22,41 +24,77 @@ _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _TURNED = ("sin", "cos", "tan")
 _ANGLES = ("arcsin", "arccos", "arctan", "asin", "acos", "atan", "arctan2", "atan2")
-_ALIKE = {"abs": 0, "floor": 0, "ceil": 0, "hypot": 0, "minimum": 0, "maximum": 0, "min": 0, "max": 0, "where": 1, "arctan2": 0, "atan2": 0}
+_ALIKE = {
+    "abs": 0,
+    "floor": 0,
+    "ceil": 0,
+    "hypot": 0,
+    "minimum": 0,
+    "maximum": 0,
+    "min": 0,
+    "max": 0,
+    "where": 1,
+    "arctan2": 0,
+    "atan2": 0,
+}
 _LARGEST_PURE = 10.0
 _LONGEST = 20  # characters of a unit that nobody stated
 
 
-def unit_that_follows(tree: ast.expr, symbols: Mapping[str, str], units: Mapping[str, str], stated: str | None) -> str:
-    """The unit of a formula: as stated, or as it follows from those of its names; "1" where it does not.
+def unit_that_follows(
+    tree: ast.expr, symbols: Mapping[str, str], units: Mapping[str, str], stated: str | None
+) -> str:
+    """The unit of a formula: as stated, or as it follows from those of its names; "1" where it does
+    not.
 
-    symbols : name in the formula -> as it is written, `gamma[heavy]`.  units : of the names as they are written.
+    symbols : name in the formula -> as it is written, `gamma[heavy]`.
+    units : of the names as they are written.
 
-    Raises InputError without a field where the stated unit is another than the one that follows, a sine takes degrees, or metres are added to mm.
+    Raises InputError without a field where the stated unit is another than the one that follows, a
+    sine takes degrees, or metres are added to mm.
     """
-    known = {symbol: factors for symbol, name in symbols.items() if (factors := _factors(units.get(name, "1")))}
+    known = {
+        symbol: factors
+        for symbol, name in symbols.items()
+        if (factors := _factors(units.get(name, "1")))
+    }
     follows = _Reading(known, symbols).of(tree)
     if stated is None:
         said = "1" if follows is None or _is_broken(follows) else _shown(follows)
         return said if len(said) <= _LONGEST else "1"
     guessed = _Reading(known, symbols, all_pure=True).of(tree) if follows is None else None
-    wrong = follows is not None and same_unit(stated, _written(follows)) is False and not _has_own_zero(stated, follows)
+    wrong = (
+        follows is not None
+        and same_unit(stated, _written(follows)) is False
+        and not _has_own_zero(stated, follows)
+    )
     if wrong or (guessed is not None and _is_of_other_size(stated, guessed)):
         found = follows if follows is not None else guessed or {}
         angle = is_in_degrees(stated) and same_unit(_written(found), "rad") is True
-        cure = ": write degrees(...)" if angle else "" if follows is not None else _NUMBER_OF_ITS_OWN
+        cure = (
+            ": write degrees(...)" if angle else "" if follows is not None else _NUMBER_OF_ITS_OWN
+        )
         what = f"in {_shown(found)}" if found else "a pure number"
-        raise InputError(f"must be {what}, as its formula and the units in it say; nothing is converted{cure}", value=stated)
+        raise InputError(
+            f"must be {what}, as its formula and the units in it say; nothing is converted{cure}",
+            value=stated,
+        )
     return stated
 
 
-_NUMBER_OF_ITS_OWN = ' (give a number that has a unit a line of its own: {formula = "2", unit = "min"})'
+_NUMBER_OF_ITS_OWN = (
+    ' (give a number that has a unit a line of its own: {formula = "2", unit = "min"})'
+)
 
 
 class _Reading:
-    """Reads units off a formula.  all_pure : whether numbers below 10 are taken to be pure wherever they stand."""
+    """Reads units off a formula.  all_pure : whether numbers below 10 are taken to be pure wherever
+    they stand.
+    """
 
-    def __init__(self, known: Mapping[str, Factors], symbols: Mapping[str, str], *, all_pure: bool = False) -> None:
+    def __init__(
+        self, known: Mapping[str, Factors], symbols: Mapping[str, str], *, all_pure: bool = False
+    ) -> None:
         self.known, self.symbols, self.all_pure = known, symbols, all_pure
 
     def of(self, node: ast.expr) -> Factors | None:
@@ -79,7 +117,11 @@ class _Reading:
 
     def _product(self, node: ast.expr) -> Factors | None:
         parts = list(_parts(node, 1))
-        turns = any(isinstance(one, ast.Name) and one.id in CONSTANTS for part, _ in parts for one in ast.walk(part))
+        turns = any(
+            isinstance(one, ast.Name) and one.id in CONSTANTS
+            for part, _ in parts
+            for one in ast.walk(part)
+        )
         whole_below = any(sign < 0 and _is_whole(part) for part, sign in parts)
         found: Factors | None = {}
         for part, sign in parts:
@@ -114,24 +156,37 @@ class _Reading:
         if not unit:
             return
         said, wanted = _written(unit), "°" if name == "radians" else "rad"
-        if same_unit(said, wanted) is not False or (name == "degrees" and in_unit(1.0, said, "rad") is None):
+        if same_unit(said, wanted) is not False or (
+            name == "degrees" and in_unit(1.0, said, "rad") is None
+        ):
             return
         if name in _TURNED and is_in_degrees(said):
             plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
-            raise InputError(f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: write {name}(radians({plain}))")
+            raise InputError(
+                f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: "
+                f"write {name}(radians({plain}))"
+            )
         if name in _TURNED or in_unit(1.0, said, "rad") is not None:
             takes = "degrees" if name == "radians" else "radians"
             raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
 
     def _alike(self, left: ast.expr, right: ast.expr, what: str) -> Factors | None:
         """The unit of two that have the same.  Raises InputError where they have not."""
-        first, second = (None if number_in_formula(side) is not None else self.of(side) for side in (left, right))
+        first, second = (
+            None if number_in_formula(side) is not None else self.of(side) for side in (left, right)
+        )
         if first is None or second is None:
             return second if first is None else first
         if not first or not second:
-            return {} if first == second else None  # a pure number and metres: one of them has a number with a unit of its own
-        if same_unit(_written(first), _written(second)) is False and not _has_own_zero(_written(first), second):
-            raise InputError(f"{what} what is in {_shown(first)} and what is in {_shown(second)}; nothing is converted")
+            # a pure number and metres: one of them has a number with a unit of its own
+            return {} if first == second else None
+        if same_unit(_written(first), _written(second)) is False and not _has_own_zero(
+            _written(first), second
+        ):
+            raise InputError(
+                f"{what} what is in {_shown(first)} and what is in {_shown(second)}; "
+                "nothing is converted"
+            )
         return first
 
 
@@ -148,16 +203,25 @@ def _parts(node: ast.expr, sign: int) -> Iterator[tuple[ast.expr, int]]:
 
 
 def _is_whole(node: ast.expr) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value.is_integer()
+    return (
+        isinstance(node, ast.Constant) and isinstance(node.value, float) and node.value.is_integer()
+    )
 
 
 def _factors(unit: str) -> Factors | None:
-    """Symbols of a unit with their powers; None where nothing is told, or it may be read in several ways."""
-    return {symbol: Fraction(power) for symbol, power in (powers_in(unit) or {}).items() if power} or None
+    """Symbols of a unit with their powers; None where nothing is told, or it may be read in several
+    ways.
+    """
+    return {
+        symbol: Fraction(power) for symbol, power in (powers_in(unit) or {}).items() if power
+    } or None
 
 
 def _times(one: Factors, other: Factors, sign: int) -> Factors:
-    powers = {symbol: one.get(symbol, Fraction(0)) + sign * other.get(symbol, Fraction(0)) for symbol in {**one, **other}}
+    powers = {
+        symbol: one.get(symbol, Fraction(0)) + sign * other.get(symbol, Fraction(0))
+        for symbol in {**one, **other}
+    }
     return {symbol: power for symbol, power in powers.items() if power}
 
 
@@ -166,16 +230,24 @@ def _raised(unit: Factors | None, power: Fraction) -> Factors | None:
 
 
 def _written(unit: Factors) -> str:
-    """A unit as one that is read: `kg m^2 s^-2`; with a power that is not whole, as one that is not known."""
+    """A unit as one that is read: `kg m^2 s^-2`; with a power that is not whole, as one that is not
+    known.
+    """
     if _is_broken(unit):
         return "?"
-    return " ".join(f"{symbol}^{power}" if power != 1 else symbol for symbol, power in unit.items()) or "1"
+    return (
+        " ".join(f"{symbol}^{power}" if power != 1 else symbol for symbol, power in unit.items())
+        or "1"
+    )
 
 
 def _shown(unit: Factors) -> str:
     """A unit as people write it, m/s²."""
     bare = {symbol: power for symbol, power in unit.items() if symbol != "rad" or len(unit) == 1}
-    over, under = ([_power(symbol, abs(power)) for symbol, power in bare.items() if power * sign > 0] for sign in (1, -1))
+    over, under = (
+        [_power(symbol, abs(power)) for symbol, power in bare.items() if power * sign > 0]
+        for sign in (1, -1)
+    )
     below = "" if not under else f"/{under[0]}" if len(under) == 1 else f"/({'·'.join(under)})"
     return ("·".join(over) or "1") + below
 
@@ -190,14 +262,22 @@ def _power(symbol: str, power: Fraction) -> str:
 
 
 def _has_own_zero(text: str, unit: Factors) -> bool:
-    """Whether degrees Celsius or Fahrenheit are meant, which formulas turn into each other and into kelvins."""
+    """Whether degrees Celsius or Fahrenheit are meant, which formulas turn into each other and into
+    kelvins.
+    """
     return bool(_OF_OWN_ZERO & {text, *unit})
 
 
 def _is_of_other_size(stated: str, unit: Factors) -> bool:
-    """Whether two units differ in size alone, mJ and J, where no number can have one of its own that makes up for it (a degree, a percent)."""
+    """Whether two units differ in size alone, mJ and J, where no number can have one of its own
+    that makes up for it (a degree, a percent).
+    """
     said = _factors(stated)
-    if said is None or same_unit(stated, text := _written(unit)) is not False or in_unit(1.0, stated, text) is None:
+    if (
+        said is None
+        or same_unit(stated, text := _written(unit)) is not False
+        or in_unit(1.0, stated, text) is None
+    ):
         return False
     if list(said.values()) == list(unit.values()) == [1]:
         return True  # deg and rad

@@ -1,4 +1,6 @@
-"""Derivatives in all arguments of a curve at once, by central differences of one call with all of them in it."""
+"""Derivatives in all arguments of a curve at once, by central differences of one call with all of
+them in it.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,13 @@ _SMALLEST = 1e-2  # an argument below it is moved like one of this size
 
 
 def with_gradient(
-    function: Callable[[Mapping[str, FloatArray]], tuple[FloatArray, ...]], arguments: Mapping[str, ArrayLike], *, step: float
+    function: Callable[[Mapping[str, FloatArray]], tuple[FloatArray, ...]],
+    arguments: Mapping[str, ArrayLike],
+    *,
+    step: float,
 ) -> tuple[tuple[FloatArray, ...], dict[str, FloatArray]]:
-    """What `function` gives at `arguments`, and the derivative of the first of it in each of them, (n_draw, n_obs) each.
+    """What `function` gives at `arguments`, and the derivative of the first of it in each of them,
+    (n_draw, n_obs) each.
 
     step : relative; 1e-5 for a function exact to 1e-12, 1e-4 for one exact to 1e-10.
     """
@@ -31,7 +37,11 @@ def with_gradient(
         stacked[name][(2 * i + 2) * n : (2 * i + 3) * n] -= steps[name]
     found = function(stacked)
     gradient = {
-        name: (found[0][(2 * i + 1) * n : (2 * i + 2) * n] - found[0][(2 * i + 2) * n : (2 * i + 3) * n]) / (2.0 * steps[name])
+        name: (
+            found[0][(2 * i + 1) * n : (2 * i + 2) * n]
+            - found[0][(2 * i + 2) * n : (2 * i + 3) * n]
+        )
+        / (2.0 * steps[name])
         for i, name in enumerate(names)
     }
     return tuple(values[:n] for values in found), gradient

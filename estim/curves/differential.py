@@ -1,4 +1,6 @@
-"""A curve given by differential equations: `ode`, whose result `fit_curve` takes in place of a function."""
+"""A curve given by differential equations: `ode`, whose result `fit_curve` takes in place of a
+function.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,18 @@ from estim.common import InputError
 
 Method = Literal["DOP853", "RK45", "Radau", "BDF"]
 _TOLERANCE = 1e-10
-_MOST = 100_000  # evaluations of a right side on one way: some 10,000 steps, after which there is no solution
+# evaluations of a right side on one way: some 10,000 steps, after which there is no solution
+_MOST = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class OdeCurve:
-    """curve(x, **parameters): what is observed of the solution of dy/dx = rhs(x, y, **parameters) at x (n_obs,); nan where it has none.
+    """curve(x, **parameters): what is observed of the solution of dy/dx = rhs(x, y, **parameters)
+    at x (n_obs,); nan where it has none.
 
-    A complex step through the solver gives derivatives that are exact for the steps it takes, where `rhs` is made of functions that take complex
-    numbers; else `estim.curves.function` takes differences.
+    A complex step through the solver gives derivatives that are exact for the steps it takes, where
+    `rhs` is made of functions that take complex numbers; else `estim.curves.function` takes
+    differences.
     """
 
     rhs: Callable[..., Any]
@@ -47,18 +52,30 @@ class OdeCurve:
     def __call__(self, x: Any, **parameters: Any) -> Any:
         """(n_obs,), or (n_draw, n_obs) where parameters are (n_draw, 1)."""
         places = np.atleast_1d(x)
-        if places.dtype.kind not in "fiuc" or any(np.asarray(value).dtype.kind not in "fiuc" for value in parameters.values()):
+        if places.dtype.kind not in "fiuc" or any(
+            np.asarray(value).dtype.kind not in "fiuc" for value in parameters.values()
+        ):
             raise TypeError("takes plain numbers")
         n_draw = max((np.size(value) for value in parameters.values()), default=1)
-        draws = {name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()}
+        draws = {
+            name: np.broadcast_to(np.ravel(value), (n_draw,)) for name, value in parameters.items()
+        }
         own = {name: value for name, value in draws.items() if name not in self.at_start}
-        state = np.array([draws[one] if isinstance(one, str) else np.full(n_draw, one) for one in self.at_start])
+        state = np.array(
+            [draws[one] if isinstance(one, str) else np.full(n_draw, one) for one in self.at_start]
+        )
         found = self._solved(places.real, state, own)
         if places.dtype.kind == "c":  # to first order, which is all that a complex step asks for
-            slopes = np.stack([self._rate(at, found[:, :, k], own) for k, at in enumerate(places.real)], axis=-1)
+            slopes = np.stack(
+                [self._rate(at, found[:, :, k], own) for k, at in enumerate(places.real)], axis=-1
+            )
             found = found + 1j * places.imag * slopes
         if callable(self.observed):
-            seen = np.asarray(self.observed(places, found, **{name: value[:, None] for name, value in own.items()}))
+            seen = np.asarray(
+                self.observed(
+                    places, found, **{name: value[:, None] for name, value in own.items()}
+                )
+            )
             seen = np.broadcast_to(seen, (n_draw, places.size))
         else:
             seen = found[self.observed]
@@ -67,7 +84,9 @@ class OdeCurve:
     def _rate(self, x: float, y: Any, own: dict[str, Any]) -> Any:
         """(n_state, n_draw); one draw is given to the user's function as plain numbers."""
         if y.shape[1] == 1:
-            return np.asarray(self.rhs(x, y[:, 0], **{name: value.item() for name, value in own.items()}))[:, None]
+            return np.asarray(
+                self.rhs(x, y[:, 0], **{name: value.item() for name, value in own.items()})
+            )[:, None]
         return np.stack([np.broadcast_to(one, y.shape[1:]) for one in self.rhs(x, y, **own)])
 
     def _solved(self, x: Any, state: Any, own: dict[str, Any]) -> Any:
@@ -77,7 +96,11 @@ class OdeCurve:
         reach = float(np.max(np.abs(x - self.x0))) or 1.0
         with np.errstate(all="ignore"):
             size = np.abs(state) + reach * np.abs(self._rate(self.x0, state, own))
-        size = np.where((size > 0.0) & np.isfinite(size), size, float(np.max(size[np.isfinite(size)], initial=0.0)) or 1.0)
+        size = np.where(
+            (size > 0.0) & np.isfinite(size),
+            size,
+            float(np.max(size[np.isfinite(size)], initial=0.0)) or 1.0,
+        )
         found = np.full((*state.shape, x.size), math.nan, dtype=kind)
         found[:, :, x == self.x0] = state[:, :, None]
         for side in (x > self.x0, x < self.x0):
@@ -87,14 +110,23 @@ class OdeCurve:
                 values = self._along(ordered, state, own, size)
                 if values is None and n_draw > 1:  # one of the draws has no solution
                     halves = np.array_split(np.arange(n_draw), 2)
-                    parts = [self._solved(x, state[:, half], {name: value[half] for name, value in own.items()}) for half in halves]
+                    parts = [
+                        self._solved(
+                            x, state[:, half], {name: value[half] for name, value in own.items()}
+                        )
+                        for half in halves
+                    ]
                     return np.concatenate(parts, axis=1)
                 if values is not None:
-                    found[:, :, side] = (values if ordered is places else values[:, :, ::-1])[:, :, back]
+                    found[:, :, side] = (values if ordered is places else values[:, :, ::-1])[
+                        :, :, back
+                    ]
         return found
 
     def _along(self, places: Any, state: Any, own: dict[str, Any], size: Any) -> Any:
-        """(n_state, n_draw, n) at places from x0 on, None where the solver does not get to their end."""
+        """(n_state, n_draw, n) at places from x0 on, None where the solver does not get to their
+        end.
+        """
         from scipy.integrate import solve_ivp
 
         left = iter(range(_MOST))
@@ -107,33 +139,71 @@ class OdeCurve:
         with np.errstate(all="ignore"):
             try:
                 ends, smallest = (self.x0, float(places[-1])), _TOLERANCE * size.ravel()
-                solved = solve_ivp(rate, ends, state.ravel(), method=self.method, t_eval=places, rtol=_TOLERANCE, atol=smallest)
+                solved = solve_ivp(
+                    rate,
+                    ends,
+                    state.ravel(),
+                    method=self.method,
+                    t_eval=places,
+                    rtol=_TOLERANCE,
+                    atol=smallest,
+                )
             except ValueError:  # of a solver that meets infinite numbers, or of too many steps
                 return None
-        return solved.y.reshape(*state.shape, places.size) if solved.status == 0 and np.all(np.isfinite(solved.y)) else None
+        return (
+            solved.y.reshape(*state.shape, places.size)
+            if solved.status == 0 and np.all(np.isfinite(solved.y))
+            else None
+        )
 
 
 def ode(
-    rhs: Callable[..., Any], start: Sequence[float | str], *, x0: float = 0.0, observed: int | Callable[..., Any] = 0, method: Method = "DOP853"
+    rhs: Callable[..., Any],
+    start: Sequence[float | str],
+    *,
+    x0: float = 0.0,
+    observed: int | Callable[..., Any] = 0,
+    method: Method = "DOP853",
 ) -> OdeCurve:
-    """The curve that dy/dx = rhs(x, y, **parameters) gives, for `fit_curve(ode(...), x, y, start={...})`.
+    """The curve that dy/dx = rhs(x, y, **parameters) gives, for `fit_curve(ode(...), x, y,
+    start={...})`.
 
-    rhs : function of x, the state y (n_state,) and parameters by name, which returns dy/dx (n_state,).
+    rhs : function of x, the state y (n_state,) and parameters by name, which returns dy/dx
+        (n_state,).
     start : the state at x0, each entry a number or the name of a parameter.
-    observed : which entry of the state is measured, or a function of x (n_obs,), the states (n_state, n_obs) and the parameters of rhs.
-    method : of `scipy.integrate.solve_ivp`; "Radau" or "BDF" for stiff equations.  Relative tolerance 1e-10.
+    observed : which entry of the state is measured, or a function of x (n_obs,), the states
+        (n_state, n_obs) and the parameters of rhs.
+    method : of `scipy.integrate.solve_ivp`; "Radau" or "BDF" for stiff equations.  Relative
+        tolerance 1e-10.
 
     Raises InputError where an argument breaks a rule.
     """
     if not callable(rhs):
         raise InputError("must be a function rhs(x, y, **parameters)", field="rhs", value=rhs)
     entries = list(start) if isinstance(start, Sequence) and not isinstance(start, str) else []
-    if not entries or not all(isinstance(one, str) or (isinstance(one, int | float) and math.isfinite(one)) for one in entries):
-        raise InputError('must be the state at x0, numbers or names of parameters, like ["s0", 0.0]', field="start", value=start)
+    if not entries or not all(
+        isinstance(one, str) or (isinstance(one, int | float) and math.isfinite(one))
+        for one in entries
+    ):
+        raise InputError(
+            'must be the state at x0, numbers or names of parameters, like ["s0", 0.0]',
+            field="start",
+            value=start,
+        )
     if not callable(observed) and observed not in range(len(entries)):
-        raise InputError(f"must be a function or the number of an entry of the state, 0 to {len(entries) - 1}", field="observed", value=observed)
+        raise InputError(
+            f"must be a function or the number of an entry of the state, 0 to {len(entries) - 1}",
+            field="observed",
+            value=observed,
+        )
     if not isinstance(x0, int | float) or not math.isfinite(x0):
         raise InputError("must be finite", field="x0", value=x0)
     if method not in ("DOP853", "RK45", "Radau", "BDF"):
         raise InputError("must be DOP853, RK45, Radau or BDF", field="method", value=method)
-    return OdeCurve(rhs, tuple(one if isinstance(one, str) else float(one) for one in entries), float(x0), observed, method)
+    return OdeCurve(
+        rhs,
+        tuple(one if isinstance(one, str) else float(one) for one in entries),
+        float(x0),
+        observed,
+        method,
+    )

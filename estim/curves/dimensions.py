@@ -1,11 +1,15 @@
-"""In which unit each parameter of a formula must be, as a power of that of x times a power of that of y.
+"""In which unit each parameter of a formula must be, as a power of that of x times a power of that
+of y.
 
-`a*exp(-x/tau)` adds up only if tau is in the unit of x and a in that of y.  Sums have terms of one unit, functions take and give pure numbers,
-the whole has the unit of y: each is a linear equation of exponents.
+`a*exp(-x/tau)` adds up only if tau is in the unit of x and a in that of y.  Sums have terms of one
+unit, functions take and give pure numbers, the whole has the unit of y: each is a linear equation
+of exponents.
 
-For the scale of a search (`dimensions_of`) numbers are pure, unless the equations before them say otherwise: an equation that contradicts those
-before it is dropped.  What is told to a person (`certain_dimensions`) may not guess: 9.81 and 0.25 may have units of their own, and so may every
-number of a formula that would not add up else (`cos(2*pi*x/3)`, x in months); if it does not add up even so, y may be a number of unknown unit.
+For the scale of a search (`dimensions_of`) numbers are pure, unless the equations before them say
+otherwise: an equation that contradicts those before it is dropped.  What is told to a person
+(`certain_dimensions`) may not guess: 9.81 and 0.25 may have units of their own, and so may every
+number of a formula that would not add up else (`cos(2*pi*x/3)`, x in months); if it does not add up
+even so, y may be a number of unknown unit.
 """
 
 from __future__ import annotations
@@ -22,7 +26,8 @@ from estim.curves.formula import CONSTANTS, Formula
 Dimension = tuple[float, float]
 """Powers of the unit of x and of that of y."""
 
-_Row = dict[str, Fraction]  # name of an unknown exponent -> its coefficient; "" is the constant (of x, of y)
+# name of an unknown exponent -> its coefficient; "" is the constant (of x, of y)
+_Row = dict[str, Fraction]
 _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y = "(x)", "(y)"
@@ -40,46 +45,84 @@ def dimensions_of(formula: Formula, *, density: bool | None = False) -> dict[str
 
 @lru_cache(maxsize=64)
 def certain_dimensions(
-    formula: Formula, *, density: bool | None = False, x_is: Literal["an angle", "like y"] | None = None, any_number: bool = False
+    formula: Formula,
+    *,
+    density: bool | None = False,
+    x_is: Literal["an angle", "like y"] | None = None,
+    any_number: bool = False,
 ) -> Mapping[str, Dimension]:
-    """Name -> unit of each parameter that the formula determines without a guess at the units of its numbers; nothing where it does not add up.
+    """Name -> unit of each parameter that the formula determines without a guess at the units of
+    its numbers; nothing where it does not add up.
 
-    x_is : what its unit says of it, where the formula does not add up else.  any_number : whether no number but an exponent is taken to be pure.
+    x_is : what its unit says of it, where the formula does not add up else.
+    any_number : whether no number but an exponent is taken to be pure.
     """
-    known: tuple[dict[str, _Row], ...] = ({}, {_X: {}}) if x_is == "an angle" else ({}, {_Y: {_X: Fraction(1)}}) if x_is == "like y" else ({},)
+    known: tuple[dict[str, _Row], ...] = (
+        ({}, {_X: {}})
+        if x_is == "an angle"
+        else ({}, {_Y: {_X: Fraction(1)}})
+        if x_is == "like y"
+        else ({},)
+    )
     for of_whole in (density, None):
         for is_pure in (_none,) if any_number else (_is_count_or_half, _none):
             for axis in known:
-                system = _System(dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure)
+                system = _System(
+                    dict(axis), any_angle=True, any_logarithm=of_whole is None, is_pure=is_pure
+                )
                 if not _solved(formula, system, of_whole).contradicted:
                     return _found(system, formula)
     return {}
 
 
 def pure_angles(formula: Formula) -> set[str]:
-    """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one, whatever stands around that."""
+    """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one,
+    whatever stands around that.
+    """
     found: set[str] = set()
     for node in ast.walk(formula.tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("sin", "cos", "tan"):
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in ("sin", "cos", "tan")
+        ):
             system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
             system.equal(_dimension(node.args[0], system), {})
             names = {one.id for one in ast.walk(node.args[0]) if isinstance(one, ast.Name)}
-            found |= set() if system.contradicted else {name for name in names & {*formula.names} if not system.reduced({name: Fraction(1)})}
+            found |= (
+                set()
+                if system.contradicted
+                else {
+                    name
+                    for name in names & {*formula.names}
+                    if not system.reduced({name: Fraction(1)})
+                }
+            )
     return found
 
 
 def arc_among_terms(tree: ast.expr) -> ast.expr | None:
-    """An arcsine, arccosine or arctangent that a formula gives, alone or as a term, perhaps with a number before it; None where there is none."""
+    """An arcsine, arccosine or arctangent that a formula gives, alone or as a term, perhaps with a
+    number before it; None where there is none.
+    """
     match tree:
-        case ast.Call(func=ast.Name(id="asin" | "acos" | "atan" | "atan2" | "arcsin" | "arccos" | "arctan" | "arctan2")):
+        case ast.Call(
+            func=ast.Name(
+                id="asin" | "acos" | "atan" | "atan2" | "arcsin" | "arccos" | "arctan" | "arctan2"
+            )
+        ):
             return tree
         case ast.UnaryOp(operand=one):
             return arc_among_terms(one)
         case ast.BinOp(left=left, op=ast.Add() | ast.Sub(), right=right):
             return arc_among_terms(left) or arc_among_terms(right)
-        case ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one) if is_pure_in_angle(number):
+        case ast.BinOp(left=ast.Constant(value=float(number)), op=ast.Mult(), right=one) if (
+            is_pure_in_angle(number)
+        ):
             return arc_among_terms(one)
-        case ast.BinOp(left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))) if is_pure_in_angle(number):
+        case ast.BinOp(
+            left=one, op=ast.Mult() | ast.Div(), right=ast.Constant(value=float(number))
+        ) if is_pure_in_angle(number):
             return arc_among_terms(one)
     return None
 
@@ -90,7 +133,8 @@ def is_pure_in_angle(number: float) -> bool:
 
 
 def _is_count_or_half(number: float) -> bool:
-    return number == 0.5 or (0.0 < abs(number) < _LARGEST_PURE and number.is_integer())  # 0 has any unit
+    # 0 has any unit
+    return number == 0.5 or (0.0 < abs(number) < _LARGEST_PURE and number.is_integer())
 
 
 def _none(_: float) -> bool:
@@ -106,25 +150,39 @@ def _solved(formula: Formula, system: _System, density: bool | None) -> _System:
 
 def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
     found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
-    return {name: (float(row.get(_X, 0)), float(row.get(_Y, 0))) for name, row in found.items() if not set(row) - {_X, _Y}}
+    return {
+        name: (float(row.get(_X, 0)), float(row.get(_Y, 0)))
+        for name, row in found.items()
+        if not set(row) - {_X, _Y}
+    }
 
 
 def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
-    """Each sine, cosine and tangent of something that has the unit of x or of y: its name, its argument, and that unit."""
+    """Each sine, cosine and tangent of something that has the unit of x or of y: its name, its
+    argument, and that unit.
+    """
     system = _System(any_angle=True)
     system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
     found = [(name, node, system.reduced(row)) for name, node, row in system.turned]
-    units = [(name, node, (float(row.get(_X, 0)), float(row.get(_Y, 0)))) for name, node, row in found if not set(row) - {_X, _Y}]
+    units = [
+        (name, node, (float(row.get(_X, 0)), float(row.get(_Y, 0))))
+        for name, node, row in found
+        if not set(row) - {_X, _Y}
+    ]
     return [one for one in units if one[2] in ((1.0, 0.0), (0.0, 1.0))]
 
 
 @dataclass
 class _System:
-    """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of y.
+    """Solved equations: unknown -> what it is in terms of others, of the unit of x and of that of
+    y.
 
-    any_angle : whether the unit of what `radians` and `sign` take and of what `degrees` gives is left open.  any_logarithm : the same of what
-    logarithms take (ln U + ...).  is_pure : whether a number has no unit of its own; None: none has.
-    turned : name, argument and its unit of each sine, cosine and tangent, whose argument is then taken to be pure.
+    any_angle : whether the unit of what `radians` and `sign` take and of what `degrees` gives is
+        left open.
+    any_logarithm : the same of what logarithms take (ln U + ...).  is_pure : whether a number has
+        no unit of its own; None: none has.
+    turned : name, argument and its unit of each sine, cosine and tangent, whose argument is then
+        taken to be pure.
     """
 
     solved: dict[str, _Row] = field(default_factory=dict)
@@ -179,10 +237,14 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
         case ast.Call(func=ast.Name(id="radians"), args=[angle]) if system.any_angle:
             _dimension(angle, system)
             return {}
-        case ast.Call(func=ast.Name(id="sign" | "heaviside"), args=[argument, *_]) if system.any_angle:
+        case ast.Call(func=ast.Name(id="sign" | "heaviside"), args=[argument, *_]) if (
+            system.any_angle
+        ):
             _dimension(argument, system)
             return {}
-        case ast.Call(func=ast.Name(id="log" | "ln" | "log2" | "log10"), args=[argument]) if system.any_logarithm:
+        case ast.Call(func=ast.Name(id="log" | "ln" | "log2" | "log10"), args=[argument]) if (
+            system.any_logarithm
+        ):
             _dimension(argument, system)
             return {}
         case ast.Call(func=ast.Name(id="degrees"), args=[angle]) if system.any_angle:
@@ -193,7 +255,11 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
             system.turned.append((name, angle, of_angle))
             return _call(name, [of_angle], system)
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            return _call(name, [_dimension(one, system) for one in arguments if not _is_choice(one, system)], system)
+            return _call(
+                name,
+                [_dimension(one, system) for one in arguments if not _is_choice(one, system)],
+                system,
+            )
     return system.fresh()
 
 
@@ -246,4 +312,8 @@ def number_in_formula(node: ast.expr) -> Fraction | None:
 
 def _sum(left: Mapping[str, Fraction], right: Mapping[str, Fraction], factor: Fraction) -> _Row:
     names = {**left, **right}
-    return {name: value for name in names if (value := left.get(name, Fraction(0)) + factor * right.get(name, Fraction(0)))}
+    return {
+        name: value
+        for name in names
+        if (value := left.get(name, Fraction(0)) + factor * right.get(name, Fraction(0)))
+    }

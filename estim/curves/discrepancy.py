@@ -1,4 +1,6 @@
-"""What a user says in Python that a curve may lack: the arguments `deviation` and `correlated` of `fit_curve`."""
+"""What a user says in Python that a curve may lack: the arguments `deviation` and `correlated` of
+`fit_curve`.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,22 @@ from estim.given_numbers import real_number, real_numbers
 from estim.problem import MAX_LACKING, Discrepancy
 
 
-def discrepancy_of(deviation: float, correlated: ArrayLike | bool, order: NDArray[np.int64], *, stated: bool, exact_x: bool) -> Discrepancy | None:
-    """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by x.  Raises InputError."""
+def discrepancy_of(
+    deviation: float,
+    correlated: ArrayLike | bool,
+    order: NDArray[np.int64],
+    *,
+    stated: bool,
+    exact_x: bool,
+) -> Discrepancy | None:
+    """What the curve of `fit_curve` may lack, None for nothing; order : (n_obs,) of the points by
+    x.  Raises InputError.
+    """
     deviation = real_number(deviation, "deviation")
     if not (math.isfinite(deviation) and deviation >= 0.0):
-        raise InputError("is in the unit of y: it must be > 0, or 0 for none", field="deviation", value=deviation)
+        raise InputError(
+            "is in the unit of y: it must be > 0, or 0 for none", field="deviation", value=deviation
+        )
     plain = isinstance(correlated, bool | np.bool_)
     if not deviation and plain and not correlated:
         return None
@@ -25,13 +38,31 @@ def discrepancy_of(deviation: float, correlated: ArrayLike | bool, order: NDArra
         raise InputError("cannot be combined with errors of x: omit u_x", field=field)
     if order.size > MAX_LACKING:
         step = -(-order.size // MAX_LACKING)
-        rule = f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = {step} in a campaign)"
+        rule = (
+            f"goes with at most {MAX_LACKING} points: take one in {step} of them (every = "
+            f"{step} in a campaign)"
+        )
         raise InputError(rule, field=field, value=order.size)
     if plain:
-        return Discrepancy(float(deviation), order.astype(float) if correlated else None, "readings" if correlated else "", stated)
-    times = np.ravel(real_numbers(correlated, "correlated", "must be True, or the times of the points"))
+        return Discrepancy(
+            float(deviation),
+            order.astype(float) if correlated else None,
+            "readings" if correlated else "",
+            stated,
+        )
+    times = np.ravel(
+        real_numbers(correlated, "correlated", "must be True, or the times of the points")
+    )
     if not np.all(np.isfinite(times)):
-        raise InputError("must be finite", field="correlated", value=float(times[~np.isfinite(times)][0]))
+        raise InputError(
+            "must be finite", field="correlated", value=float(times[~np.isfinite(times)][0])
+        )
     if times.size != order.size or not float(np.ptp(times)) > 0.0:
-        raise InputError(f"must be True, or {order.size} times that are not all the same", field="correlated", value=times.size)
-    return Discrepancy(float(deviation), times[order], phrase("in the unit of 'correlated'"), stated)
+        raise InputError(
+            f"must be True, or {order.size} times that are not all the same",
+            field="correlated",
+            value=times.size,
+        )
+    return Discrepancy(
+        float(deviation), times[order], phrase("in the unit of 'correlated'"), stated
+    )

@@ -1,10 +1,12 @@
-"""Exact derivatives by dual numbers: NumPy code run on `Dual` arrays carries its first derivatives along.
+"""Exact derivatives by dual numbers: NumPy code run on `Dual` arrays carries its first derivatives
+along.
 
-A `Dual` is a value with its partial derivatives by name.  Operators and NumPy's elementwise functions follow the chain
-rule (forward-mode automatic differentiation; Griewank and Walther, Evaluating Derivatives, 2nd ed. 2008, ch. 3), to rounding
-error and without a step to choose.  A value may itself be a `Dual`: that gives second and higher derivatives.  It may be complex, of real
-parameters: the modulus, argument, real and imaginary part follow the chain rule of their two real components.
-Anything else (`math.exp`, linear algebra, a cast to float) raises TypeError.
+A `Dual` is a value with its partial derivatives by name.  Operators and NumPy's elementwise
+functions follow the chain rule (forward-mode automatic differentiation; Griewank and Walther,
+Evaluating Derivatives, 2nd ed. 2008, ch. 3), to rounding error and without a step to choose.  A
+value may itself be a `Dual`: that gives second and higher derivatives.  It may be complex, of real
+parameters: the modulus, argument, real and imaginary part follow the chain rule of their two real
+components.  Anything else (`math.exp`, linear algebra, a cast to float) raises TypeError.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ Slope = Callable[..., Any]
 
 
 class Dual(NDArrayOperatorsMixin):
-    """value : an array (or a Dual).  partials : name -> derivative of the value, arrays that broadcast to it."""
+    """value : an array (or a Dual).  partials : name -> derivative of the value, arrays that
+    broadcast to it.
+    """
 
     __slots__ = ("partials", "value")
     __hash__ = None  # type: ignore[assignment]  # equality compares values, elementwise
@@ -54,24 +58,34 @@ class Dual(NDArrayOperatorsMixin):
 
     @property
     def real(self) -> Dual:
-        return Dual(self.value.real, {name: partial.real for name, partial in self.partials.items()})
+        return Dual(
+            self.value.real, {name: partial.real for name, partial in self.partials.items()}
+        )
 
     @property
     def imag(self) -> Dual:
-        return Dual(self.value.imag, {name: partial.imag for name, partial in self.partials.items()})
+        return Dual(
+            self.value.imag, {name: partial.imag for name, partial in self.partials.items()}
+        )
 
     def conjugate(self) -> Any:
         return np.conjugate(self)
 
-    def __array_function__(self, function: Callable[..., Any], types: Any, arguments: Any, options: Any) -> Any:
+    def __array_function__(
+        self, function: Callable[..., Any], types: Any, arguments: Any, options: Any
+    ) -> Any:
         if function in _OF_COMPLEX and len(arguments) == 1 and not options:
             return _OF_COMPLEX[function](*arguments)
         if function is not np.where or len(arguments) != 3 or options:
             return NotImplemented
         condition, yes, no = arguments
         condition = plain(condition)
-        names = dict.fromkeys(name for branch in (yes, no) if isinstance(branch, Dual) for name in branch.partials)
-        partials = {name: np.where(condition, _partial(yes, name), _partial(no, name)) for name in names}
+        names = dict.fromkeys(
+            name for branch in (yes, no) if isinstance(branch, Dual) for name in branch.partials
+        )
+        partials = {
+            name: np.where(condition, _partial(yes, name), _partial(no, name)) for name in names
+        }
         return Dual(np.where(condition, plain(yes), plain(no)), partials)
 
 
@@ -86,8 +100,21 @@ def _partial(value: Any, name: str) -> Any:
 
 _STEPS = frozenset(
     {
-        np.less, np.less_equal, np.greater, np.greater_equal, np.equal, np.not_equal, np.isfinite, np.isnan, np.sign, np.floor, np.ceil, np.rint,
-        np.logical_and, np.logical_or, np.logical_not,
+        np.less,
+        np.less_equal,
+        np.greater,
+        np.greater_equal,
+        np.equal,
+        np.not_equal,
+        np.isfinite,
+        np.isnan,
+        np.sign,
+        np.floor,
+        np.ceil,
+        np.rint,
+        np.logical_and,
+        np.logical_or,
+        np.logical_not,
     }
 )  # constant between their jumps: plain values come out
 
@@ -113,17 +140,22 @@ def _power_of_base(r: Any, a: Any, b: Any) -> Any:
 
 def _power_of_exponent(r: Any, a: Any, b: Any) -> Any:
     positive = a > 0.0
-    return np.where(positive, r * np.log(np.where(positive, a, 1.0)), np.where(a == 0.0, 0.0, np.nan))
+    return np.where(
+        positive, r * np.log(np.where(positive, a, 1.0)), np.where(a == 0.0, 0.0, np.nan)
+    )
 
 
-_FAR = 100.0  # from here on the Faddeeva function's own derivative would be a small difference of large numbers
+# from here on the Faddeeva function's own derivative would be a small difference of large numbers
+_FAR = 100.0
 _SMALLEST = 1e-60  # width that stands for 0
 
 
 def _voigt_slopes(r: Any, x: Any, sigma: Any, gamma: Any) -> tuple[Any, Any, Any]:
-    """Derivatives of Re w(z)/(sigma sqrt(2 pi)), z = (|x| + i gamma)/(sigma sqrt 2), in x, sigma and gamma.
+    """Derivatives of Re w(z)/(sigma sqrt(2 pi)), z = (|x| + i gamma)/(sigma sqrt 2), in x, sigma
+    and gamma.
 
-    w' = 2i/sqrt(pi) - 2 z w (Abramowitz and Stegun 7.1.20); far out the derivatives of its expansion 7.1.23.
+    w' = 2i/sqrt(pi) - 2 z w (Abramowitz and Stegun 7.1.20); far out the derivatives of its
+    expansion 7.1.23.
     """
     from scipy import special
 
@@ -132,16 +164,29 @@ def _voigt_slopes(r: Any, x: Any, sigma: Any, gamma: Any) -> tuple[Any, Any, Any
     far = np.abs(z) > _FAR
     inverse, near = np.where(far, 1.0 / np.where(far, z, 1.0), 0.0), np.where(far, 0.0, z)
     square, faddeeva = inverse**2, special.wofz(near)
-    slope = np.where(far, -square * (1.0 + square * (1.5 + square * (3.75 + square * 13.125))) * 1j / np.sqrt(np.pi),
-                     2j / np.sqrt(np.pi) - 2.0 * near * faddeeva)
-    shrinking = np.where(far, -inverse * square * (1.0 + square * (3.0 + square * 11.25)) * 1j / np.sqrt(np.pi), faddeeva + near * slope)
+    slope = np.where(
+        far,
+        -square * (1.0 + square * (1.5 + square * (3.75 + square * 13.125))) * 1j / np.sqrt(np.pi),
+        2j / np.sqrt(np.pi) - 2.0 * near * faddeeva,
+    )
+    shrinking = np.where(
+        far,
+        -inverse * square * (1.0 + square * (3.0 + square * 11.25)) * 1j / np.sqrt(np.pi),
+        faddeeva + near * slope,
+    )
     size = 2.0 * np.sqrt(np.pi) * width**2
-    return np.sign(x) * slope.real / size, -sign * np.sqrt(2.0) * shrinking.real / size, -slope.imag / size
+    return (
+        np.sign(x) * slope.real / size,
+        -sign * np.sqrt(2.0) * shrinking.real / size,
+        -slope.imag / size,
+    )
 
 
 @lru_cache(maxsize=1)
 def _slopes() -> dict[np.ufunc, tuple[Slope, ...]]:
-    """Elementwise function -> derivative in each of its arguments, from its result and its arguments."""
+    """Elementwise function -> derivative in each of its arguments, from its result and its
+    arguments.
+    """
     from scipy import special
 
     two_over_root_pi = 2.0 / np.sqrt(np.pi)
@@ -154,8 +199,14 @@ def _slopes() -> dict[np.ufunc, tuple[Slope, ...]]:
         np.power: (_power_of_base, _power_of_exponent),
         np.float_power: (_power_of_base, _power_of_exponent),
         np.remainder: (lambda r, a, b: 1.0, lambda r, a, b: -np.floor(a / b)),
-        np.maximum: (lambda r, a, b: np.where(a >= b, 1.0, 0.0), lambda r, a, b: np.where(a >= b, 0.0, 1.0)),
-        np.minimum: (lambda r, a, b: np.where(a <= b, 1.0, 0.0), lambda r, a, b: np.where(a <= b, 0.0, 1.0)),
+        np.maximum: (
+            lambda r, a, b: np.where(a >= b, 1.0, 0.0),
+            lambda r, a, b: np.where(a >= b, 0.0, 1.0),
+        ),
+        np.minimum: (
+            lambda r, a, b: np.where(a <= b, 1.0, 0.0),
+            lambda r, a, b: np.where(a <= b, 0.0, 1.0),
+        ),
         np.arctan2: (lambda r, a, b: b / (a * a + b * b), lambda r, a, b: -a / (a * a + b * b)),
         np.hypot: (lambda r, a, b: a / r, lambda r, a, b: b / r),
         np.logaddexp: (lambda r, a, b: np.exp(a - r), lambda r, a, b: np.exp(b - r)),
@@ -192,6 +243,8 @@ def _slopes() -> dict[np.ufunc, tuple[Slope, ...]]:
         np.rad2deg: (lambda r, a: 180.0 / np.pi,),
         np.degrees: (lambda r, a: 180.0 / np.pi,),
         special.erf: (lambda r, a: two_over_root_pi * np.exp(-a * a),),
-        special.voigt_profile: tuple(lambda *given, i=i: _voigt_slopes(*given)[i] for i in range(3)),
+        special.voigt_profile: tuple(
+            lambda *given, i=i: _voigt_slopes(*given)[i] for i in range(3)
+        ),
         special.erfc: (lambda r, a: -two_over_root_pi * np.exp(-a * a),),
     }

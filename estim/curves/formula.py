@@ -1,9 +1,10 @@
 """A user's own formula, like `a*exp(-b*x) + c`, as a curve.
 
-A formula is data, not code: numbers, `x`, parameters, `pi`, `e`, + - * / **, comparisons inside `where` and the functions
-of `FUNCTIONS`.  Everything else is refused when the text is read, with one line that says what, before anything is
-computed.  What is left is compiled once and evaluated with no other names, Python's built-in ones included; on dual numbers
-the same evaluation gives the exact derivatives.
+A formula is data, not code: numbers, `x`, parameters, `pi`, `e`, + - * / **, comparisons inside
+`where` and the functions of `FUNCTIONS`.  Everything else is refused when the text is read, with
+one line that says what, before anything is computed.  What is left is compiled once and evaluated
+with no other names, Python's built-in ones included; on dual numbers the same evaluation gives the
+exact derivatives.
 """
 
 from __future__ import annotations
@@ -29,12 +30,49 @@ from estim.problem import LocalCurve
 
 CONSTANTS: Mapping[str, float] = MappingProxyType({"pi": float(np.pi), "e": float(np.e)})
 FUNCTIONS: Mapping[str, tuple[str, int]] = MappingProxyType(
-    {name: (name, 1) for name in (
-        "sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log1p",
-        "log2", "log10", "sqrt", "cbrt", "abs", "sign", "floor", "ceil", "radians", "degrees", "erf", "erfc",
-    )}
-    | {"asin": ("arcsin", 1), "acos": ("arccos", 1), "atan": ("arctan", 1), "ln": ("log", 1), "where": ("where", 3), "voigt": ("voigt_profile", 3)}
-    | {name: (name, 2) for name in ("arctan2", "hypot", "heaviside")} | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
+    {
+        name: (name, 1)
+        for name in (
+            "sin",
+            "cos",
+            "tan",
+            "arcsin",
+            "arccos",
+            "arctan",
+            "sinh",
+            "cosh",
+            "tanh",
+            "arcsinh",
+            "arccosh",
+            "arctanh",
+            "exp",
+            "expm1",
+            "log",
+            "log1p",
+            "log2",
+            "log10",
+            "sqrt",
+            "cbrt",
+            "abs",
+            "sign",
+            "floor",
+            "ceil",
+            "radians",
+            "degrees",
+            "erf",
+            "erfc",
+        )
+    }
+    | {
+        "asin": ("arcsin", 1),
+        "acos": ("arccos", 1),
+        "atan": ("arctan", 1),
+        "ln": ("log", 1),
+        "where": ("where", 3),
+        "voigt": ("voigt_profile", 3),
+    }
+    | {name: (name, 2) for name in ("arctan2", "hypot", "heaviside")}
+    | {"atan2": ("arctan2", 2), "min": ("minimum", 2), "max": ("maximum", 2)}
 )  # name -> NumPy's or SciPy's name, number of arguments
 RESERVED = frozenset({"x", *CONSTANTS, *FUNCTIONS})
 
@@ -50,9 +88,12 @@ _COMPARISONS = (ast.Lt, ast.LtE, ast.Gt, ast.GtE)
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """A formula that was read and found harmless; it keeps to `estim.problem.curve.Curve`, and x may differ from draw to draw.
+    """A formula that was read and found harmless; it keeps to `estim.problem.curve.Curve`, and x
+    may differ from draw to draw.
 
-    text : as written.  names : its parameters in order of appearance.  tree : what `evaluate` takes.  variable : how x is called in the text.
+    text : as written.
+    names : its parameters in order of appearance.  tree : what `evaluate` takes.  variable : how x
+        is called in the text.
     """
 
     text: str
@@ -61,9 +102,13 @@ class Formula:
     variable: str = "x"
 
     def in_terms_of(self, variable: str) -> Formula:
-        """The same formula with its parameter `variable` as the abscissa, for one that does not use x."""
+        """The same formula with its parameter `variable` as the abscissa, for one that does not use
+        x.
+        """
         tree = _Renamed(variable).visit(copy.deepcopy(self.tree))
-        return Formula(self.text, tuple(name for name in self.names if name != variable), tree, variable)
+        return Formula(
+            self.text, tuple(name for name in self.names if name != variable), tree, variable
+        )
 
     @property
     def uses_x(self) -> bool:
@@ -74,12 +119,19 @@ class Formula:
         return _full(evaluate(self.tree, {"x": x, **_arrays(arguments, self.names)}), x, arguments)
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        symbols = {name: Dual(value, {name: 1.0}) for name, value in {"x": x, **_arrays(arguments, self.names)}.items()}
+        symbols = {
+            name: Dual(value, {name: 1.0})
+            for name, value in {"x": x, **_arrays(arguments, self.names)}.items()
+        }
         return local_of(evaluate(self.tree, symbols), x, arguments, self.names)
 
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+    def time_derivative(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+    ) -> FloatArray:
         symbols = _arrays(arguments, self.names)
-        return time_derivative_of(lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order)
+        return time_derivative_of(
+            lambda position: evaluate(self.tree, {"x": position, **symbols}), x, arguments, order
+        )
 
 
 class _Renamed(ast.NodeTransformer):
@@ -95,13 +147,19 @@ class _Renamed(ast.NodeTransformer):
 def read_formula(text: object, *, field: str = "expression") -> Formula:
     """The formula written in `text`, on one line or several: the end of a line is a blank.
 
-    Raises InputError naming `field` where the text is not a formula of the allowed kind, holds a comment, or a part of it
-    that holds neither x nor a parameter is not a finite number.
+    Raises InputError naming `field` where the text is not a formula of the allowed kind, holds a
+    comment, or a part of it that holds neither x nor a parameter is not a finite number.
     """
     if not isinstance(text, str) or not text.strip():
-        raise InputError('must be a formula like "a*exp(-b*x) + c"', field=field, value=text if text != "" else "''")
+        raise InputError(
+            'must be a formula like "a*exp(-b*x) + c"',
+            field=field,
+            value=text if text != "" else "''",
+        )
     if len(text) > MAX_LENGTH:
-        raise InputError(f"must be at most {MAX_LENGTH} characters long", field=field, value=len(text))
+        raise InputError(
+            f"must be at most {MAX_LENGTH} characters long", field=field, value=len(text)
+        )
     _check_comment(text, field)
     text = " ".join(text.split())
     tree = _parse(text, field)
@@ -117,20 +175,34 @@ def check_names(names: Collection[str], *, field: str) -> None:
     """Names of parameters can stand in a formula.  Raises InputError."""
     for name in names:
         if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
-            raise InputError("must be named by letters, digits and _, a letter first", field=field, value=name)
+            raise InputError(
+                "must be named by letters, digits and _, a letter first", field=field, value=name
+            )
         if name in RESERVED or name == _POWER:
-            raise InputError("has a parameter named like the variable, a constant or a function", field=field, value=name)
+            raise InputError(
+                "has a parameter named like the variable, a constant or a function",
+                field=field,
+                value=name,
+            )
     _check_looks(names, field)
 
 
 def _check_looks(names: Iterable[str], field: str) -> None:
-    """No name passes for another one, nor for the variable, a constant or a function, by letters of another alphabet."""
+    """No name passes for another one, nor for the variable, a constant or a function, by letters of
+    another alphabet.
+    """
     if alike := same_looks((*sorted(RESERVED), *names)):
-        raise InputError("has two names that look alike: write both in the letters of one alphabet", field=field, value=alike)
+        raise InputError(
+            "has two names that look alike: write both in the letters of one alphabet",
+            field=field,
+            value=alike,
+        )
 
 
 def evaluate(tree: ast.expr, symbols: Mapping[str, Any]) -> Any:
-    """Value of a checked tree; NaN or infinity where it has none (a logarithm of a negative number)."""
+    """Value of a checked tree; NaN or infinity where it has none (a logarithm of a negative
+    number).
+    """
     code, known = _compiled(tree)
     with np.errstate(all="ignore"):
         return eval(code, known, dict(symbols))
@@ -140,8 +212,8 @@ def evaluate(tree: ast.expr, symbols: Mapping[str, Any]) -> Any:
 def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
     """The code of a checked tree and all names that it finds beside its symbols.
 
-    Numbers become names, `_0` and so on, which no parameter can have: Python's own would raise an error where NumPy's
-    give an infinity.
+    Numbers become names, `_0` and so on, which no parameter can have: Python's own would raise an
+    error where NumPy's give an infinity.
     """
     known: dict[str, Any] = {**_functions(), **CONSTANTS, "__builtins__": {}}
 
@@ -163,19 +235,31 @@ def _compiled(tree: ast.expr) -> tuple[CodeType, dict[str, Any]]:
                 return ast.Call(function, [named(argument) for argument in arguments], [])
         raise TypeError(f"no part of a checked formula: {type(node).__name__}")
 
-    return compile(ast.fix_missing_locations(ast.Expression(named(tree))), "<formula>", "eval"), known
+    return compile(
+        ast.fix_missing_locations(ast.Expression(named(tree))), "<formula>", "eval"
+    ), known
 
 
-def local_of(result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], names: Iterable[str]) -> LocalCurve:
+def local_of(
+    result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], names: Iterable[str]
+) -> LocalCurve:
     """The curve and its derivatives from a result on dual numbers, every array (n_draw, n_obs)."""
     partials = result.partials if isinstance(result, Dual) else {}
     value = _full(plain(result), x, arguments)
-    slopes = {name: np.ascontiguousarray(np.broadcast_to(np.asarray(partials.get(name, 0.0), dtype=float), value.shape)) for name in ("x", *names)}
+    slopes = {
+        name: np.ascontiguousarray(
+            np.broadcast_to(np.asarray(partials.get(name, 0.0), dtype=float), value.shape)
+        )
+        for name in ("x", *names)
+    }
     return LocalCurve(value, slopes["x"], {name: slopes[name] for name in names})
 
 
-def time_derivative_of(curve: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
-    """d^order f/dt^order along dx/dt = f(x), for `curve` that takes a position as an array or as nested dual numbers.
+def time_derivative_of(
+    curve: Any, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+) -> FloatArray:
+    """d^order f/dt^order along dx/dt = f(x), for `curve` that takes a position as an array or as
+    nested dual numbers.
 
     Each derivative by time is f d/dx of the one before.
     """
@@ -193,7 +277,9 @@ def time_derivative_of(curve: Any, x: FloatArray, arguments: Mapping[str, ArrayL
 def _full(result: Any, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
     """A result as (n_draw, n_obs)."""
     array = np.asarray(result, dtype=float)
-    shape = np.broadcast_shapes(np.atleast_2d(x).shape, array.shape, *(np.shape(value) for value in arguments.values()))
+    shape = np.broadcast_shapes(
+        np.atleast_2d(x).shape, array.shape, *(np.shape(value) for value in arguments.values())
+    )
     return np.ascontiguousarray(np.broadcast_to(array, shape))
 
 
@@ -206,17 +292,25 @@ def _functions() -> dict[str, Any]:
     from scipy import special
 
     of_scipy = ("erf", "erfc", "voigt_profile")
-    named = {name: getattr(special if numpy_name in of_scipy else np, numpy_name) for name, (numpy_name, _) in FUNCTIONS.items()}
+    named = {
+        name: getattr(special if numpy_name in of_scipy else np, numpy_name)
+        for name, (numpy_name, _) in FUNCTIONS.items()
+    }
     return named | {_POWER: np.power}
 
 
 def _check_comment(text: str, field: str) -> None:
-    """No part of a formula is a comment: what `#` hides depends on where lines end, and TOML joins lines before they are read here."""
+    """No part of a formula is a comment: what `#` hides depends on where lines end, and TOML joins
+    lines before they are read here.
+    """
     before, mark, hidden = text.partition("#")
     if mark:
         line = before.count("\n") + 1
         place = f" (here in line {line} of the formula)" if "\n" in text.strip() else ""
-        rule = f"must not hold a comment, for # hides what follows it{place}: put comments outside the quotes"
+        rule = (
+            f"must not hold a comment, for # hides what follows it{place}: put comments outside "
+            "the quotes"
+        )
         raise InputError(rule, field=field, value=" ".join((mark + hidden).split()))
 
 
@@ -229,7 +323,9 @@ def _parse(text: str, field: str) -> ast.expr:
         hint = " (one expression, without '=')" if "=" in text else ""
         raise InputError(f"is not a formula{hint}: {error.msg}", field=field, value=text) from None
     except (ValueError, RecursionError, MemoryError) as error:
-        raise InputError(f"is not a formula ({type(error).__name__})", field=field, value=text) from None
+        raise InputError(
+            f"is not a formula ({type(error).__name__})", field=field, value=text
+        ) from None
 
 
 def _check_size(tree: ast.expr, field: str) -> None:
@@ -240,21 +336,33 @@ def _check_size(tree: ast.expr, field: str) -> None:
         count += 1
         if count > _MAX_NODES or depth > _MAX_DEPTH:
             raise InputError("is too long or nested too deeply", field=field)
-        pending.extend((child, depth + 1) for child in ast.iter_child_nodes(node) if isinstance(child, ast.expr | ast.keyword | ast.comprehension))
+        pending.extend(
+            (child, depth + 1)
+            for child in ast.iter_child_nodes(node)
+            if isinstance(child, ast.expr | ast.keyword | ast.comprehension)
+        )
 
 
-def _checked(node: ast.AST, names: dict[str, None], field: str, text: str, *, condition: bool = False) -> ast.expr:
-    """The tree made of allowed nodes only, numbers as floats, ** as a function; `names` collects the parameters."""
+def _checked(
+    node: ast.AST, names: dict[str, None], field: str, text: str, *, condition: bool = False
+) -> ast.expr:
+    """The tree made of allowed nodes only, numbers as floats, ** as a function; `names` collects
+    the parameters.
+    """
 
     def below(child: ast.AST, *, condition: bool = False) -> ast.expr:
         return _checked(child, names, field, text, condition=condition)
 
     match node:
-        case ast.Constant(value=number) if isinstance(number, int | float) and not isinstance(number, bool):
+        case ast.Constant(value=number) if isinstance(number, int | float) and not isinstance(
+            number, bool
+        ):
             return ast.Constant(_number(ast.get_source_segment(text, node) or "", field))
         case ast.Name(id=name):
             if name in FUNCTIONS:
-                raise InputError(f"must give the function '{name}' its arguments in ( )", field=field, value=text)
+                raise InputError(
+                    f"must give the function '{name}' its arguments in ( )", field=field, value=text
+                )
             if name not in RESERVED:
                 check_names([name], field=field)
                 names.setdefault(name)
@@ -267,13 +375,22 @@ def _checked(node: ast.AST, names: dict[str, None], field: str, text: str, *, co
             return ast.Call(ast.Name(_POWER, ast.Load()), [below(left), exponent], [])
         case ast.BinOp(left=left, op=op, right=right) if isinstance(op, _OPERATORS):
             return ast.BinOp(below(left), op, below(right))
-        case ast.Compare(left=left, ops=[op], comparators=[right]) if condition and isinstance(op, _COMPARISONS):
+        case ast.Compare(left=left, ops=[op], comparators=[right]) if condition and isinstance(
+            op, _COMPARISONS
+        ):
             return ast.Compare(below(left), [op], [below(right)])
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
             wanted = FUNCTIONS[name][1]
             if len(arguments) != wanted:
-                raise InputError(f"must give '{name}' {wanted} argument{'s' if wanted > 1 else ''}", field=field, value=text)
-            given = [below(argument, condition=name == "where" and i == 0) for i, argument in enumerate(arguments)]
+                raise InputError(
+                    f"must give '{name}' {wanted} argument{'s' if wanted > 1 else ''}",
+                    field=field,
+                    value=text,
+                )
+            given = [
+                below(argument, condition=name == "where" and i == 0)
+                for i, argument in enumerate(arguments)
+            ]
             return ast.Call(ast.Name(name, ast.Load()), given, [])
     raise InputError(_refusal(node), field=field, value=text)
 
@@ -283,14 +400,21 @@ def _number(written: str, field: str) -> np.float64:
     try:
         value = np.float64(read_number(written))
     except ValueError:
-        raise InputError("must write numbers with the digits 0 to 9 and a decimal point", field=field, value=written) from None
+        raise InputError(
+            "must write numbers with the digits 0 to 9 and a decimal point",
+            field=field,
+            value=written,
+        ) from None
     if not np.isfinite(value):
         raise InputError("holds a number that is too large", field=field)
     return value
 
 
 def _check_power(exponent: ast.expr, field: str, text: str) -> None:
-    if not any(isinstance(part, ast.Name) and part.id not in _constant_names() for part in ast.walk(exponent)):
+    if not any(
+        isinstance(part, ast.Name) and part.id not in _constant_names()
+        for part in ast.walk(exponent)
+    ):
         value = evaluate(exponent, {})
         if not abs(value) <= _MAX_POWER:
             raise InputError(f"holds an exponent beyond {_MAX_POWER:.0f}", field=field, value=text)
@@ -299,9 +423,17 @@ def _check_power(exponent: ast.expr, field: str, text: str) -> None:
 def _check_constants(tree: ast.expr, field: str) -> None:
     """Parts without x and parameters are finite numbers."""
     for node in ast.walk(tree):
-        constant = all(part.id in _constant_names() for part in ast.walk(node) if isinstance(part, ast.Name))
-        if constant and isinstance(node, ast.BinOp | ast.Call) and not np.isfinite(evaluate(node, {})):
-            raise InputError("holds a part that is not a finite number", field=field, value=_written(node))
+        constant = all(
+            part.id in _constant_names() for part in ast.walk(node) if isinstance(part, ast.Name)
+        )
+        if (
+            constant
+            and isinstance(node, ast.BinOp | ast.Call)
+            and not np.isfinite(evaluate(node, {}))
+        ):
+            raise InputError(
+                "holds a part that is not a finite number", field=field, value=_written(node)
+            )
 
 
 def _written(node: ast.expr) -> str:
@@ -320,7 +452,11 @@ def _refusal(node: ast.AST) -> str:
         case ast.Call(func=ast.Name(id=name), args=_):
             if name not in FUNCTIONS:
                 close = difflib.get_close_matches(name, FUNCTIONS, n=1)
-                hint = f"did you mean '{close[0]}'?" if close else "for example sin, exp, log, sqrt, where"
+                hint = (
+                    f"did you mean '{close[0]}'?"
+                    if close
+                    else "for example sin, exp, log, sqrt, where"
+                )
                 return f"calls '{name}', which is not a known function ({hint})"
             return f"must give '{name}' plain arguments, without names or *"
         case ast.Call():
@@ -330,7 +466,10 @@ def _refusal(node: ast.AST) -> str:
         case ast.Subscript():
             return "must use ( ), not [ ]"
         case ast.Compare() | ast.BoolOp() | ast.IfExp():
-            return "must write a choice as where(condition, value, other), with one < or > in its condition"
+            return (
+                "must write a choice as where(condition, value, other), with one < or > in its "
+                "condition"
+            )
         case ast.Constant():
             return "must hold numbers, not text or other values"
     return f"must be made of numbers, names, + - * / ** and functions, not {type(node).__name__}"

@@ -1,9 +1,10 @@
 """A Python function `curve(x, **parameters)` as a curve.
 
-Derivatives come from the best of three ways that the function allows, found out once: dual numbers (exact; any function
-made of NumPy's elementwise functions), a complex step (exact to rounding; Squire and Trapp, SIAM Review 40 (1998) 110),
-or central differences of sixth order with a step chosen point by point (about ten digits), as shares of how far a parameter
-goes before the curve bends: a line 0.05 nm wide at 780 nm bends long before its place has changed by a percent.
+Derivatives come from the best of three ways that the function allows, found out once: dual numbers
+(exact; any function made of NumPy's elementwise functions), a complex step (exact to rounding;
+Squire and Trapp, SIAM Review 40 (1998) 110), or central differences of sixth order with a step
+chosen point by point (about ten digits), as shares of how far a parameter goes before the curve
+bends: a line 0.05 nm wide at 780 nm bends long before its place has changed by a percent.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ Function = Callable[..., Any]
 
 _COMPLEX_STEP = 1e-30
 _DIFFERENCES = 5e-13  # relative error of the best differences
-_STEPS = (2.9173e-2, 1.0637e-2, 3.1459e-3, 1.2718e-3, 1.7321e-4)  # of the reach; not the multiples of a period all together
+# of the reach; not the multiples of a period all together
+_STEPS = (2.9173e-2, 1.0637e-2, 3.1459e-3, 1.2718e-3, 1.7321e-4)
 _BENT = 0.2  # second difference over first one, and change of slope, from which on a curve bends
 _UNMOVED = 1e-6  # of the curve: a step that moves it less tells of rounding errors
 _OFF = 10.0  # how much the error of a difference may exceed its estimate
@@ -40,9 +42,11 @@ _LOWER = np.array([8.0, -1.0]) / 12.0  # fourth order, to judge the sixth
 
 @dataclass(frozen=True, eq=False)
 class PythonCurve:
-    """A user's function; it keeps to `estim.problem.curve.Curve`, and x may differ from draw to draw.
+    """A user's function; it keeps to `estim.problem.curve.Curve`, and x may differ from draw to
+    draw.
 
-    names : its parameters.  broadcasts : whether it takes parameters shaped (n_draw, 1); else it is called draw by draw.
+    names : its parameters.
+    broadcasts : whether it takes parameters shaped (n_draw, 1); else it is called draw by draw.
     derivatives : "dual", "complex" or "differences".
     """
 
@@ -54,35 +58,77 @@ class PythonCurve:
     @property
     def precision(self) -> float:
         """Relative error of the derivatives."""
-        return max(_DIFFERENCES if self.derivatives == "differences" else EXACT, _own_precision(self.function))
+        return max(
+            _DIFFERENCES if self.derivatives == "differences" else EXACT,
+            _own_precision(self.function),
+        )
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        n_draw, n_obs = np.broadcast_shapes(np.atleast_2d(x).shape, *(np.shape(arguments[name]) for name in self.names))
+        n_draw, n_obs = np.broadcast_shapes(
+            np.atleast_2d(x).shape, *(np.shape(arguments[name]) for name in self.names)
+        )
         if self.broadcasts or n_draw == 1:
             scalars = {name: _scalar(arguments[name]) for name in self.names}
-            return np.array(np.broadcast_to(_called(self.function, x if n_draw > 1 else np.ravel(x), scalars), (n_draw, n_obs)))
+            return np.array(
+                np.broadcast_to(
+                    _called(self.function, x if n_draw > 1 else np.ravel(x), scalars),
+                    (n_draw, n_obs),
+                )
+            )
         columns = {name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names}
         positions = np.broadcast_to(x, (n_draw, n_obs))
-        rows = [_called(self.function, positions[i], {name: float(column[i]) for name, column in columns.items()}) for i in range(n_draw)]
+        rows = [
+            _called(
+                self.function,
+                positions[i],
+                {name: float(column[i]) for name, column in columns.items()},
+            )
+            for i in range(n_draw)
+        ]
         return np.array([np.broadcast_to(row, (n_obs,)) for row in rows])
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        n_draw = max((np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1)
+        n_draw = max(
+            (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
+        )
         if n_draw > 1:
-            columns = {name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names}
-            rows = [self.local(x, {name: float(column[i]) for name, column in columns.items()}) for i in range(n_draw)]
-            gradient = {name: np.concatenate([row.gradient[name] for row in rows]) for name in self.names}
-            return LocalCurve(np.concatenate([row.value for row in rows]), np.concatenate([row.slope for row in rows]), gradient)
-        return _WAYS[self.derivatives](self.function, x, {name: float(_scalar(arguments[name])) for name in self.names})
+            columns = {
+                name: np.broadcast_to(arguments[name], (n_draw, 1))[:, 0] for name in self.names
+            }
+            rows = [
+                self.local(x, {name: float(column[i]) for name, column in columns.items()})
+                for i in range(n_draw)
+            ]
+            gradient = {
+                name: np.concatenate([row.gradient[name] for row in rows]) for name in self.names
+            }
+            return LocalCurve(
+                np.concatenate([row.value for row in rows]),
+                np.concatenate([row.slope for row in rows]),
+                gradient,
+            )
+        return _WAYS[self.derivatives](
+            self.function, x, {name: float(_scalar(arguments[name])) for name in self.names}
+        )
 
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+    def time_derivative(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+    ) -> FloatArray:
         if self.derivatives != "dual":
-            raise InputError("must be made of NumPy functions to be differentiated often enough for differentiated speeds", field="curve")
+            raise InputError(
+                "must be made of NumPy functions to be differentiated often enough for "
+                "differentiated speeds",
+                field="curve",
+            )
         scalars = {name: _scalar(arguments[name]) for name in self.names}
-        return time_derivative_of(lambda position: self.function(position, **scalars), x, arguments, order)
+        return time_derivative_of(
+            lambda position: self.function(position, **scalars), x, arguments, order
+        )
 
 
-def wrap_function(function: Function, names: tuple[str, ...], x: FloatArray, start: Mapping[str, float]) -> PythonCurve:
+def wrap_function(
+    function: Function, names: tuple[str, ...], x: FloatArray, start: Mapping[str, float]
+) -> PythonCurve:
     """The curve of `function`, tried at the points x (n_obs,) and the values `start`.
 
     Raises InputError where it fails there, gives another shape than x, or no finite number.
@@ -91,15 +137,24 @@ def wrap_function(function: Function, names: tuple[str, ...], x: FloatArray, sta
         with np.errstate(all="ignore"):
             returned = function(x, **start)
     except Exception as error:  # whatever the user's function raises
-        raise InputError(f"fails at the starting values: {type(error).__name__}: {error}", field="curve") from error
+        raise InputError(
+            f"fails at the starting values: {type(error).__name__}: {error}", field="curve"
+        ) from error
     if isinstance(returned, np.ma.MaskedArray):
-        raise InputError("must return a plain array, with nan where it has no value: masks are not read", field="curve")
+        raise InputError(
+            "must return a plain array, with nan where it has no value: masks are not read",
+            field="curve",
+        )
     value = real_numbers(returned, "curve", "must return numbers")
     if value.shape not in ((), (x.size,)):
-        raise InputError(f"must return one value for each x, shape ({x.size},)", field="curve", value=value.shape)
+        raise InputError(
+            f"must return one value for each x, shape ({x.size},)", field="curve", value=value.shape
+        )
     if not np.any(np.isfinite(value)):
         raise InputError("is not finite at any x for the starting values", field="curve")
-    return PythonCurve(function, names, _broadcasts(function, x, start), _derivatives(function, x, start))
+    return PythonCurve(
+        function, names, _broadcasts(function, x, start), _derivatives(function, x, start)
+    )
 
 
 def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatArray:
@@ -108,7 +163,9 @@ def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatA
 
 
 def _own_precision(function: Function) -> float:
-    """Relative error that a function says it has (`estim.curves.differential`); 0 for rounding errors."""
+    """Relative error that a function says it has (`estim.curves.differential`); 0 for rounding
+    errors.
+    """
     return float(getattr(function, "precision", 0.0))
 
 
@@ -120,14 +177,29 @@ def _scalar(value: ArrayLike) -> Any:
 
 def _broadcasts(function: Function, x: FloatArray, start: Mapping[str, float]) -> bool:
     """Whether columns of draws give the same as one call a draw."""
-    draws = {name: value * np.array([1.0, 1.01, 0.98]) + (value == 0.0) * np.array([0.0, 1e-3, -1e-3]) for name, value in start.items()}
+    draws = {
+        name: value * np.array([1.0, 1.01, 0.98]) + (value == 0.0) * np.array([0.0, 1e-3, -1e-3])
+        for name, value in start.items()
+    }
     try:
         together = _called(function, x, {name: column[:, None] for name, column in draws.items()})
-        single = [_called(function, x, {name: float(column[i]) for name, column in draws.items()}) for i in range(3)]
+        single = [
+            _called(function, x, {name: float(column[i]) for name, column in draws.items()})
+            for i in range(3)
+        ]
         together = np.broadcast_to(together, (3, x.size))
         alike = max(1e-12, 1e4 * _own_precision(function))
-        return bool(np.allclose(together, [np.broadcast_to(row, (x.size,)) for row in single], rtol=alike, atol=alike - 1e-12, equal_nan=True))
-    except Exception:  # whatever the user's function raises on columns: then it is called draw by draw
+        return bool(
+            np.allclose(
+                together,
+                [np.broadcast_to(row, (x.size,)) for row in single],
+                rtol=alike,
+                atol=alike - 1e-12,
+                equal_nan=True,
+            )
+        )
+    # whatever the user's function raises on columns: then it is called draw by draw
+    except Exception:
         return False
 
 
@@ -140,7 +212,8 @@ def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) 
             with warnings.catch_warnings():
                 warnings.simplefilter("error", ComplexWarning)  # the derivative would be lost
                 local = _WAYS[way](function, x, start)
-        except Exception:  # whatever the user's function raises on unusual numbers: then another way is taken
+        # whatever the user's function raises on unusual numbers: then another way is taken
+        except Exception:
             continue
         ours = (local.slope, *(local.gradient[name] for name in start))
         alike = all(_alike(one, *theirs) for one, theirs in zip(ours, reference, strict=True))
@@ -150,7 +223,9 @@ def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) 
 
 
 def _alike(ours: FloatArray, theirs: FloatArray, error: FloatArray) -> bool:
-    """Whether derivatives agree at nearly all points (differences fail at a kink), within the error of the differences."""
+    """Whether derivatives agree at nearly all points (differences fail at a kink), within the error
+    of the differences.
+    """
     good = np.isfinite(theirs)
     size = float(np.max(np.abs(theirs[good]), initial=1e-300))
     off = np.abs(np.ravel(ours)[good] - theirs[good]) > 1e-5 * size + _OFF * error[good]
@@ -172,9 +247,14 @@ def _by_complex_step(function: Function, x: FloatArray, values: Mapping[str, flo
             result = np.asarray(function(position, **parameters))
         return np.array(np.broadcast_to(result.imag / _COMPLEX_STEP, (1, x.size)))
 
-    gradient = {name: derivative(x, {**values, name: value + 1j * _COMPLEX_STEP}) for name, value in values.items()}
+    gradient = {
+        name: derivative(x, {**values, name: value + 1j * _COMPLEX_STEP})
+        for name, value in values.items()
+    }
     slope = derivative(x + 1j * _COMPLEX_STEP, values)
-    return LocalCurve(np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), slope, gradient)
+    return LocalCurve(
+        np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), slope, gradient
+    )
 
 
 def _by_differences(function: Function, x: FloatArray, values: Mapping[str, float]) -> LocalCurve:
@@ -182,51 +262,84 @@ def _by_differences(function: Function, x: FloatArray, values: Mapping[str, floa
         return _difference(function, x, values, name)[0][None, :]
 
     gradient = {name: along(name) for name in values}
-    return LocalCurve(np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), along(None), gradient)
+    return LocalCurve(
+        np.array(np.broadcast_to(_called(function, x, values), (1, x.size))), along(None), gradient
+    )
 
 
-def _difference(function: Function, x: FloatArray, values: Mapping[str, float], name: str | None) -> tuple[FloatArray, FloatArray]:
-    """The derivative in a parameter, or in x where `name` is None, and its estimated error, (n_obs,) both."""
+def _difference(
+    function: Function, x: FloatArray, values: Mapping[str, float], name: str | None
+) -> tuple[FloatArray, FloatArray]:
+    """The derivative in a parameter, or in x where `name` is None, and its estimated error,
+    (n_obs,) both.
+    """
     centre, size = (x, float(np.ptp(x))) if name is None else (values[name], abs(values[name]))
 
     @cache
     def shifted(step: float) -> FloatArray:
         moved = centre + step
         try:
-            called = _called(function, moved, values) if name is None else _called(function, x, {**values, name: moved})
-        except (ArithmeticError, ValueError):  # of a function of plain numbers, like math.log(0): no value
+            called = (
+                _called(function, moved, values)
+                if name is None
+                else _called(function, x, {**values, name: moved})
+            )
+        # of a function of plain numbers, like math.log(0): no value
+        except (ArithmeticError, ValueError):
             called = np.array(np.nan)
         return np.broadcast_to(called, (x.size,))
 
     with np.errstate(all="ignore"):
         reach = _reach(shifted, size or 1.0)
         steps = [relative * reach for relative in _STEPS]
-        estimates, errors = (np.array(all_of) for all_of in zip(*(_stencil(shifted, centre, step) for step in steps), strict=True))
-        rounding = np.median(errors[-1][np.isfinite(errors[-1])]) if np.any(np.isfinite(errors[-1])) else 0.0
-        errors += rounding * (steps[-1] / np.array(steps))[:, None]  # a smaller error than this is chance
+        estimates, errors = (
+            np.array(all_of)
+            for all_of in zip(*(_stencil(shifted, centre, step) for step in steps), strict=True)
+        )
+        rounding = (
+            np.median(errors[-1][np.isfinite(errors[-1])])
+            if np.any(np.isfinite(errors[-1]))
+            else 0.0
+        )
+        # a smaller error than this is chance
+        errors += rounding * (steps[-1] / np.array(steps))[:, None]
     errors[~np.isfinite(errors)] = np.inf
     best = np.argmin(errors, axis=0)[None, :]
     error = np.take_along_axis(errors, best, 0)[0]
     return np.where(np.isfinite(error), np.take_along_axis(estimates, best, 0)[0], np.nan), error
 
 
-def _stencil(shifted: Callable[[float], FloatArray], centre: FloatArray | float, step: float) -> tuple[FloatArray, FloatArray]:
-    """The derivative (n_obs,) from differences of one step, and how far a lower order is from it."""
-    steps = [np.subtract(centre + k * step, centre - k * step) / (2.0 * k) for k in (1, 2, 3)]  # as the machine rounds it
-    odd = np.array([(shifted(k * step) - shifted(-k * step)) * (step / exact) for k, exact in zip((1, 2, 3), steps, strict=True)])
+def _stencil(
+    shifted: Callable[[float], FloatArray], centre: FloatArray | float, step: float
+) -> tuple[FloatArray, FloatArray]:
+    """The derivative (n_obs,) from differences of one step, and how far a lower order is from
+    it.
+    """
+    # as the machine rounds it
+    steps = [np.subtract(centre + k * step, centre - k * step) / (2.0 * k) for k in (1, 2, 3)]
+    odd = np.array(
+        [
+            (shifted(k * step) - shifted(-k * step)) * (step / exact)
+            for k, exact in zip((1, 2, 3), steps, strict=True)
+        ]
+    )
     estimate = _STENCIL @ odd / step
     return estimate, np.abs(estimate - _LOWER @ odd[:2] / step)
 
 
 def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:
-    """How far a parameter goes before the curve bends much: its own size, or less where steps of that size do not tell one slope.
+    """How far a parameter goes before the curve bends much: its own size, or less where steps of
+    that size do not tell one slope.
 
-    Where they move the curve too little to be told from rounding errors, a parameter may happen to be nearly 0, and goes further than its size.
+    Where they move the curve too little to be told from rounding errors, a parameter may happen to
+    be nearly 0, and goes further than its size.
     """
     here = shifted(0.0)
 
     def moved(step: float) -> tuple[FloatArray, float, float]:
-        """What two steps, there and back, change (n_obs,), and the sizes of that and of the bending."""
+        """What two steps, there and back, change (n_obs,), and the sizes of that and of the
+        bending.
+        """
         ahead, back = shifted(step), shifted(-step)
         odd, even = ahead - back, ahead + back - 2.0 * here
         within = 2 * np.count_nonzero(np.isfinite(even)) >= np.count_nonzero(np.isfinite(here))
@@ -237,7 +350,9 @@ def _reach(shifted: Callable[[float], FloatArray], size: float) -> float:
         slope: FloatArray | None = None
         for relative in _STEPS:
             odd, far, bent = moved(relative * reach)
-            if not bent < _BENT * far or (slope is not None and not _norm(odd / relative - slope) < _BENT * _norm(slope)):
+            if not bent < _BENT * far or (
+                slope is not None and not _norm(odd / relative - slope) < _BENT * _norm(slope)
+            ):
                 return False
             slope = odd / relative if slope is None else slope
         return True
@@ -256,5 +371,7 @@ def _norm(changes: FloatArray) -> float:
 
 
 _WAYS: Mapping[str, Callable[[Function, FloatArray, Mapping[str, float]], LocalCurve]] = {
-    "dual": _by_dual, "complex": _by_complex_step, "differences": _by_differences,
+    "dual": _by_dual,
+    "complex": _by_complex_step,
+    "differences": _by_differences,
 }

@@ -1,10 +1,12 @@
 """Starting values of a formula's parameters, from the points alone.
 
-The formula says in which unit each parameter must be (`dimensions`), and the points say how large such a thing may be: a place or a length along x,
-a rate or a frequency up to half a turn from one point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`),
-so only the others are drawn, thousands of times, and the terms of a sum are looked for one after the other.  The best trials go down
-to their optima, and each parameter is looked for again beside the others.  Nothing is taken for found until two searches that share
-no random number end at the same squares.
+The formula says in which unit each parameter must be (`dimensions`), and the points say how large
+such a thing may be: a place or a length along x, a rate or a frequency up to half a turn from one
+point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`), so
+only the others are drawn, thousands of times, and the terms of a sum are looked for one after the
+other.  The best trials go down to their optima, and each parameter is looked for again beside the
+others.  Nothing is taken for found until two searches that share no random number end at the same
+squares.
 """
 
 from __future__ import annotations
@@ -26,19 +28,27 @@ _SWEPT = 300  # values of one parameter, the others held
 _GO_DOWN, _FINISH = 12, 4
 _ALIKE = 0.9995  # correlation of residuals that are one
 _ROUGH, _FINE = 12, 100  # steps of a descent
-_SEARCHES, _MANY = 6, 4  # at most; parameters that are drawn, from which on three searches are made at least
+# at most; parameters that are drawn, from which on three searches are made at least
+_SEARCHES, _MANY = 6, 4
 _FIRST = 6  # places of the first term to go on from
 _STEP = 1e-7  # of differences
 _AGREE = 1e-3  # of the squares
 
 
 def guess_starts(
-    formula: Formula, x: FloatArray, y: FloatArray, u: FloatArray, *, known: Mapping[str, float], limits: Mapping[str, Limits]
+    formula: Formula,
+    x: FloatArray,
+    y: FloatArray,
+    u: FloatArray,
+    *,
+    known: Mapping[str, float],
+    limits: Mapping[str, Limits],
 ) -> dict[str, float]:
     """Name -> a value near the best, for each parameter of `formula`.
 
-    x, y, u : (n_obs,) points and their relative errors.  known : values that are held.  limits : the search keeps within them.
-    Raises InputError naming the parameters where several searches did not end at one place.
+    x, y, u : (n_obs,) points and their relative errors.
+    known : values that are held.  limits : the search keeps within them.  Raises InputError naming
+        the parameters where several searches did not end at one place.
     """
     sought = [name for name in formula.names if name not in known]
     search = projected(formula, x, y, u, known, limits, sought)
@@ -48,11 +58,19 @@ def guess_starts(
         ends.sort(key=lambda end: end[1])
         if ends[0][1] == math.inf:
             continue
-        if not search.bent or (len(ends) > (1 if len(search.bent) < _MANY else 2) and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding):
+        if not search.bent or (
+            len(ends) > (1 if len(search.bent) < _MANY else 2)
+            and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
+        ):
             return {**search.whole(_positive(search, *ends[0])), **known}
     names = search.bent or sought
-    rule = f"of {' and '.join(names)} could not be found from the points: give one of the right sign and size, for example {names[0]} = 1"
-    raise InputError(f"{rule} (--start {names[0]}=1, or {{start = 1.0}} in a campaign)", field="start")
+    rule = (
+        f"of {' and '.join(names)} could not be found from the points: give one of the right "
+        f"sign and size, for example {names[0]} = 1"
+    )
+    raise InputError(
+        f"{rule} (--start {names[0]}=1, or {{start = 1.0}} in a campaign)", field="start"
+    )
 
 
 def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatArray, float]:
@@ -61,14 +79,19 @@ def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatAr
         return np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])
     n = _DRAWN + _DRAWN_EACH * len(search.bent)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
-    ends = [_down(search, point, _ROUGH) for point in (*_best_apart(search, drawn, _GO_DOWN), *_term_by_term(search, rng))]
+    ends = [
+        _down(search, point, _ROUGH)
+        for point in (*_best_apart(search, drawn, _GO_DOWN), *_term_by_term(search, rng))
+    ]
     ends.sort(key=lambda end: end[1])
     finished = [_swept(search, end, rng) for end in ends[:_FINISH]]
     return min(finished, key=lambda end: end[1]) if finished else (drawn[0], math.inf)
 
 
 def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[FloatArray]:
-    """Points at which the terms of a sum were found one after the other, the one first that explains most, each beside those before it."""
+    """Points at which the terms of a sum were found one after the other, the one first that
+    explains most, each beside those before it.
+    """
     blocks = [block for block in search.blocks if search.linear_of(block)]
     alone = [i for i in range(len(search.bent)) if not any(i in block for block in blocks)]
     if len(blocks) < 2 or alone:
@@ -76,14 +99,18 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
     found = []
     for first in blocks:
         absent = [block for block in blocks if block != first]
-        for point in _best_apart(search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), _FIRST, absent):
+        for point in _best_apart(
+            search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), _FIRST, absent
+        ):
             left = list(absent)
             while left:
                 tries = []
                 for block in left:
                     others = [other for other in left if other != block]
                     best = _best_apart(search, _drawn_for(search, block, point, rng), 1, others)
-                    tries += [(float(search.squares(one[None, :], others)[0]), one, block) for one in best]
+                    tries += [
+                        (float(search.squares(one[None, :], others)[0]), one, block) for one in best
+                    ]
                 if not tries:
                     break
                 _, point, block = min(tries, key=lambda one: one[0])
@@ -92,7 +119,9 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
     return found
 
 
-def _drawn_for(search: ProjectedCurve, block: Sequence[int], point: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _drawn_for(
+    search: ProjectedCurve, block: Sequence[int], point: FloatArray, rng: np.random.Generator
+) -> FloatArray:
     """(n, n_bent) `point` with other values of the parameters of a block."""
     n = _SWEPT * len(block) ** 2
     tried = np.repeat(point[None, :], n, axis=0)
@@ -101,35 +130,59 @@ def _drawn_for(search: ProjectedCurve, block: Sequence[int], point: FloatArray, 
     return tried
 
 
-def _swept(search: ProjectedCurve, end: tuple[FloatArray, float], rng: np.random.Generator) -> tuple[FloatArray, float]:
-    """The same after each parameter was looked for again beside the others, as long as that helps."""
+def _swept(
+    search: ProjectedCurve, end: tuple[FloatArray, float], rng: np.random.Generator
+) -> tuple[FloatArray, float]:
+    """The same after each parameter was looked for again beside the others, as long as that
+    helps.
+    """
     blocks: list[tuple[int, ...]] = [(i,) for i in range(len(search.bent)) if len(search.bent) > 1]
     blocks += [block for block in search.blocks if 1 < len(block) < len(search.bent)]
     for _ in range(4):
         before = end[1]
         for block in blocks:
             tried = _drawn_for(search, block, end[0], rng)
-            end = min([end, *(_down(search, point, _ROUGH) for point in _best_apart(search, tried, 2))], key=lambda one: one[1])
+            end = min(
+                [end, *(_down(search, point, _ROUGH) for point in _best_apart(search, tried, 2))],
+                key=lambda one: one[1],
+            )
         if not end[1] < before * (1.0 - 0.01 * _AGREE):
             break
     return _down(search, end[0], _FINE)
 
 
 def _positive(search: ProjectedCurve, values: FloatArray, squares: float) -> FloatArray:
-    """The same curve with as few negative parameters as changes of one or two signs make it, within limits; sizes come before places and angles."""
-    low, high = (np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high"))
+    """The same curve with as few negative parameters as changes of one or two signs make it, within
+    limits; sizes come before places and angles.
+    """
+    low, high = (
+        np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high")
+    )
     worth = np.array([1.0 if scale.places is None else 0.1 for scale in search.scales])
-    flips = [np.array([-1.0 if i in pair else 1.0 for i in range(values.size)]) for n in (1, 2) for pair in combinations(range(values.size), n)]
+    flips = [
+        np.array([-1.0 if i in pair else 1.0 for i in range(values.size)])
+        for n in (1, 2)
+        for pair in combinations(range(values.size), n)
+    ]
     for flip in flips:
         tried = values * flip
-        fewer = worth @ (tried < 0.0) < worth @ (values < 0.0) and bool(np.all((tried > low) & (tried < high)))
-        if fewer and float(search.squares(tried[None, :])[0]) <= squares * (1.0 + 1e-9) + search.rounding:
+        fewer = worth @ (tried < 0.0) < worth @ (values < 0.0) and bool(
+            np.all((tried > low) & (tried < high))
+        )
+        if (
+            fewer
+            and float(search.squares(tried[None, :])[0]) <= squares * (1.0 + 1e-9) + search.rounding
+        ):
             values = tried
     return values
 
 
-def _best_apart(search: ProjectedCurve, points: FloatArray, n: int, absent: Sequence[Sequence[int]] = ()) -> list[FloatArray]:
-    """The best `n` of `points` (n_point, n_bent), whose residuals are not alike, without the terms of the blocks `absent`."""
+def _best_apart(
+    search: ProjectedCurve, points: FloatArray, n: int, absent: Sequence[Sequence[int]] = ()
+) -> list[FloatArray]:
+    """The best `n` of `points` (n_point, n_bent), whose residuals are not alike, without the terms
+    of the blocks `absent`.
+    """
     squares = search.squares(points, absent)
     order = np.argsort(squares, kind="stable")[: 40 * n]
     order = order[np.isfinite(squares[order])]
@@ -151,7 +204,9 @@ def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatA
     """Where a descent in the drawn parameters ends, and the squares there."""
     from scipy.optimize import least_squares
 
-    low, high = (np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high"))
+    low, high = (
+        np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high")
+    )
     typical = np.array([scale.sizes[0][0] for scale in search.scales])
     first = float(search.squares(start[None, :])[0])
     size = math.sqrt(first) or 1.0
@@ -162,13 +217,26 @@ def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatA
 
     def slopes(point: FloatArray) -> FloatArray:
         step = _STEP * np.where(point == 0.0, typical, np.abs(point))
-        moved = search.left(np.vstack([point, point + np.diag(np.where(point + step < high, step, -step))])) / size
+        moved = (
+            search.left(
+                np.vstack([point, point + np.diag(np.where(point + step < high, step, -step))])
+            )
+            / size
+        )
         found = (moved[1:] - moved[0]) / np.where(point + step < high, step, -step)[:, None]
         return np.asarray(np.where(np.isfinite(found), found, 0.0).T)
 
     if not math.isfinite(first) or np.any(start <= low) or np.any(start >= high):
         return start, first if math.isfinite(first) else math.inf
     with np.errstate(all="ignore"):
-        found = least_squares(residuals, start, slopes, bounds=(low, high), method="trf", x_scale="jac", max_nfev=steps)
+        found = least_squares(
+            residuals,
+            start,
+            slopes,
+            bounds=(low, high),
+            method="trf",
+            x_scale="jac",
+            max_nfev=steps,
+        )
     after = float(search.squares(found.x[None, :])[0])
     return (found.x, after) if after < first else (start, first)

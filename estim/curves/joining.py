@@ -1,4 +1,6 @@
-"""Several data sets with one curve as one problem: which parameters they share, and which each has for itself."""
+"""Several data sets with one curve as one problem: which parameters they share, and which each has
+for itself.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from estim.problem import Parameter, Problem
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
-    """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their errors: u_y, cov_y, u_x, or `noise` for counts."""
+    """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
+    errors: u_y, cov_y, u_x, or `noise` for counts.
+    """
 
     x: ArrayLike
     y: ArrayLike | None
@@ -33,7 +37,8 @@ class DataSet:
 class JointProblem:
     """Problems that share parameters; it answers what a `CurveProblem` answers.
 
-    parts : name of the data set -> its problem.  sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
+    parts : name of the data set -> its problem.
+    sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
     """
 
     parts: Mapping[str, CurveProblem]
@@ -59,7 +64,10 @@ class JointProblem:
         runs = []
         for name, part in self.parts.items():
             run, sources = part.with_sigma(sigma).runs[0], self.sources[name]
-            arguments = {one: sources.get(source, source) if isinstance(source, str) else source for one, source in run.arguments.items()}
+            arguments = {
+                one: sources.get(source, source) if isinstance(source, str) else source
+                for one, source in run.arguments.items()
+            }
             runs.append(replace(run, name=name, arguments=MappingProxyType(arguments)))
         return Problem(self.parameters, tuple(runs))
 
@@ -71,44 +79,86 @@ class JointProblem:
         """(n_obs,) y - f, unit of y."""
         known = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)}
         return np.concatenate(
-            [part.residuals(np.array([known[self.sources[name][p.name]] for p in part.parameters])) for name, part in self.parts.items()]
+            [
+                part.residuals(
+                    np.array([known[self.sources[name][p.name]] for p in part.parameters])
+                )
+                for name, part in self.parts.items()
+            ]
         )
 
 
-def join(parts: Mapping[str, CurveProblem], *, shared: Collection[str], common: Collection[str]) -> JointProblem:
-    """The joint problem.  shared : parameters of the curve that are one unknown for all; `common` are so in any case.  Raises InputError."""
+def join(
+    parts: Mapping[str, CurveProblem], *, shared: Collection[str], common: Collection[str]
+) -> JointProblem:
+    """The joint problem.  shared : parameters of the curve that are one unknown for all; `common`
+    are so in any case.  Raises InputError.
+    """
     for name, part in parts.items():
         if not part.stated:
-            raise InputError("needs u_y, cov_y or noise: otherwise the relative weights of the data sets are undefined", field=f"data[{name}]")
+            raise InputError(
+                "needs u_y, cov_y or noise: otherwise the relative weights of the data "
+                "sets are undefined",
+                field=f"data[{name}]",
+            )
     unknown = {p.name for part in parts.values() for p in part.parameters}
     for name in shared:
         if name not in unknown:
-            raise InputError(f"names '{name}', which is not a fitted parameter ({', '.join(sorted(unknown))})", field="shared")
+            raise InputError(
+                f"names '{name}', which is not a fitted parameter ({', '.join(sorted(unknown))})",
+                field="shared",
+            )
     together = {*shared, *common}
     sources = {
-        name: {p.name: p.name if p.name in together else f"{p.name}[{name}]" for p in part.parameters} for name, part in parts.items()
+        name: {
+            p.name: p.name if p.name in together else f"{p.name}[{name}]" for p in part.parameters
+        }
+        for name, part in parts.items()
     }
-    found = {sources[name][p.name]: replace(p, name=sources[name][p.name]) for name, part in reversed(list(parts.items())) for p in part.parameters}
-    ordered = [name for name in found if "[" not in name] + [sources[name][p.name] for name, part in parts.items() for p in part.parameters]
+    found = {
+        sources[name][p.name]: replace(p, name=sources[name][p.name])
+        for name, part in reversed(list(parts.items()))
+        for p in part.parameters
+    }
+    ordered = [name for name in found if "[" not in name] + [
+        sources[name][p.name] for name, part in parts.items() for p in part.parameters
+    ]
     fixed: dict[str, float] = {}
     for name, part in parts.items():
-        alike = {one: all(other.fixed.get(one) == value for other in parts.values()) for one, value in part.fixed.items()}
-        fixed |= {one if alike[one] else f"{one}[{name}]": value for one, value in part.fixed.items()}
+        alike = {
+            one: all(other.fixed.get(one) == value for other in parts.values())
+            for one, value in part.fixed.items()
+        }
+        fixed |= {
+            one if alike[one] else f"{one}[{name}]": value for one, value in part.fixed.items()
+        }
     y = np.concatenate([part.y for part in parts.values()])
     return JointProblem(
-        MappingProxyType(dict(parts)), MappingProxyType(sources), tuple(found[name] for name in dict.fromkeys(ordered)), y, MappingProxyType(fixed)
+        MappingProxyType(dict(parts)),
+        MappingProxyType(sources),
+        tuple(found[name] for name in dict.fromkeys(ordered)),
+        y,
+        MappingProxyType(fixed),
     )
 
 
-def of_data_set(given: Mapping[str, Any], name: str, everyone: Sequence[str], field: str) -> dict[str, Any]:
-    """What is said of the parameters of one data set: "A" for all, "A[second]" for one, which has the last word.  Raises InputError."""
+def of_data_set(
+    given: Mapping[str, Any], name: str, everyone: Sequence[str], field: str
+) -> dict[str, Any]:
+    """What is said of the parameters of one data set: "A" for all, "A[second]" for one, which has
+    the last word.  Raises InputError.
+    """
     if not isinstance(given, Mapping):
         raise InputError("must be a mapping from names of parameters", field=field, value=given)
     own: dict[str, Any] = {}
     for written, value in given.items():
         parameter, mark, level = str(written).partition("[")
         if mark and (not level.endswith("]") or level[:-1] not in everyone):
-            raise InputError(f"names a data set that there is not ({', '.join(everyone)})", field=field, value=written)
+            raise InputError(
+                f"names a data set that there is not ({', '.join(everyone)})",
+                field=field,
+                value=written,
+            )
         if not mark:
             own.setdefault(parameter, value)
         elif level == f"{name}]":

@@ -1,7 +1,9 @@
-"""Curves that are known by name, and their sums: `"gaussian + line"`, `"left_gaussian + right_gaussian"`.
+"""Curves that are known by name, and their sums: `"gaussian + line"`, `"left_gaussian +
+right_gaussian"`.
 
-A model is data: a formula, which parameters it is linear in, and where to look for the others.  `estim.curves.starts` finds its starting
-values from points.  Names and normalisations are those of lmfit where it has the model (an `amplitude` of a peak is its area).
+A model is data: a formula, which parameters it is linear in, and where to look for the others.
+`estim.curves.starts` finds its starting values from points.  Names and normalisations are those of
+lmfit where it has the model (an `amplitude` of a peak is its area).
 """
 
 from __future__ import annotations
@@ -29,7 +31,9 @@ _SUM = re.compile(rf"\s*{_WORD}(\s*\+\s*{_WORD})*\s*")
 
 @dataclass(frozen=True)
 class Extent:
-    """Where points lie: low and high x, the smallest step between two that differ, and how many there are."""
+    """Where points lie: low and high x, the smallest step between two that differ, and how many
+    there are.
+    """
 
     low: float
     high: float
@@ -49,9 +53,11 @@ class Extent:
 class Model:
     """A named curve.
 
-    expression : formula in x.  bent : parameters that the curve is not linear in, `grid` the values to try, (n, n_bent).
-    units : sets of values of all other parameters; the curve is a combination of those at the sets.  One parameter is 1 in each set, but
-        for `phase`: an amplitude with two phases a quarter of a turn apart.
+    expression : formula in x.
+    bent : parameters that the curve is not linear in, `grid` the values to try, (n, n_bent).
+    units : sets of values of all other parameters; the curve is a combination of those at the sets.
+        One parameter is 1 in each set, but for `phase`: an amplitude with two phases a quarter of a
+        turn apart.
     limits : name -> lowest and highest value that makes sense.
     """
 
@@ -69,7 +75,9 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """A model in a sum, with what stands before the names of its parameters ("left_", or nothing)."""
+    """A model in a sum, with what stands before the names of its parameters ("left_", or
+    nothing).
+    """
 
     model: Model
     prefix: str
@@ -82,7 +90,9 @@ class Term:
         if not self.prefix:
             return self.model.expression
         names = "|".join(self.model.parameters)
-        return re.sub(rf"\b({names})\b", lambda found: self.prefix + found[1], self.model.expression)
+        return re.sub(
+            rf"\b({names})\b", lambda found: self.prefix + found[1], self.model.expression
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +116,26 @@ class ModelSum:
 
     @property
     def limits(self) -> dict[str, Limits]:
-        return {term.prefix + name: limits for term in self.terms for name, limits in term.model.limits.items()}
+        return {
+            term.prefix + name: limits
+            for term in self.terms
+            for name, limits in term.model.limits.items()
+        }
 
 
 def named_model(text: object) -> ModelSum | None:
-    """The model or the sum of models that `text` names; None where a name in it is none of them, so that it may be a formula."""
+    """The model or the sum of models that `text` names; None where a name in it is none of them, so
+    that it may be a formula.
+    """
     if not isinstance(text, str) or not names_only(text):
         return None
     terms = [_term(word.strip()) for word in text.split("+")]
     known = tuple(term for term in terms if term is not None)
-    return _checked(ModelSum(" + ".join(text.replace("+", " ").split()), known)) if len(known) == len(terms) else None
+    return (
+        _checked(ModelSum(" + ".join(text.replace("+", " ").split()), known))
+        if len(known) == len(terms)
+        else None
+    )
 
 
 def names_only(text: object) -> bool:
@@ -124,29 +144,46 @@ def names_only(text: object) -> bool:
 
 
 def read_model(text: object) -> ModelSum:
-    """`named_model`, where the text can be nothing else.  Raises InputError with the names there are."""
+    """`named_model`, where the text can be nothing else.  Raises InputError with the names there
+    are.
+    """
     found = named_model(text)
     if found is not None:
         return found
     words = [word.strip() for word in str(text).split("+")]
     unknown = next((word for word in words if _term(word) is None), str(text))
     close = difflib.get_close_matches(unknown.rpartition("_")[2], MODELS, n=1)
-    hint = f"did you mean '{close[0]}'?" if close else f"there are {', '.join(MODELS)}, with a prefix like left_gaussian, and sums with +"
+    hint = (
+        f"did you mean '{close[0]}'?"
+        if close
+        else f"there are {', '.join(MODELS)}, with a prefix like left_gaussian, and sums with +"
+    )
     raise InputError(f"must name a model ({hint})", field="model", value=unknown)
 
 
 def _term(word: str) -> Term | None:
-    name = max((name for name in MODELS if word == name or word.endswith(f"_{name}")), key=len, default=None)
+    name = max(
+        (name for name in MODELS if word == name or word.endswith(f"_{name}")),
+        key=len,
+        default=None,
+    )
     return None if name is None else Term(MODELS[name], word.removesuffix(name))
 
 
 def _checked(asked: ModelSum) -> ModelSum:
     if len(asked.terms) > MOST_TERMS:
-        raise InputError(f"must have at most {MOST_TERMS} terms", field="model", value=len(asked.terms))
+        raise InputError(
+            f"must have at most {MOST_TERMS} terms", field="model", value=len(asked.terms)
+        )
     twice = [name for name, n in Counter(asked.parameters).items() if n > 1]
     if twice:
-        numbered = " + ".join(f"{'abcdefgh'[i]}_{term.model.name}" for i, term in enumerate(asked.terms))
-        rule = f"has several parameters '{twice[0]}': put something before the models to tell them apart, like \"{numbered}\""
+        numbered = " + ".join(
+            f"{'abcdefgh'[i]}_{term.model.name}" for i, term in enumerate(asked.terms)
+        )
+        rule = (
+            f"has several parameters '{twice[0]}': put something before the models to tell them "
+            f'apart, like "{numbered}"'
+        )
         raise InputError(rule, field="model", value=asked.text)
     return asked
 
@@ -169,7 +206,9 @@ def _exponents(_extent: Extent) -> FloatArray:
 
 
 def _peaks(extent: Extent) -> FloatArray:
-    """Centres and widths: for each width, centres that are closer than it is; wide ones beyond the ends too."""
+    """Centres and widths: for each width, centres that are closer than it is; wide ones beyond the
+    ends too.
+    """
     found = []
     for sigma in _scales(0.5 * extent.step, extent.length):
         beyond = min(sigma, 0.5 * extent.length)
@@ -181,7 +220,12 @@ def _peaks(extent: Extent) -> FloatArray:
 
 def _peaks_of_two_widths(extent: Extent) -> FloatArray:
     peaks = _peaks(extent)
-    return np.concatenate([np.column_stack([peaks[:, 0], f * peaks[:, 1], g * peaks[:, 1]]) for f, g in ((1.0, 0.2), (0.6, 0.6), (0.2, 1.0))])
+    return np.concatenate(
+        [
+            np.column_stack([peaks[:, 0], f * peaks[:, 1], g * peaks[:, 1]])
+            for f, g in ((1.0, 0.2), (0.6, 0.6), (0.2, 1.0))
+        ]
+    )
 
 
 def _steps(extent: Extent) -> FloatArray:
@@ -208,7 +252,10 @@ def _alone(*names: str) -> tuple[Mapping[str, float], ...]:
 
 
 _POSITIVE: Limits = (0.0, None)
-_WAVE = (MappingProxyType({"amplitude": 1.0, "phase": 0.0}), MappingProxyType({"amplitude": 1.0, "phase": -0.5 * np.pi}))
+_WAVE = (
+    MappingProxyType({"amplitude": 1.0, "phase": 0.0}),
+    MappingProxyType({"amplitude": 1.0, "phase": -0.5 * np.pi}),
+)
 _PEAK = {"sigma": _POSITIVE}
 
 
@@ -218,18 +265,72 @@ def _polynomial(degree: int) -> Model:
     return Model(f"polynomial{degree}", " + ".join(powers), (), _alone(*names), _nothing, {})
 
 
-MODELS: Mapping[str, Model] = MappingProxyType({model.name: model for model in (
-    Model("constant", "c", (), _alone("c"), _nothing, {}),
-    Model("line", "slope*x + intercept", (), _alone("slope", "intercept"), _nothing, {}),
-    *(_polynomial(degree) for degree in range(2, _HIGHEST + 1)),
-    Model("exponential", "amplitude*exp(-x/decay)", ("decay",), _alone("amplitude"), _decays, {}),
-    Model("power", "amplitude*x**exponent", ("exponent",), _alone("amplitude"), _exponents, {}),
-    Model("gaussian", "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))", ("center", "sigma"), _alone("amplitude"), _peaks, _PEAK),
-    Model("lorentzian", "amplitude/pi*sigma/((x - center)**2 + sigma**2)", ("center", "sigma"), _alone("amplitude"), _peaks, _PEAK),
-    Model("voigt", "amplitude*voigt(x - center, sigma, gamma)", ("center", "sigma", "gamma"), _alone("amplitude"), _peaks_of_two_widths,
-          {"sigma": _POSITIVE, "gamma": _POSITIVE}),
-    Model("oscillation", "amplitude*cos(2*pi*frequency*x + phase)", ("frequency",), _WAVE, _frequencies, {"frequency": _POSITIVE}),
-    Model("damped_oscillation", "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)", ("frequency", "damping"), _WAVE, _damped,
-          {"frequency": _POSITIVE}),
-    Model("logistic", "amplitude/(1 + exp(-(x - center)/sigma))", ("center", "sigma"), _alone("amplitude"), _steps, {}),
-)})
+MODELS: Mapping[str, Model] = MappingProxyType(
+    {
+        model.name: model
+        for model in (
+            Model("constant", "c", (), _alone("c"), _nothing, {}),
+            Model("line", "slope*x + intercept", (), _alone("slope", "intercept"), _nothing, {}),
+            *(_polynomial(degree) for degree in range(2, _HIGHEST + 1)),
+            Model(
+                "exponential",
+                "amplitude*exp(-x/decay)",
+                ("decay",),
+                _alone("amplitude"),
+                _decays,
+                {},
+            ),
+            Model(
+                "power", "amplitude*x**exponent", ("exponent",), _alone("amplitude"), _exponents, {}
+            ),
+            Model(
+                "gaussian",
+                "amplitude/(sigma*sqrt(2*pi))*exp(-(x - center)**2/(2*sigma**2))",
+                ("center", "sigma"),
+                _alone("amplitude"),
+                _peaks,
+                _PEAK,
+            ),
+            Model(
+                "lorentzian",
+                "amplitude/pi*sigma/((x - center)**2 + sigma**2)",
+                ("center", "sigma"),
+                _alone("amplitude"),
+                _peaks,
+                _PEAK,
+            ),
+            Model(
+                "voigt",
+                "amplitude*voigt(x - center, sigma, gamma)",
+                ("center", "sigma", "gamma"),
+                _alone("amplitude"),
+                _peaks_of_two_widths,
+                {"sigma": _POSITIVE, "gamma": _POSITIVE},
+            ),
+            Model(
+                "oscillation",
+                "amplitude*cos(2*pi*frequency*x + phase)",
+                ("frequency",),
+                _WAVE,
+                _frequencies,
+                {"frequency": _POSITIVE},
+            ),
+            Model(
+                "damped_oscillation",
+                "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
+                ("frequency", "damping"),
+                _WAVE,
+                _damped,
+                {"frequency": _POSITIVE},
+            ),
+            Model(
+                "logistic",
+                "amplitude/(1 + exp(-(x - center)/sigma))",
+                ("center", "sigma"),
+                _alone("amplitude"),
+                _steps,
+                {},
+            ),
+        )
+    }
+)

@@ -1,4 +1,6 @@
-"""A curve whose starts are left to the points, a model by name or a formula: what stands in for them until there are points, and what these give."""
+"""A curve whose starts are left to the points, a model by name or a formula: what stands in for
+them until there are points, and what these give.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ from estim.problem import Flat
 
 @dataclass(frozen=True, eq=False)
 class BareFormula:
-    """A formula of the user's, some of whose parameters have no start; it is asked what a `ModelSum` is."""
+    """A formula of the user's, some of whose parameters have no start; it is asked what a
+    `ModelSum` is.
+    """
 
     formula: Formula
 
@@ -45,51 +49,92 @@ class BareFormula:
 Unstarted = ModelSum | BareFormula
 
 
-def unstarted(curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]) -> Unstarted | None:
-    """What finds the starts that are not given, of models by name or of a formula of x; None where none is missing, or nothing can."""
+def unstarted(
+    curve: object, start: Collection[str], fixed: Collection[str], tied: Collection[str]
+) -> Unstarted | None:
+    """What finds the starts that are not given, of models by name or of a formula of x; None where
+    none is missing, or nothing can.
+    """
     asked = called_by_name(curve, start, fixed, tied)
-    if asked is not None or tied or not (isinstance(curve, str) and curve.strip() and isinstance(start, Mapping) and isinstance(fixed, Mapping)):
+    if (
+        asked is not None
+        or tied
+        or not (
+            isinstance(curve, str)
+            and curve.strip()
+            and isinstance(start, Mapping)
+            and isinstance(fixed, Mapping)
+        )
+    ):
         return asked
     formula = read_formula(curve, field="curve")
     return BareFormula(formula) if formula.uses_x and {*formula.names} - {*start, *fixed} else None
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
-    """The models that the text `curve` names; None where a name in it is that of a parameter, in one of the collections `named`.
+    """The models that the text `curve` names; None where a name in it is that of a parameter, in
+    one of the collections `named`.
 
     Raises InputError for names of nothing: no starts, and names alone.
     """
     asked = named_model(curve) if any(named) or not names_only(curve) else read_model(curve)
-    if asked is None or any(word.strip() in names for word in asked.text.split("+") for names in named):
+    if asked is None or any(
+        word.strip() in names for word in asked.text.split("+") for names in named
+    ):
         return None
     return asked
 
 
 def provisional(
-    asked: Unstarted, start: Mapping[str, float], bounds: Mapping[str, Limits], priors: Collection[str], fixed: Collection[str]
+    asked: Unstarted,
+    start: Mapping[str, float],
+    bounds: Mapping[str, Limits],
+    priors: Collection[str],
+    fixed: Collection[str],
 ) -> tuple[dict[str, float], dict[str, Limits]]:
-    """Starts, those of the user and others within limits, and limits, those of the user and of the models."""
+    """Starts, those of the user and others within limits, and limits, those of the user and of the
+    models.
+    """
     free = [name for name in asked.parameters if name not in fixed]
-    limits = {name: ends for name, ends in asked.limits.items() if name in free and name not in priors} | dict(bounds)
+    limits = {
+        name: ends for name, ends in asked.limits.items() if name in free and name not in priors
+    } | dict(bounds)
     return {name: within(limits.get(name)) for name in free} | dict(start), limits
 
 
 def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> CurveProblem:
-    """The problem with starts found from its points but for the parameters `held`, whose starts are the user's.  Raises InputError."""
-    counted, known = posed.counted, {p.name: p for p in posed.parameters if p.name in asked.parameters}
-    gain, bins = (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
+    """The problem with starts found from its points but for the parameters `held`, whose starts are
+    the user's.  Raises InputError.
+    """
+    counted = posed.counted
+    known = {p.name: p for p in posed.parameters if p.name in asked.parameters}
+    gain, bins = (
+        (posed.relative, None) if counted is None else (counted.noise.reading_gain(), counted.bins)
+    )
     width = np.ones(posed.y.size) if bins is None else bins[:, 1] - bins[:, 0]
-    limits = {name: (_finite(p.prior.low), _finite(p.prior.high)) for name, p in known.items() if name not in held and isinstance(p.prior, Flat)}
+    limits = {
+        name: (_finite(p.prior.low), _finite(p.prior.high))
+        for name, p in known.items()
+        if name not in held and isinstance(p.prior, Flat)
+    }
     if not limits:
         return posed
-    fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(posed.fixed)
+    fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(
+        posed.fixed
+    )
     points = posed.x, posed.y / width, gain / width
     if isinstance(asked, ModelSum):
         found = find_starts(asked, *points, known=fixed, limits=limits)
     else:
         found = guess_starts(asked.formula, *points, known=fixed, limits=limits)
-    begun = {name: Flat(known[name].prior.low, known[name].prior.high, found[name], start_stated=False) for name in limits}
-    return replace(posed, parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters))
+    begun = {
+        name: Flat(known[name].prior.low, known[name].prior.high, found[name], start_stated=False)
+        for name in limits
+    }
+    return replace(
+        posed,
+        parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
+    )
 
 
 def _finite(end: float) -> float | None:

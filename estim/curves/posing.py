@@ -1,4 +1,6 @@
-"""From a user's curve, points and what is known of them to a problem of inference; every argument is checked here."""
+"""From a user's curve, points and what is known of them to a problem of inference; every argument
+is checked here.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,8 @@ from estim.problem import (
 )
 
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
-SIGMA_SPREAD = 3.0  # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
+# standard deviation of ln sigma where nothing is known of it: a factor 20 either way
+SIGMA_SPREAD = 3.0
 MAX_OBS = 100_000  # of independent errors of y alone, which cost in proportion to the points
 MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
 
@@ -57,10 +60,14 @@ MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
 class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
-    x, y : (n_obs,).  relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
-    cov : (n_obs, n_obs), or None.  stated : whether the size of the errors is known.
-    lacks : what the curve may lack, None for nothing.  counted : the points where y are counts, else None.
-    fixed : argument of the curve -> its exact value.  text : the formula, or how the function is called.  called : a name it is known by, if any.
+    x, y : (n_obs,).
+    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
+    cov : (n_obs, n_obs), or None.
+    stated : whether the size of the errors is known.
+    lacks : what the curve may lack, None for nothing.
+    counted : the points where y are counts, else None.
+    fixed : argument of the curve -> its exact value.
+    text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
     """
 
@@ -90,25 +97,41 @@ class CurveProblem:
         return self._problem(Scale(sigma), ())
 
     def with_unknown_sigma(self, typical: float) -> Problem:
-        """The problem in which the common standard deviation of y is one more parameter, known to be about `typical` to a factor 20."""
+        """The problem in which the common standard deviation of y is one more parameter, known to
+        be about `typical` to a factor 20.
+        """
         unit = self.axes.y_unit
-        unknown = Parameter(SIGMA, unit, Unstated(typical, SIGMA_SPREAD), phrase("standard deviation of one y"), SIGMA_NOTATION)
+        unknown = Parameter(
+            SIGMA,
+            unit,
+            Unstated(typical, SIGMA_SPREAD),
+            phrase("standard deviation of one y"),
+            SIGMA_NOTATION,
+        )
         return self._problem(Scale(parameter=SIGMA), (unknown,))
 
     def residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs,) y - f, unit of y."""
-        named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)} | dict(self.fixed)
+        named = {p.name: float(v) for p, v in zip(self.parameters, values, strict=True)} | dict(
+            self.fixed
+        )
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
     def require_points(self) -> None:
         """Raises InputError where there are fewer points than the parameters that are fit need."""
         if not self.parameters:
-            raise InputError("must give a parameter that is fit its starting value, like {'a': 1.0}", field="start")
+            raise InputError(
+                "must give a parameter that is fit its starting value, like {'a': 1.0}",
+                field="start",
+            )
         pulls = sum(p.prior.informative for p in self.parameters)
         if self.x.size + pulls < len(self.parameters) + (0 if self.stated else 1):
             rule = f"must have at least as many points as parameters ({len(self.parameters)})"
             if not self.stated:
-                rule = f"must have more points than parameters ({len(self.parameters)}), one at least, where u_y is not given"
+                rule = (
+                    f"must have more points than parameters ({len(self.parameters)}), one at "
+                    "least, where u_y is not given"
+                )
             raise InputError(rule, field="x", value=self.x.size)
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
@@ -116,24 +139,60 @@ class CurveProblem:
 
     def observed(self, sigma: Scale, *, tails: Tails = GAUSSIAN) -> Observations:
         """The points whose errors are `sigma` times u_y (or times 1)."""
-        noise = _reading_noise(sigma, self.relative, self.cov, what=self.axes.y_name, relative_x=self.relative_x, tails=tails)
+        noise = _reading_noise(
+            sigma,
+            self.relative,
+            self.cov,
+            what=self.axes.y_name,
+            relative_x=self.relative_x,
+            tails=tails,
+        )
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
         return Observations(
-            name="data", x=self.x, y=self.y, t=None, curve=self.curve, arguments=MappingProxyType(arguments), noise=noise, x_name=self.axes.x_name,
-            x_unit=self.axes.x_unit, y_name=self.axes.y_name, y_unit=self.axes.y_unit, excluded=(), excluded_points=np.zeros((0, 2)),
-            motion=None, words=plain_words() if self.counted is None else self.counted.words, sought=self.sought,
+            name="data",
+            x=self.x,
+            y=self.y,
+            t=None,
+            curve=self.curve,
+            arguments=MappingProxyType(arguments),
+            noise=noise,
+            x_name=self.axes.x_name,
+            x_unit=self.axes.x_unit,
+            y_name=self.axes.y_name,
+            y_unit=self.axes.y_unit,
+            excluded=(),
+            excluded_points=np.zeros((0, 2)),
+            motion=None,
+            words=plain_words() if self.counted is None else self.counted.words,
+            sought=self.sought,
         )
 
 
 def _reading_noise(
-    sigma: Scale, relative: FloatArray, cov: FloatArray | None, *, what: str, relative_x: FloatArray | None = None, tails: Tails = GAUSSIAN
+    sigma: Scale,
+    relative: FloatArray,
+    cov: FloatArray | None,
+    *,
+    what: str,
+    relative_x: FloatArray | None = None,
+    tails: Tails = GAUSSIAN,
 ) -> Noise:
-    """Noise of readings of `what`: independent, with errors of x if there are any, or with the stated covariance matrix."""
+    """Noise of readings of `what`: independent, with errors of x if there are any, or with the
+    stated covariance matrix.
+    """
     if cov is None:
         sigma_x = None if relative_x is None else Scale(1.0)
-        return Readings(sigma, Scale(0.0), relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what)
+        return Readings(
+            sigma,
+            Scale(0.0),
+            relative,
+            sigma_x=sigma_x,
+            relative_x=relative_x,
+            tails=tails,
+            what=what,
+        )
     return Correlated(cov, what)
 
 
@@ -159,14 +218,25 @@ def pose_curve(
     tied: Mapping[str, str] = MappingProxyType({}),
     chosen: Collection[str] = (),
 ) -> CurveProblem:
-    """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated the start of those `chosen`.
+    """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
+    the start of those `chosen`.
 
-    Raises InputError where one breaks a rule, naming the argument: "u_y", or "units[tau]" of a parameter, with the index of a value.
+    Raises InputError where one breaks a rule, naming the argument: "u_y", or "units[tau]" of a
+    parameter, with the index of a value.
     """
-    _check_mappings(bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied)
+    _check_mappings(
+        bounds=bounds, priors=priors, units=units, fixed=fixed, derived=derived, tied=tied
+    )
     _check_words(units, errors, axes)
     counted = ask_counts(
-        noise, x, y, what=axes.y_name, u_y=u_y, cov_y=cov_y, u_x=u_x, deviation=deviation or None,
+        noise,
+        x,
+        y,
+        what=axes.y_name,
+        u_y=u_y,
+        cov_y=cov_y,
+        u_x=u_x,
+        deviation=deviation or None,
         correlated=None if correlated is False else correlated,
     )
     if counted is not None:
@@ -174,19 +244,32 @@ def pose_curve(
     points = {"x": column(x, "x"), "y": column(y, "y")}
     n_obs = points["x"].size
     if points["y"].size != n_obs:
-        raise InputError(f"must have as many values as x ({n_obs})", field="y", value=points["y"].size)
+        raise InputError(
+            f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
+        )
     most = MAX_DENSE if cov_y is not None or u_x is not None or counted is not None else MAX_OBS
     if not 1 <= n_obs <= most:
-        cure = "" if n_obs <= most or most == MAX_OBS else "; with independent errors of y alone, 100000: take every so many of the points"
+        cure = (
+            ""
+            if n_obs <= most or most == MAX_OBS
+            else "; with independent errors of y alone, 100000: take every so many of the points"
+        )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(points["x"], kind="stable")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if u_x is not None and u_y is None:
-        raise InputError("needs a known u_y beside it: the sizes of both errors cannot be told from the residuals", field="u_x")
+        raise InputError(
+            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
+            "residuals",
+            field="u_x",
+        )
     relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x")[order]
     if relative_x is not None and hide_the_range(points["x"][order], relative_x):
         spread = float(np.std(points["x"], ddof=1))
-        rule = f"must be below the standard deviation of x, {spread:.4g}: points that may lie anywhere along x hold no curve"
+        rule = (
+            f"must be below the standard deviation of x, {spread:.4g}: points that may lie "
+            "anywhere along x hold no curve"
+        )
         raise InputError(rule, field="u_x", value=float(np.sqrt(np.mean(relative_x**2))))
     ordered_cov = None if cov is None else cov[np.ix_(order, order)]
     names, values = _start(start)
@@ -194,36 +277,61 @@ def pose_curve(
     following, all_of = {**tied, **derived}, (*names, *exact)
     ties = read_tied(tied, all_of)
     unseen = only_for_ties(curve, ties) if ties else set()
-    begun, held = ({name: v for name, v in given.items() if name not in unseen} for given in (values, exact))
+    begun, held = (
+        {name: v for name, v in given.items() if name not in unseen} for given in (values, exact)
+    )
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
     said = units_of(read, axes, names, density=(density := counted is not None and counted.density))
     refuse_degrees(read, axes, "curve")
-    check_units(read, axes, units, {name: value for name, value in {**exact, **values}.items() if name not in chosen}, density=density)
+    check_units(
+        read,
+        axes,
+        units,
+        {name: value for name, value in {**exact, **values}.items() if name not in chosen},
+        density=density,
+    )
     said |= {name: unit for name, unit in units.items() if name not in following}
     parameters = _parameters(names, values, bounds, priors, said, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
     if not stated and SIGMA in (p.name for p in everything):
-        raise InputError("is the name of the standard deviation of y, which is unknown here: choose another", field=f"start[{SIGMA}]")
+        raise InputError(
+            "is the name of the standard deviation of y, which is unknown here: choose another",
+            field=f"start[{SIGMA}]",
+        )
     whole: Curve = TiedCurve(read, ties) if ties else read
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
         refuse_errors(counted, errors)
         whole = counted.expected(whole)
-    text = read.text if isinstance(read, Formula) else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
+    text = (
+        read.text
+        if isinstance(read, Formula)
+        else f"{getattr(curve, '__name__', type(curve).__name__)}(x, {', '.join((*begun, *held))})"
+    )
     return CurveProblem(
         text=", ".join([text, *(f"{name} = {formula.text}" for name, formula in ties.items())]),
-        curve=whole, parameters=everything, x=points["x"][order], y=points["y"][order],
-        relative=relative[order], relative_x=relative_x, cov=ordered_cov, stated=stated, axes=axes, fixed=MappingProxyType(exact),
+        curve=whole,
+        parameters=everything,
+        x=points["x"][order],
+        y=points["y"][order],
+        relative=relative[order],
+        relative_x=relative_x,
+        cov=ordered_cov,
+        stated=stated,
+        axes=axes,
+        fixed=MappingProxyType(exact),
         lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], said),
     )
 
 
-def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> tuple[FloatArray, FloatArray | None]:
+def _errors_of_y(
+    u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int
+) -> tuple[FloatArray, FloatArray | None]:
     """Standard deviations (n_obs,) and the covariance matrix, if one is given."""
     if u_y is not None and cov_y is not None:
         raise InputError("cannot be combined with u_y", field="cov_y")
@@ -237,7 +345,9 @@ def _errors_of_y(u_y: ArrayLike | None, cov_y: ArrayLike | None, n_obs: int) -> 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
     if not isinstance(start, Mapping):
-        raise InputError("must give each parameter a starting value, like {'a': 1.0}", field="start", value=start)
+        raise InputError(
+            "must give each parameter a starting value, like {'a': 1.0}", field="start", value=start
+        )
     check_names(start, field="start")
     values = {}
     for name, value in start.items():
@@ -252,7 +362,10 @@ def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, floa
     check_names(fixed, field="fixed")
     for name in fixed:
         if name in names:
-            raise InputError(f"names '{name}', which has a starting value too: give it one of the two", field="fixed")
+            raise InputError(
+                f"names '{name}', which has a starting value too: give it one of the two",
+                field="fixed",
+            )
     values = {}
     for name, value in fixed.items():
         rule = f"must be a finite number for '{name}' (a value with an uncertainty is a prior)"
@@ -265,7 +378,9 @@ def _fixed(fixed: Mapping[str, float], names: tuple[str, ...]) -> dict[str, floa
 def _check_mappings(**given: object) -> None:
     for field, mapping in given.items():
         if not isinstance(mapping, Mapping):
-            raise InputError("must be a mapping from names of parameters", field=field, value=mapping)
+            raise InputError(
+                "must be a mapping from names of parameters", field=field, value=mapping
+            )
 
 
 def _check_words(units: Mapping[str, str], errors: tuple[Component, ...], axes: AxisNames) -> None:
@@ -274,13 +389,24 @@ def _check_words(units: Mapping[str, str], errors: tuple[Component, ...], axes: 
             raise InputError(f"must be text for '{name}', like \"m/s\"", field="units", value=unit)
     for component in errors:
         if not isinstance(component, Component):
-            raise InputError('must be a list of components, like [Component("zero_y", 0.5)]', field="errors", value=component)
+            raise InputError(
+                'must be a list of components, like [Component("zero_y", 0.5)]',
+                field="errors",
+                value=component,
+            )
     if not isinstance(axes, AxisNames):
-        raise InputError('must be names and units, like AxisNames("time", "s", "angle", "rad")', field="axes", value=axes)
+        raise InputError(
+            'must be names and units, like AxisNames("time", "s", "angle", "rad")',
+            field="axes",
+            value=axes,
+        )
 
 
 def _curve(
-    curve: str | Formula | Callable[..., Any], x: FloatArray, start: Mapping[str, float], fixed: Mapping[str, float]
+    curve: str | Formula | Callable[..., Any],
+    x: FloatArray,
+    start: Mapping[str, float],
+    fixed: Mapping[str, float],
 ) -> Formula | PythonCurve:
     names = (*start, *fixed)
     if callable(curve):
@@ -290,10 +416,18 @@ def _curve(
     for name in formula.names:
         if name not in names:
             hint = "" if formula.uses_x else ", which calls its variable x"
-            raise InputError(f"has no starting value for '{name}' of the formula{hint}", field="start", value=", ".join(names))
+            raise InputError(
+                f"has no starting value for '{name}' of the formula{hint}",
+                field="start",
+                value=", ".join(names),
+            )
     for name in names:
         if name not in formula.names:
-            raise InputError(f"names '{name}', which is not in the formula", field="start" if name in start else "fixed", value=formula.text)
+            raise InputError(
+                f"names '{name}', which is not in the formula",
+                field="start" if name in start else "fixed",
+                value=formula.text,
+            )
     return formula
 
 
@@ -305,7 +439,9 @@ def _check_signature(function: Callable[..., Any], names: tuple[str, ...]) -> No
     try:
         signature.bind(0.0, **dict.fromkeys(names, 0.0))
     except TypeError as error:
-        raise InputError(f"cannot be called as curve(x, {', '.join(names)}): {error}", field="start") from None
+        raise InputError(
+            f"cannot be called as curve(x, {', '.join(names)}): {error}", field="start"
+        ) from None
 
 
 def _parameters(
@@ -321,43 +457,79 @@ def _parameters(
             if name in fixed and field != "units":
                 raise InputError(f"names '{name}', which is fixed", field=field)
             if name not in names and name not in fixed:
-                raise InputError(f"names '{name}', which is not a parameter ({', '.join(names)})", field=field)
+                raise InputError(
+                    f"names '{name}', which is not a parameter ({', '.join(names)})", field=field
+                )
     for name in priors:
         if name in bounds:
-            raise InputError(f"cannot be combined with a prior for '{name}': truncate the prior instead", field="bounds")
+            raise InputError(
+                f"cannot be combined with a prior for '{name}': truncate the prior instead",
+                field="bounds",
+            )
     return tuple(
-        Parameter(name, units.get(name, "1"), _prior(name, start[name], bounds.get(name), priors.get(name)), phrase("parameter of the curve"))
+        Parameter(
+            name,
+            units.get(name, "1"),
+            _prior(name, start[name], bounds.get(name), priors.get(name)),
+            phrase("parameter of the curve"),
+        )
         for name in names
     )
 
 
-def _prior(name: str, start: float, limits: tuple[float | None, float | None] | None, prior: object) -> Prior:
+def _prior(
+    name: str, start: float, limits: tuple[float | None, float | None] | None, prior: object
+) -> Prior:
     if isinstance(prior, str):
         quantity = read_quantity(prior, field=f"priors[{name}]")
         if quantity.exact:
-            raise InputError('must have an uncertainty, like "9.81(2)" (an exact number goes into `fixed`)', field=f"priors[{name}]", value=prior)
+            raise InputError(
+                'must have an uncertainty, like "9.81(2)" (an exact number goes into `fixed`)',
+                field=f"priors[{name}]",
+                value=prior,
+            )
         return as_prior(quantity, low=-math.inf)
     if prior is not None:
         if not isinstance(prior, Prior) or isinstance(prior, type):
             rule = 'must be a prior, or text like "9.81(2)"'
-            exact = f" (an exact value is held by fixed={{'{name}': {prior}}})" if isinstance(prior, int | float) else ""
+            exact = (
+                f" (an exact value is held by fixed={{'{name}': {prior}}})"
+                if isinstance(prior, int | float)
+                else ""
+            )
             raise InputError(rule + exact, field=f"priors[{name}]", value=prior)
         return prior
     try:
         low, high = (None, None) if limits is None else limits
-        ends = [unlimited if end is None else real_number(end, "bounds") for end, unlimited in ((low, -math.inf), (high, math.inf))]
+        ends = [
+            unlimited if end is None else real_number(end, "bounds")
+            for end, unlimited in ((low, -math.inf), (high, math.inf))
+        ]
         return Flat(ends[0], ends[1], start)
     except InputError as error:
-        raise InputError(f"of '{name}' {error.rule}", field="start" if error.field == "start" else "bounds", value=error.value) from None
+        raise InputError(
+            f"of '{name}' {error.rule}",
+            field="start" if error.field == "start" else "bounds",
+            value=error.value,
+        ) from None
     except (TypeError, ValueError):
-        raise InputError(f"must be (low, high) for '{name}'", field="bounds", value=limits) from None
+        raise InputError(
+            f"must be (low, high) for '{name}'", field="bounds", value=limits
+        ) from None
 
 
-def _shared(errors: tuple[Component, ...], names: tuple[str, ...], axes: AxisNames) -> tuple[Parameter, ...]:
-    shared = tuple(component.parameter(x_unit=axes.x_unit, y_unit=axes.y_unit) for component in errors)
+def _shared(
+    errors: tuple[Component, ...], names: tuple[str, ...], axes: AxisNames
+) -> tuple[Parameter, ...]:
+    shared = tuple(
+        component.parameter(x_unit=axes.x_unit, y_unit=axes.y_unit) for component in errors
+    )
     taken = [*names]
     for parameter in shared:
         if parameter.name in taken:
-            raise InputError("has a name that is taken: give the component another name", field=f"errors[{parameter.name}]")
+            raise InputError(
+                "has a name that is taken: give the component another name",
+                field=f"errors[{parameter.name}]",
+            )
         taken.append(parameter.name)
     return shared

@@ -1,5 +1,6 @@
-"""A formula whose linear parameters are solved for at every trial of the others (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10
-(1973) 413), many trials at once."""
+"""A formula whose linear parameters are solved for at every trial of the others (variable
+projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413), many trials at once.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ _FLAT = 1e-9  # share of a column that must be left where those before it are ta
 
 
 def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
-    """Those of `names` in which the curve is linear together: half way between two sets of values it is the mean of both curves."""
+    """Those of `names` in which the curve is linear together: half way between two sets of values
+    it is the mean of both curves.
+    """
     rng = np.random.default_rng(1)
     x, others = rng.uniform(0.5, 2.0, 16), {name: rng.uniform(0.5, 2.0) for name in formula.names}
 
@@ -34,7 +37,13 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
     linear: list[str] = []
     for name in names:
         tried = [*linear, name]
-        points = [{key: float(number) for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)} for _ in range(2)]
+        points = [
+            {
+                key: float(number)
+                for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)
+            }
+            for _ in range(2)
+        ]
         middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
         ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
         if np.all(np.isfinite(between)) and np.allclose(ends, between, rtol=1e-10, atol=1e-12):
@@ -44,9 +53,11 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCurve:
-    """x, y, weight : (n_obs,), y weighted.  linear, bent : names of the parameters that are solved for and drawn.
+    """x, y, weight : (n_obs,), y weighted.  linear, bent : names of the parameters that are solved
+    for and drawn.
 
-    scales, blocks : of those drawn; which of them stand in one term of the formula.  owned : linear parameters of these terms alone.
+    scales, blocks : of those drawn; which of them stand in one term of the formula.
+    owned : linear parameters of these terms alone.
     turning : angles that the formula takes the sine or the cosine of.
     """
 
@@ -71,15 +82,23 @@ class ProjectedCurve:
         rest, columns = self._parts(bent[None, :], self.linear)
         size = np.linalg.norm(columns[0], axis=1)
         size[size == 0.0] = 1.0
-        solved = np.linalg.lstsq((columns[0] / size[:, None]).T, rest[0], rcond=None)[0] / size if self.linear else np.zeros(0)
-        return dict(zip((*self.bent, *self.linear), (*bent.tolist(), *solved.tolist()), strict=True))
+        solved = (
+            np.linalg.lstsq((columns[0] / size[:, None]).T, rest[0], rcond=None)[0] / size
+            if self.linear
+            else np.zeros(0)
+        )
+        return dict(
+            zip((*self.bent, *self.linear), (*bent.tolist(), *solved.tolist()), strict=True)
+        )
 
     def linear_of(self, block: Sequence[int]) -> set[str]:
         """Linear parameters that stand in the terms of a block, and in no other."""
         return self.owned[self.blocks.index(tuple(block))]
 
     def left(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
-        """(n, n_obs) what the curves at bent (n, n_bent) leave of y, without the terms of the blocks `absent`; not finite where the curve is not."""
+        """(n, n_obs) what the curves at bent (n, n_bent) leave of y, without the terms of the
+        blocks `absent`; not finite where the curve is not.
+        """
         gone = set().union(*(self.linear_of(block) for block in absent))
         rest, columns = self._parts(bent, [name for name in self.linear if name not in gone])
         taken: list[FloatArray] = []
@@ -98,70 +117,142 @@ class ProjectedCurve:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
         size = max(1, _CHUNK // self.x.size)
         with np.errstate(all="ignore"):
-            found = np.concatenate([np.sum(self.left(bent[k : k + size], absent) ** 2, axis=1) for k in range(0, bent.shape[0], size)])
-        return np.where(np.isfinite(found) & np.logical_not(self._turns_unseen(bent)), found, math.inf)
+            found = np.concatenate(
+                [
+                    np.sum(self.left(bent[k : k + size], absent) ** 2, axis=1)
+                    for k in range(0, bent.shape[0], size)
+                ]
+            )
+        return np.where(
+            np.isfinite(found) & np.logical_not(self._turns_unseen(bent)), found, math.inf
+        )
 
     def _turns_unseen(self, bent: FloatArray) -> FloatArray:
-        """(n,) whether an oscillation makes more than half a turn from a point to the nearest other one: a slower one draws the same curve there."""
+        """(n,) whether an oscillation makes more than half a turn from a point to the nearest other
+        one: a slower one draws the same curve there.
+        """
         unseen, places = np.zeros(bent.shape[0], dtype=bool), np.unique(self.x)[:_PLACES]
         if places.size < 2 or not self.turning:
             return unseen
         step = np.diff(places)
-        symbols = {"x": places, **self.known, **{name: bent[:, [i]] for i, name in enumerate(self.bent)}}
+        symbols = {
+            "x": places,
+            **self.known,
+            **{name: bent[:, [i]] for i, name in enumerate(self.bent)},
+        }
         with np.errstate(all="ignore"):
             for tree in self.turning:
-                angle = np.broadcast_to(np.asarray(evaluate(tree, symbols)), (bent.shape[0], places.size))
-                unseen |= np.median(np.abs(np.diff(angle, axis=1) / step), axis=1) * float(np.min(step)) > 1.01 * math.pi
+                angle = np.broadcast_to(
+                    np.asarray(evaluate(tree, symbols)), (bent.shape[0], places.size)
+                )
+                unseen |= (
+                    np.median(np.abs(np.diff(angle, axis=1) / step), axis=1) * float(np.min(step))
+                    > 1.01 * math.pi
+                )
         return unseen
 
     def _parts(self, bent: FloatArray, solved: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """(n, n_obs) y without what the linear parameters do not move, and (n, n_linear, n_obs) the curves of a unit of each."""
+        """(n, n_obs) y without what the linear parameters do not move, and (n, n_linear, n_obs) the
+        curves of a unit of each.
+        """
         n, zero = bent.shape[0], dict.fromkeys(self.linear, 0.0)
-        given: dict[str, Any] = {**self.known, **{name: bent[:, [i]] for i, name in enumerate(self.bent)}}
+        given: dict[str, Any] = {
+            **self.known,
+            **{name: bent[:, [i]] for i, name in enumerate(self.bent)},
+        }
         with np.errstate(all="ignore"):
             still = np.broadcast_to(self.formula.value(self.x, {**given, **zero}), (n, self.x.size))
-            units = [np.broadcast_to(self.formula.value(self.x, {**given, **zero, name: 1.0}), still.shape) - still for name in solved]
+            units = [
+                np.broadcast_to(
+                    self.formula.value(self.x, {**given, **zero, name: 1.0}), still.shape
+                )
+                - still
+                for name in solved
+            ]
         columns = np.stack(units, axis=1) if units else np.zeros((n, 0, self.x.size))
         return self.y - still * self.weight, columns * self.weight
 
 
 def projected(
-    formula: Formula, x: FloatArray, y: FloatArray, u: FloatArray, known: Mapping[str, float], limits: Mapping[str, Limits], sought: Sequence[str]
+    formula: Formula,
+    x: FloatArray,
+    y: FloatArray,
+    u: FloatArray,
+    known: Mapping[str, float],
+    limits: Mapping[str, Limits],
+    sought: Sequence[str],
 ) -> ProjectedCurve:
-    """The curve at the points x, y with relative errors u (n_obs,), or some of them if there are many; `sought`: all names but the known ones."""
+    """The curve at the points x, y with relative errors u (n_obs,), or some of them if there are
+    many; `sought`: all names but the known ones.
+    """
     every = max(1, -(-x.size // _MOST_POINTS))
     x, y, weight = x[::every], y[::every], float(np.median(u)) / u[::every]
     ends = {}
     for name in sought:
         low, high = limits.get(name, (None, None))
         ends[name] = -math.inf if low is None else low, math.inf if high is None else high
-    linear = linear_in(formula, [name for name in sought if not any(map(math.isfinite, ends[name]))])
+    linear = linear_in(
+        formula, [name for name in sought if not any(map(math.isfinite, ends[name]))]
+    )
     bent = tuple(name for name in sought if name not in linear)
     units, places = dimensions_of(formula), places_of(formula)
-    scales = tuple(scale_of(units.get(name), x, y, *ends[name], place=name in places) for name in bent)
+    scales = tuple(
+        scale_of(units.get(name), x, y, *ends[name], place=name in places) for name in bent
+    )
     turning = _turning(formula, {*bent, *known, "x"})
-    return ProjectedCurve(formula, x, y * weight, weight, known, linear, bent, scales, *_blocks(formula, linear, bent), turning)
+    return ProjectedCurve(
+        formula,
+        x,
+        y * weight,
+        weight,
+        known,
+        linear,
+        bent,
+        scales,
+        *_blocks(formula, linear, bent),
+        turning,
+    )
 
 
-def _blocks(formula: Formula, linear: Sequence[str], bent: Sequence[str]) -> tuple[tuple[tuple[int, ...], ...], tuple[set[str], ...]]:
-    """Parameters that stand together in terms of a sum, and the linear parameters of these terms alone."""
+def _blocks(
+    formula: Formula, linear: Sequence[str], bent: Sequence[str]
+) -> tuple[tuple[tuple[int, ...], ...], tuple[set[str], ...]]:
+    """Parameters that stand together in terms of a sum, and the linear parameters of these terms
+    alone.
+    """
     terms = [_names(term) for term in _terms(formula.tree)]
     blocks: list[set[str]] = []
     for names in terms:
         block = names & {*bent}
         joined = [other for other in blocks if other & block]
-        blocks = [other for other in blocks if not other & block] + ([block.union(*joined)] if block else [])
+        blocks = [other for other in blocks if not other & block] + (
+            [block.union(*joined)] if block else []
+        )
     owned = []
     for block in blocks:
         outside = set().union(*(names for names in terms if not names & block))
-        owned.append({name for names in terms if names & block for name in names & {*linear}} - outside)
-    return tuple(tuple(bent.index(name) for name in bent if name in block) for block in blocks), tuple(owned)
+        owned.append(
+            {name for names in terms if names & block for name in names & {*linear}} - outside
+        )
+    return tuple(
+        tuple(bent.index(name) for name in bent if name in block) for block in blocks
+    ), tuple(owned)
 
 
 def _turning(formula: Formula, given: Collection[str]) -> tuple[ast.expr, ...]:
-    """Angles that the formula takes the sine or the cosine of, if they are made of names that are given."""
-    angles = [node.args[0] for node in ast.walk(formula.tree) if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("sin", "cos")]
-    return tuple(angle for angle in angles if (names := _names(angle)) <= {*given, *CONSTANTS, *FUNCTIONS, "power"} and "x" in names)
+    """Angles that the formula takes the sine or the cosine of, if they are made of names that are
+    given.
+    """
+    angles = [
+        node.args[0]
+        for node in ast.walk(formula.tree)
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("sin", "cos")
+    ]
+    return tuple(
+        angle
+        for angle in angles
+        if (names := _names(angle)) <= {*given, *CONSTANTS, *FUNCTIONS, "power"} and "x" in names
+    )
 
 
 def _names(tree: ast.expr) -> set[str]:

@@ -1,7 +1,9 @@
-"""Quantities of the package pint, if a user passes some: numbers in SI base units, and the names of those.
+"""Quantities of the package pint, if a user passes some: numbers in SI base units, and the names of
+those.
 
-Nothing of pint is imported: what has `magnitude` and `to_base_units` is a quantity.  All become numbers in base units, so that a formula means
-the same whatever mixture of units it is given; what has no unit stays as it is, but for errors and limits of what has one: there it is refused.
+Nothing of pint is imported: what has `magnitude` and `to_base_units` is a quantity.  All become
+numbers in base units, so that a formula means the same whatever mixture of units it is given; what
+has no unit stays as it is, but for errors and limits of what has one: there it is refused.
 """
 
 from __future__ import annotations
@@ -43,7 +45,10 @@ def without_units(given: Plain) -> Plain:
         return given
     x, x_unit = _base(given.x)
     y, y_unit = _base(given.y)
-    u_x, u_y = (_size(name, value, unit) for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit)))
+    u_x, u_y = (
+        _size(name, value, unit)
+        for name, value, unit in (("u_x", given.u_x, x_unit), ("u_y", given.u_y, y_unit))
+    )
     units, plain = dict(given.units), []
     for named in (given.start, given.fixed):
         values = {}
@@ -52,7 +57,10 @@ def without_units(given: Plain) -> Plain:
             if unit is not None:
                 units[name] = unit
         plain.append(values)
-    bounds = {name: tuple(_same(name, end, units.get(name)) for end in ends) if _is_pair(ends) else ends for name, ends in given.bounds.items()}
+    bounds = {
+        name: tuple(_same(name, end, units.get(name)) for end in ends) if _is_pair(ends) else ends
+        for name, ends in given.bounds.items()
+    }
     axes = given.axes if x_unit is None else replace(given.axes, x_unit=x_unit)
     axes = axes if y_unit is None else replace(axes, y_unit=y_unit)
     return Plain(x, y, u_x, u_y, plain[0], plain[1], bounds, units, axes)
@@ -75,7 +83,9 @@ def _is_quantity(value: object) -> bool:
 
 
 def _base(value: Any) -> tuple[Any, str | None]:
-    """Numbers in base units and the name of their unit; the value and None where it is no quantity."""
+    """Numbers in base units and the name of their unit; the value and None where it is no
+    quantity.
+    """
     if not _is_quantity(value):
         return value, None
     found = value.to_base_units()
@@ -84,23 +94,45 @@ def _base(value: Any) -> tuple[Any, str | None]:
 
 
 def refuse_quantities(**given: object) -> None:
-    """Raises InputError for quantities where only plain numbers are taken, which would lose their unit."""
+    """Raises InputError for quantities where only plain numbers are taken, which would lose their
+    unit.
+    """
     for field, value in given.items():
         if _is_quantity(value):
-            raise InputError("must be plain numbers, in SI base units where x and y have units", field=field, value=str(value))
+            raise InputError(
+                "must be plain numbers, in SI base units where x and y have units",
+                field=field,
+                value=str(value),
+            )
 
 
 def _size(name: str, value: Any, unit: str | None) -> Any:
     """Standard uncertainties, which are differences."""
     if getattr(value, "_is_multiplicative", True) is False:
-        raise InputError("must be a difference, as delta_degC is one of temperatures in degC", field=name, value=str(value))
+        raise InputError(
+            "must be a difference, as delta_degC is one of temperatures in degC",
+            field=name,
+            value=str(value),
+        )
     return None if value is None else _same(name, value, unit)
 
 
 def _same(name: str, value: Any, unit: str | None) -> Any:
     number, own = _base(value)
-    if own is None and unit not in (None, "1") and not (value is None or (np.ndim(value) == 0 and value in (0, math.inf, -math.inf))):
-        raise InputError(f"must have a unit, since what it belongs to has one ({unit})", field=name, value=str(value))
+    if (
+        own is None
+        and unit not in (None, "1")
+        and not (value is None or (np.ndim(value) == 0 and value in (0, math.inf, -math.inf)))
+    ):
+        raise InputError(
+            f"must have a unit, since what it belongs to has one ({unit})",
+            field=name,
+            value=str(value),
+        )
     if own is not None and own != (unit or "1"):
-        raise InputError(f"must be of the same kind as what it belongs to, which is in {unit or '1'}", field=name, value=str(value))
+        raise InputError(
+            f"must be of the same kind as what it belongs to, which is in {unit or '1'}",
+            field=name,
+            value=str(value),
+        )
     return number

@@ -1,7 +1,8 @@
-"""What a rolling body does from rest at a tilt and an angle of release, for draws of what is known of it: borders and distances.
+"""What a rolling body does from rest at a tilt and an angle of release, for draws of what is known
+of it: borders and distances.
 
-Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further forces, a push at the start and errors of the readings
-are not in it.
+Arguments are those of the curves of `estim.curves.rolling`, scalars or (n_draw, 1).  Further
+forces, a push at the start and errors of the readings are not in it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ class Borders:
 
     lowest, highest : between them it sets off with theta increasing.
     rolls_on : from `lowest` to here it rolls on for ever.
-    passes : from `lowest` to here it passes the end of the ramp, of those that turn; `rolls_on` where none does.
+    passes : from `lowest` to here it passes the end of the ramp, of those that turn; `rolls_on`
+        where none does.
     """
 
     lowest: FloatArray
@@ -43,47 +45,71 @@ def borders_of(arguments: Arguments, phi: FloatArray, *, ramp_end: float) -> Bor
     resistance = motion["rolling_resistance"]
     lowest, highest = range_of_release(body.gamma, phi, rolling_resistance=resistance)
     on = release_that_rolls_on(body.gamma, phi, rolling_resistance=resistance)
-    at_end = release_for_turn(ramp_end / np.asarray(body.radius), body.gamma, phi, rolling_resistance=resistance)
+    at_end = release_for_turn(
+        ramp_end / np.asarray(body.radius), body.gamma, phi, rolling_resistance=resistance
+    )
     lowest, highest, on, at_end = np.broadcast_arrays(*np.atleast_2d(lowest, highest, on, at_end))
     return Borders(lowest, highest, on, np.where(np.isnan(at_end), on, np.maximum(at_end, on)))
 
 
 def turning_contours(arguments: Arguments, phi: FloatArray, stops: FloatArray) -> FloatArray:
-    """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true tilts phi (n_phi,); nan where from nowhere."""
+    """(n_draw, n_stop, n_phi) rad, from where the body stops after `stops` (n_stop,) m at true
+    tilts phi (n_phi,); nan where from nowhere.
+    """
     body, motion = body_of(_own(arguments))
-    radius, gamma, resistance = (np.atleast_2d(value)[..., None] for value in (body.radius, body.gamma, motion["rolling_resistance"]))
+    radius, gamma, resistance = (
+        np.atleast_2d(value)[..., None]
+        for value in (body.radius, body.gamma, motion["rolling_resistance"])
+    )
     return release_for_turn(stops[:, None] / radius, gamma, phi, rolling_resistance=resistance)
 
 
 def steepest_tilt(arguments: Arguments) -> FloatArray:
-    """(n_draw, 1) rad, the tilt beyond which the body climbs from no angle of release: sin phi + c_rr cos phi = gamma.
+    """(n_draw, 1) rad, the tilt beyond which the body climbs from no angle of release: sin phi +
+    c_rr cos phi = gamma.
 
     phi = asin(gamma/sqrt(1 + c_rr^2)) - atan(c_rr)
     """
     body, motion = body_of(_own(arguments))
     resistance = np.asarray(motion["rolling_resistance"], dtype=float)
-    return np.atleast_2d(np.arcsin(np.minimum(body.gamma / np.hypot(1.0, resistance), 1.0)) - np.arctan(resistance))
+    return np.atleast_2d(
+        np.arcsin(np.minimum(body.gamma / np.hypot(1.0, resistance), 1.0)) - np.arctan(resistance)
+    )
 
 
 def farthest_stop(arguments: Arguments, phi: FloatArray) -> FloatArray:
-    """(n_draw, n_phi) m, how far the body gets at true tilts phi (n_phi,) from the release from which it gets farthest, the least angle.
+    """(n_draw, n_phi) m, how far the body gets at true tilts phi (n_phi,) from the release from
+    which it gets farthest, the least angle.
 
     0 where it sets off from none, inf where it may roll on for ever.
     """
     body, motion = body_of(_own(arguments))
     resistance = motion["rolling_resistance"]
     lowest, _ = range_of_release(body.gamma, phi, rolling_resistance=resistance)
-    return np.atleast_2d(turning_point(body, phi=phi, theta0=lowest + _BESIDE, rolling_resistance=resistance))
+    return np.atleast_2d(
+        turning_point(body, phi=phi, theta0=lowest + _BESIDE, rolling_resistance=resistance)
+    )
 
 
 def stop_of(arguments: Arguments) -> FloatArray:
-    """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off, inf where it rolls on for ever."""
+    """(n_draw, 1) m from the release of a run to its turning point; 0 where it does not set off,
+    inf where it rolls on for ever.
+    """
     body, motion = body_of(_own(arguments))
-    return np.atleast_2d(turning_point(body, phi=motion["phi"], theta0=motion["theta0"], rolling_resistance=motion["rolling_resistance"]))
+    return np.atleast_2d(
+        turning_point(
+            body,
+            phi=motion["phi"],
+            theta0=motion["theta0"],
+            rolling_resistance=motion["rolling_resistance"],
+        )
+    )
 
 
 def placed(arguments: Arguments) -> tuple[FloatArray, FloatArray]:
-    """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the common zero errors."""
+    """(true tilt, true angle of release) of a run, rad, (n_draw, 1) each: its readings with the
+    common zero errors.
+    """
     _, motion = body_of(_own(arguments))
     return np.atleast_2d(motion["phi"]), np.atleast_2d(motion["theta0"])
 

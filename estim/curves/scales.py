@@ -15,7 +15,8 @@ from estim.curves.formula import Formula
 
 @dataclass(frozen=True)
 class Scale:
-    """What a parameter may be: places between two ends, and sizes of either sign whose logarithm is drawn evenly, each (low, high, share).
+    """What a parameter may be: places between two ends, and sizes of either sign whose logarithm is
+    drawn evenly, each (low, high, share).
 
     low, high : limits.
     """
@@ -26,39 +27,73 @@ class Scale:
     high: float
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
-        shares = [size[2] for size in self.sizes] + ([] if self.places is None else [self.places[2]])
+        shares = [size[2] for size in self.sizes] + (
+            [] if self.places is None else [self.places[2]]
+        )
         kinds = rng.choice(len(shares), n, p=np.array(shares) / sum(shares))
         found = rng.choice([-1.0, 1.0], n)
         for k, (small, large, _) in enumerate(self.sizes):
-            found[kinds == k] *= np.exp(rng.uniform(math.log(small), math.log(large), int(np.sum(kinds == k))))
+            found[kinds == k] *= np.exp(
+                rng.uniform(math.log(small), math.log(large), int(np.sum(kinds == k)))
+            )
         if self.places is not None:
-            found[kinds == len(self.sizes)] = rng.uniform(*self.places[:2], int(np.sum(kinds == len(self.sizes))))
+            found[kinds == len(self.sizes)] = rng.uniform(
+                *self.places[:2], int(np.sum(kinds == len(self.sizes)))
+            )
         return self.inside(found, rng)
 
     def inside(self, values: FloatArray, rng: np.random.Generator) -> FloatArray:
         """The same, those beyond a limit mirrored at it or drawn between the limits."""
         if math.isfinite(self.low) and math.isfinite(self.high):
-            return np.where((values > self.low) & (values < self.high), values, rng.uniform(self.low, self.high, values.size))
-        mirrored = np.where(values <= self.low, 2.0 * self.low - values, values) if math.isfinite(self.low) else values
-        return np.where(mirrored >= self.high, 2.0 * self.high - mirrored, mirrored) if math.isfinite(self.high) else mirrored
+            return np.where(
+                (values > self.low) & (values < self.high),
+                values,
+                rng.uniform(self.low, self.high, values.size),
+            )
+        mirrored = (
+            np.where(values <= self.low, 2.0 * self.low - values, values)
+            if math.isfinite(self.low)
+            else values
+        )
+        return (
+            np.where(mirrored >= self.high, 2.0 * self.high - mirrored, mirrored)
+            if math.isfinite(self.high)
+            else mirrored
+        )
 
 
-def scale_of(unit: Dimension | None, x: FloatArray, y: FloatArray, low: float, high: float, *, place: bool) -> Scale:
-    """What a parameter of a unit may be; None: of any.  place : whether the formula adds it to x, or takes it from x."""
+def scale_of(
+    unit: Dimension | None, x: FloatArray, y: FloatArray, low: float, high: float, *, place: bool
+) -> Scale:
+    """What a parameter of a unit may be; None: of any.  place : whether the formula adds it to x,
+    or takes it from x.
+    """
     length = float(np.ptp(x)) or abs(float(x[0])) or 1.0
     step, far = length / max(1, x.size - 1), max(length, float(np.max(np.abs(x))))
     within = float(x.min()) - 0.2 * length, float(x.max()) + 0.2 * length
     if unit is None:
-        return Scale((*within, 1.0), ((0.1, 10.0, 1.0), (step, 10.0 * far, 1.0), (0.1 / far, math.pi / step, 1.0)), low, high)
+        return Scale(
+            (*within, 1.0),
+            ((0.1, 10.0, 1.0), (step, 10.0 * far, 1.0), (0.1 / far, math.pi / step, 1.0)),
+            low,
+            high,
+        )
     power, power_y = unit
-    height = math.sqrt((float(np.ptp(y)) or abs(float(y[0])) or 1.0) * (float(np.max(np.abs(y))) or 1.0))
+    height = math.sqrt(
+        (float(np.ptp(y)) or abs(float(y[0])) or 1.0) * (float(np.max(np.abs(y))) or 1.0)
+    )
     if power == 0.0 and power_y == 0.0:
         return Scale((-math.pi, math.pi, 1.0), ((0.05, 20.0, 1.0),), low, high)
     if power == 1.0 and power_y == 0.0:
         sizes = (0.5 * step, 5.0 * length, 1.0), (length, 300.0 * far, 0.3)
         return Scale((*within, 4.0) if place else None, sizes, low, high)
     if power == 0.0 and power_y == 1.0:
-        return Scale((float(y.min()) - height, float(y.max()) + height, 1.0), ((1e-3 * height, 100.0 * height, 1.0),), low, high)
+        return Scale(
+            (float(y.min()) - height, float(y.max()) + height, 1.0),
+            ((1e-3 * height, 100.0 * height, 1.0),),
+            low,
+            high,
+        )
     along = sorted(((0.3 * step) ** power, (10.0 * far) ** power))
     up = sorted(((0.01 * height) ** power_y, (100.0 * height) ** power_y))
     return Scale(None, ((along[0] * up[0], along[1] * up[1], 1.0),), low, high)
@@ -66,6 +101,12 @@ def scale_of(unit: Dimension | None, x: FloatArray, y: FloatArray, low: float, h
 
 def places_of(formula: Formula) -> set[str]:
     """Parameters that the formula adds to x, or takes from x."""
-    sums = [node for node in ast.walk(formula.tree) if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)]
-    sides = [{side.id for side in (node.left, node.right) if isinstance(side, ast.Name)} for node in sums]
+    sums = [
+        node
+        for node in ast.walk(formula.tree)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub)
+    ]
+    sides = [
+        {side.id for side in (node.left, node.right) if isinstance(side, ast.Name)} for node in sums
+    ]
     return set().union(*(side - {"x"} for side in sides if "x" in side))

@@ -1,14 +1,16 @@
 """Errors that all readings of a series share, as nuisance parameters of the curve.
 
 Which to choose:
-- `zero_y`: the instrument for y reads y + d, with d common to all readings, known to be 0 within u (unit of y).
+- `zero_y`: the instrument for y reads y + d, with d common to all readings, known to be 0 within u
+  (unit of y).
 - `scale_y`: it reads (1 + d) y, with d known to be 0 within u (a fraction: 0.01 is 1 %).
 - `zero_x`, `scale_x`: the same of x.
 
 `scale_errors_of` says how a fit accounts for scales that nobody stated.
 
-d is a parameter with a normal prior of mean 0 and standard deviation u.  It is fit and sampled with the others, so that
-its uncertainty and its correlations reach every result, and the data may narrow it where they can.
+d is a parameter with a normal prior of mean 0 and standard deviation u.  It is fit and sampled with
+the others, so that its uncertainty and its correlations reach every result, and the data may narrow
+it where they can.
 """
 
 from __future__ import annotations
@@ -36,7 +38,9 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Component:
-    """One shared error: `kind` out of KINDS, standard uncertainty `u`, and the name of its parameter ("" means its kind)."""
+    """One shared error: `kind` out of KINDS, standard uncertainty `u`, and the name of its
+    parameter ("" means its kind).
+    """
 
     kind: str
     u: float
@@ -45,10 +49,18 @@ class Component:
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=self.kind)
-        if isinstance(self.u, bool) or not isinstance(self.u, int | float) or not (np.isfinite(self.u) and self.u > 0.0):
+        if (
+            isinstance(self.u, bool)
+            or not isinstance(self.u, int | float)
+            or not (np.isfinite(self.u) and self.u > 0.0)
+        ):
             raise InputError("must be > 0 and finite", field="u", value=self.u)
         if self.kind.startswith("scale") and self.u > 0.5:
-            raise InputError("is a fraction of the reading (0.01 means 1 %) and must be at most 0.5", field="u", value=self.u)
+            raise InputError(
+                "is a fraction of the reading (0.01 means 1 %) and must be at most 0.5",
+                field="u",
+                value=self.u,
+            )
 
     @property
     def parameter_name(self) -> str:
@@ -56,17 +68,24 @@ class Component:
 
     def parameter(self, *, x_unit: str, y_unit: str) -> Parameter:
         """The nuisance parameter of this error."""
-        unit = "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
-        return Parameter(self.parameter_name, unit, Normal(0.0, float(self.u)), phrase(_MEANINGS[self.kind]))
+        unit = (
+            "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
+        )
+        return Parameter(
+            self.parameter_name, unit, Normal(0.0, float(self.u)), phrase(_MEANINGS[self.kind])
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class DistortedCurve:
-    """A curve as seen through instruments with shared errors; its arguments are those of `curve` and one for each component.
+    """A curve as seen through instruments with shared errors; its arguments are those of `curve`
+    and one for each component.
 
-    `curve` must take x that differs from draw to draw, (n_draw, n_obs), as formulas and functions do.
+    `curve` must take x that differs from draw to draw, (n_draw, n_obs), as formulas and functions
+    do.
 
-        y = (1 + sum of scale_y) f(x_true) + sum of zero_y,    x_true = (x - sum of zero_x) / (1 + sum of scale_x)
+        y = (1 + sum of scale_y) f(x_true) + sum of zero_y,    x_true = (x - sum of zero_x) / (1 +
+        sum of scale_x)
     """
 
     curve: Curve
@@ -78,7 +97,14 @@ class DistortedCurve:
         return getattr(self.curve, "precision", EXACT)
 
     def _sum(self, kind: str, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return np.sum([np.asarray(arguments[c.parameter_name], dtype=float) for c in self.components if c.kind == kind], axis=0)
+        return np.sum(
+            [
+                np.asarray(arguments[c.parameter_name], dtype=float)
+                for c in self.components
+                if c.kind == kind
+            ],
+            axis=0,
+        )
 
     def _undistorted(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         return (x - self._sum("zero_x", arguments)) / (1.0 + self._sum("scale_x", arguments))
@@ -90,18 +116,32 @@ class DistortedCurve:
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         true = self._undistorted(x, arguments)
         inner = self.curve.local(true, arguments)
-        scale, stretch = 1.0 + self._sum("scale_y", arguments), 1.0 + self._sum("scale_x", arguments)
+        scale = 1.0 + self._sum("scale_y", arguments)
+        stretch = 1.0 + self._sum("scale_x", arguments)
         slope = scale * inner.slope / stretch
-        own = {"zero_y": np.ones_like(inner.value), "scale_y": inner.value, "zero_x": -slope, "scale_x": -slope * true}
+        own = {
+            "zero_y": np.ones_like(inner.value),
+            "scale_y": inner.value,
+            "zero_x": -slope,
+            "scale_x": -slope * true,
+        }
         gradient = {name: scale * partial for name, partial in inner.gradient.items()}
         gradient |= {c.parameter_name: own[c.kind] for c in self.components}
         return LocalCurve(scale * inner.value + self._sum("zero_y", arguments), slope, gradient)
 
 
 def scale_errors_of(curve: Curve, *, counted: bool) -> tuple[CommonError, ...]:
-    """A per cent of the scale of either axis, where it is no unknown already; what was `counted` has no scale of y."""
-    known = {one.kind for one in curve.components} if isinstance(curve, DistortedCurve) else set[str]()
-    return tuple(_scale_error(curve, kind) for kind in ("scale_x", "scale_y") if kind not in known and not (counted and kind == "scale_y"))
+    """A per cent of the scale of either axis, where it is no unknown already; what was `counted`
+    has no scale of y.
+    """
+    known = (
+        {one.kind for one in curve.components} if isinstance(curve, DistortedCurve) else set[str]()
+    )
+    return tuple(
+        _scale_error(curve, kind)
+        for kind in ("scale_x", "scale_y")
+        if kind not in known and not (counted and kind == "scale_y")
+    )
 
 
 def _scale_error(curve: Curve, kind: str) -> CommonError:
@@ -112,4 +152,10 @@ def _scale_error(curve: Curve, kind: str) -> CommonError:
     # the events of a longer bin are as many: fewer for each unit of x
     thinned = Component("scale_y", _SHARE, f"{name}, per unit")
     density = DistortedCurve(curve.density, (error, thinned))
-    return CommonError(kind, _SHARE, "1", replace(curve, density=density), {name: _SHARE, thinned.parameter_name: 1.0 / (1.0 + _SHARE) - 1.0})
+    return CommonError(
+        kind,
+        _SHARE,
+        "1",
+        replace(curve, density=density),
+        {name: _SHARE, thinned.parameter_name: 1.0 / (1.0 + _SHARE) - 1.0},
+    )

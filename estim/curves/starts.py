@@ -1,9 +1,10 @@
 """Starting values of a sum of named curves, from the points alone.
 
-A curve is linear in its amplitudes, so only widths, places and rates are searched, each term over a grid of its own; the amplitudes of all
-terms are solved for at every point of the grid (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).  Terms enter one
-by one, the one first that explains most (orthogonal matching pursuit; Pati, Rezaiifar and Krishnaprasad, Asilomar Conf. 27 (1993) 40), and
-each is looked for again beside the others until nothing gets better.
+A curve is linear in its amplitudes, so only widths, places and rates are searched, each term over a
+grid of its own; the amplitudes of all terms are solved for at every point of the grid (variable
+projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413).  Terms enter one by one, the one
+first that explains most (orthogonal matching pursuit; Pati, Rezaiifar and Krishnaprasad, Asilomar
+Conf. 27 (1993) 40), and each is looked for again beside the others until nothing gets better.
 """
 
 from __future__ import annotations
@@ -22,25 +23,43 @@ from estim.curves.models import Extent, Limits, ModelSum, Term
 _CHUNK = 2_000_000  # numbers in memory at a time
 _SWEEPS = 6
 _STEPS = 25  # of a descent
-_LOOKED_AT, _SEVERAL, _ALIKE = 400, 6, 0.95  # of the best values of a grid, how many of them to start from, correlation of curves that are one
+# of the best values of a grid, how many of them to start from, correlation of curves that are one
+_LOOKED_AT, _SEVERAL, _ALIKE = 400, 6, 0.95
 _KEPT = 2  # of the runs with all terms
 _BETTER = 1e-6  # share of the squares that a sweep must save
 _FLAT = 1e-9  # share of a column that must be left where the columns before it are taken out
 
 
 def find_starts(
-    asked: ModelSum, x: FloatArray, y: FloatArray, u: FloatArray, *, known: Mapping[str, float], limits: Mapping[str, Limits]
+    asked: ModelSum,
+    x: FloatArray,
+    y: FloatArray,
+    u: FloatArray,
+    *,
+    known: Mapping[str, float],
+    limits: Mapping[str, Limits],
 ) -> dict[str, float]:
     """Name -> a value near the best, for each parameter of `asked`.
 
-    x, y, u : (n_obs,) points and their relative errors.  known : values that are held, or from which the user wishes to start.
-    limits : the search keeps within them.  Raises InputError where no curve of this kind has a finite value at the points.
+    x, y, u : (n_obs,) points and their relative errors.
+    known : values that are held, or from which the user wishes to start.
+    limits : the search keeps within them.  Raises InputError where no curve of this kind has a
+        finite value at the points.
     """
     places = np.unique(x)
     if places.size < 2:
-        raise InputError("must have two different values at least, for starting values to be found", field="x", value=float(x[0]))
-    extent = Extent(float(places[0]), float(places[-1]), float(np.median(np.diff(places))), places.size)
-    searches = [_TermSearch(term, read_formula(term.expression), _candidates(term, extent, known, limits)) for term in asked.terms]
+        raise InputError(
+            "must have two different values at least, for starting values to be found",
+            field="x",
+            value=float(x[0]),
+        )
+    extent = Extent(
+        float(places[0]), float(places[-1]), float(np.median(np.diff(places))), places.size
+    )
+    searches = [
+        _TermSearch(term, read_formula(term.expression), _candidates(term, extent, known, limits))
+        for term in asked.terms
+    ]
     weight = 1.0 / (u / float(np.median(u)))
     chosen = _pursued(searches, x, y * weight, weight, limits)
     columns = _Data(x, y, weight).columns(searches, dict(enumerate(chosen)))
@@ -51,7 +70,9 @@ def find_starts(
         n = len(search.term.model.units)
         values |= search.values(bent, solved[:n])
         solved = solved[n:]
-    return {name: _within(known.get(name, value), limits.get(name)) for name, value in values.items()}
+    return {
+        name: _within(known.get(name, value), limits.get(name)) for name, value in values.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,49 +84,83 @@ class _TermSearch:
     grid: FloatArray
 
     def columns(self, x: FloatArray, bent: FloatArray) -> FloatArray:
-        """(n, n_unit, n_obs) curves at the values bent (n, n_bent), one for each unit of the others."""
+        """(n, n_unit, n_obs) curves at the values bent (n, n_bent), one for each unit of the
+        others.
+        """
         model = self.term.model
         given = {self.term.prefix + name: bent[:, [i]] for i, name in enumerate(model.bent)}
         with np.errstate(all="ignore"):
-            found = [self.formula.value(x, {**given, **self.term.renamed(unit)}) for unit in model.units]
+            found = [
+                self.formula.value(x, {**given, **self.term.renamed(unit)}) for unit in model.units
+            ]
         return np.stack([np.broadcast_to(one, (bent.shape[0], x.size)) for one in found], axis=1)
 
     def values(self, bent: FloatArray, solved: FloatArray) -> dict[str, float]:
         """Name -> value from the coefficients (n_unit,) of the units."""
         model = self.term.model
         if "phase" in model.units[0]:
-            others = {"amplitude": float(np.hypot(*solved)), "phase": math.atan2(-solved[1], solved[0])}
+            others = {
+                "amplitude": float(np.hypot(*solved)),
+                "phase": math.atan2(-solved[1], solved[0]),
+            }
         else:
             others = dict(zip(model.units[0], solved.tolist(), strict=True))
         return self.term.renamed({**others, **dict(zip(model.bent, bent.tolist(), strict=True))})
 
 
-def _candidates(term: Term, extent: Extent, known: Mapping[str, float], limits: Mapping[str, Limits]) -> FloatArray:
-    """Values of the bent parameters to try: the known ones held, the others within their limits if any of the grid's are."""
+def _candidates(
+    term: Term, extent: Extent, known: Mapping[str, float], limits: Mapping[str, Limits]
+) -> FloatArray:
+    """Values of the bent parameters to try: the known ones held, the others within their limits if
+    any of the grid's are.
+    """
     grid = term.model.grid(extent)
     for i, name in enumerate(term.model.bent):
         if term.prefix + name in known:
             grid[:, i] = known[term.prefix + name]
             continue
         low, high = limits.get(term.prefix + name, (None, None))
-        inside = (grid[:, i] > (-math.inf if low is None else low)) & (grid[:, i] < (math.inf if high is None else high))
+        inside = (grid[:, i] > (-math.inf if low is None else low)) & (
+            grid[:, i] < (math.inf if high is None else high)
+        )
         if np.any(inside):
             grid = grid[inside]
         else:
-            ends = [_within(float(end), (low, high)) for end in (grid[:, i].min(), grid[:, i].max())]
+            ends = [
+                _within(float(end), (low, high)) for end in (grid[:, i].min(), grid[:, i].max())
+            ]
             middles = np.linspace(ends[0], ends[1], 25)
-            grid = np.concatenate([np.where(np.arange(grid.shape[1]) == i, middle, grid) for middle in np.unique(middles)])
+            grid = np.concatenate(
+                [
+                    np.where(np.arange(grid.shape[1]) == i, middle, grid)
+                    for middle in np.unique(middles)
+                ]
+            )
     return np.unique(grid, axis=0)
 
 
-def _pursued(searches: Sequence[_TermSearch], x: FloatArray, y: FloatArray, weight: FloatArray, limits: Mapping[str, Limits]) -> list[FloatArray]:
+def _pursued(
+    searches: Sequence[_TermSearch],
+    x: FloatArray,
+    y: FloatArray,
+    weight: FloatArray,
+    limits: Mapping[str, Limits],
+) -> list[FloatArray]:
     """Values (n_bent,) of the bent parameters of each term; y is weighted."""
     data = _Data(x, y, weight)
-    straight = {i: search.grid[0] for i, search in enumerate(searches) if not search.term.model.bent}
+    straight = {
+        i: search.grid[0] for i, search in enumerate(searches) if not search.term.model.bent
+    }
     bent = [i for i in range(len(searches)) if i not in straight]
-    runs = [(straight, math.inf)] if not bent else [
-        _completed(searches, {**straight, i: value}, squares, data, limits) for i in bent for value, squares in _best(searches, i, straight, data)
-    ]
+    runs = (
+        [(straight, math.inf)]
+        if not bent
+        else [
+            _completed(searches, {**straight, i: value}, squares, data, limits)
+            for i in bent
+            for value, squares in _best(searches, i, straight, data)
+        ]
+    )
     runs.sort(key=lambda run: run[1])
     if len(bent) > 1:
         runs = [_swept(searches, chosen, left, bent, data, limits) for chosen, left in runs[:_KEPT]]
@@ -114,25 +169,42 @@ def _pursued(searches: Sequence[_TermSearch], x: FloatArray, y: FloatArray, weig
 
 
 def _completed(
-    searches: Sequence[_TermSearch], chosen: dict[int, FloatArray], left: float, data: _Data, limits: Mapping[str, Limits]
+    searches: Sequence[_TermSearch],
+    chosen: dict[int, FloatArray],
+    left: float,
+    data: _Data,
+    limits: Mapping[str, Limits],
 ) -> tuple[dict[int, FloatArray], float]:
-    """All terms and the squares they leave, from the terms `chosen`, which leave the squares `left`."""
+    """All terms and the squares they leave, from the terms `chosen`, which leave the squares
+    `left`.
+    """
     chosen, left = _polished(searches, chosen, left, data, limits)
     while len(chosen) < len(searches):
-        found = {i: _best(searches, i, chosen, data)[0] for i in range(len(searches)) if i not in chosen}
+        found = {
+            i: _best(searches, i, chosen, data)[0] for i in range(len(searches)) if i not in chosen
+        }
         first = min(found, key=lambda i: found[i][1])
-        chosen, left = _polished(searches, {**chosen, first: found[first][0]}, found[first][1], data, limits)
+        chosen, left = _polished(
+            searches, {**chosen, first: found[first][0]}, found[first][1], data, limits
+        )
     return chosen, left
 
 
 def _swept(
-    searches: Sequence[_TermSearch], chosen: dict[int, FloatArray], left: float, bent: Sequence[int], data: _Data, limits: Mapping[str, Limits]
+    searches: Sequence[_TermSearch],
+    chosen: dict[int, FloatArray],
+    left: float,
+    bent: Sequence[int],
+    data: _Data,
+    limits: Mapping[str, Limits],
 ) -> tuple[dict[int, FloatArray], float]:
     """The same after each bent term was looked for again beside the others."""
     for _ in range(_SWEEPS):
         before = left
         for i in bent:
-            value, squares = _best(searches, i, {j: other for j, other in chosen.items() if j != i}, data)[0]
+            value, squares = _best(
+                searches, i, {j: other for j, other in chosen.items() if j != i}, data
+            )[0]
             tried, squares = _polished(searches, {**chosen, i: value}, squares, data, limits)
             if squares < left:
                 chosen, left = tried, squares
@@ -154,20 +226,34 @@ class _Data:
         base = _basis(self.columns(searches, chosen))
         return np.asarray(self.y - base @ (base.T @ self.y))
 
-    def columns(self, searches: Sequence[_TermSearch], chosen: Mapping[int, FloatArray]) -> FloatArray:
+    def columns(
+        self, searches: Sequence[_TermSearch], chosen: Mapping[int, FloatArray]
+    ) -> FloatArray:
         """(n, n_obs) weighted curves of the terms."""
-        found = [searches[j].columns(self.x, bent[None, :])[0] * self.weight for j, bent in chosen.items()]
+        found = [
+            searches[j].columns(self.x, bent[None, :])[0] * self.weight
+            for j, bent in chosen.items()
+        ]
         return np.concatenate(found) if found else np.zeros((0, self.x.size))
 
 
 def _polished(
-    searches: Sequence[_TermSearch], chosen: dict[int, FloatArray], squares: float, data: _Data, limits: Mapping[str, Limits]
+    searches: Sequence[_TermSearch],
+    chosen: dict[int, FloatArray],
+    squares: float,
+    data: _Data,
+    limits: Mapping[str, Limits],
 ) -> tuple[dict[int, FloatArray], float]:
     """The same after a descent in all bent parameters, if that is better and within the limits."""
     from scipy.optimize import least_squares
 
-    names = {i: [searches[i].term.prefix + name for name in searches[i].term.model.bent] for i in chosen}
-    held = {i: [len(np.unique(searches[i].grid[:, k])) == 1 for k in range(len(names[i]))] for i in chosen}
+    names = {
+        i: [searches[i].term.prefix + name for name in searches[i].term.model.bent] for i in chosen
+    }
+    held = {
+        i: [len(np.unique(searches[i].grid[:, k])) == 1 for k in range(len(names[i]))]
+        for i in chosen
+    }
     free = [(i, k) for i in chosen for k in range(len(names[i])) if not held[i][k]]
     if not free:
         return chosen, squares
@@ -180,30 +266,52 @@ def _polished(
 
     def residuals(point: FloatArray) -> FloatArray:
         left = data.left(searches, at(point))
-        return left if np.all(np.isfinite(left)) else np.full(left.size, 1e3 * math.sqrt(squares + 1e-300))
+        return (
+            left
+            if np.all(np.isfinite(left))
+            else np.full(left.size, 1e3 * math.sqrt(squares + 1e-300))
+        )
 
     first = np.array([chosen[i][k] for i, k in free])
     with np.errstate(all="ignore"):
         size = math.sqrt(squares) or 1.0
-        found = least_squares(lambda point: residuals(point) / size, first, method="trf", x_scale="jac", max_nfev=_STEPS)
-    inside = all(_allowed(value, limits.get(names[i][k])) for (i, k), value in zip(free, found.x, strict=True))
+        found = least_squares(
+            lambda point: residuals(point) / size,
+            first,
+            method="trf",
+            x_scale="jac",
+            max_nfev=_STEPS,
+        )
+    inside = all(
+        _allowed(value, limits.get(names[i][k]))
+        for (i, k), value in zip(free, found.x, strict=True)
+    )
     after = 2.0 * float(found.cost) * size**2
     return (at(found.x), after) if inside and after < squares else (chosen, squares)
 
 
-def _best(searches: Sequence[_TermSearch], which: int, others: Mapping[int, FloatArray], data: _Data) -> list[tuple[FloatArray, float]]:
-    """Values of the grid of one term that leave the fewest squares beside the others, each with these squares; the best first, none like another."""
+def _best(
+    searches: Sequence[_TermSearch], which: int, others: Mapping[int, FloatArray], data: _Data
+) -> list[tuple[FloatArray, float]]:
+    """Values of the grid of one term that leave the fewest squares beside the others, each with
+    these squares; the best first, none like another.
+    """
     base = _basis(data.columns(searches, others))
     rest = data.y - base @ (base.T @ data.y)
     search = searches[which]
     size = max(1, _CHUNK // data.x.size)
     with np.errstate(all="ignore"):
         parts = [search.grid[k : k + size] for k in range(0, search.grid.shape[0], size)]
-        saved = np.concatenate([_saved(search.columns(data.x, part) * data.weight, base, rest) for part in parts])
+        saved = np.concatenate(
+            [_saved(search.columns(data.x, part) * data.weight, base, rest) for part in parts]
+        )
     order = np.argsort(-saved, kind="stable")[:_LOOKED_AT]
     order = order[saved[order] > -math.inf]
     if not order.size:
-        raise InputError(f"'{search.term.model.name}' has no finite value at these x: {search.term.expression}", field="curve")
+        raise InputError(
+            f"'{search.term.model.name}' has no finite value at these x: {search.term.expression}",
+            field="curve",
+        )
     columns = search.columns(data.x, search.grid[order])[:, 0] * data.weight
     columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)
     kept: list[int] = []
@@ -216,7 +324,9 @@ def _best(searches: Sequence[_TermSearch], which: int, others: Mapping[int, Floa
 
 
 def _saved(tried: FloatArray, base: FloatArray, rest: FloatArray) -> FloatArray:
-    """(n,) squares of `rest` that the columns tried (n, k, n_obs) explain beside the orthonormal `base`; -inf where one is not finite."""
+    """(n,) squares of `rest` that the columns tried (n, k, n_obs) explain beside the orthonormal
+    `base`; -inf where one is not finite.
+    """
     saved, taken = np.zeros(tried.shape[0]), list[FloatArray]()
     for k in range(tried.shape[1]):
         whole = np.linalg.norm(tried[:, k], axis=1, keepdims=True)
@@ -227,7 +337,9 @@ def _saved(tried: FloatArray, base: FloatArray, rest: FloatArray) -> FloatArray:
         left = np.linalg.norm(column, axis=1, keepdims=True)
         column = np.where(left > _FLAT, column / left, 0.0)
         taken.append(column)
-        saved = np.where(np.isfinite(whole[:, 0]) & (whole[:, 0] > 0.0), saved + (column @ rest) ** 2, -math.inf)
+        saved = np.where(
+            np.isfinite(whole[:, 0]) & (whole[:, 0] > 0.0), saved + (column @ rest) ** 2, -math.inf
+        )
     return saved
 
 
@@ -236,7 +348,9 @@ def _basis(columns: FloatArray) -> FloatArray:
     size = np.linalg.norm(columns, axis=1, keepdims=True)
     if not columns.size or not np.all(np.isfinite(columns)):
         return np.full((columns.shape[1], min(1, columns.shape[0])), np.nan)
-    left, singular, _ = np.linalg.svd((columns / np.where(size > 0.0, size, 1.0)).T, full_matrices=False)
+    left, singular, _ = np.linalg.svd(
+        (columns / np.where(size > 0.0, size, 1.0)).T, full_matrices=False
+    )
     return np.asarray(left[:, singular > _FLAT * singular[0]])
 
 
@@ -252,4 +366,8 @@ def _within(value: float, limits: Limits | None) -> float:
         return value
     if math.isfinite(low) and math.isfinite(high):
         return 0.5 * (low + high)
-    return (low + max(1.0, abs(low)) if math.isfinite(low) else high - max(1.0, abs(high))) if low > -math.inf or high < math.inf else value
+    return (
+        (low + max(1.0, abs(low)) if math.isfinite(low) else high - max(1.0, abs(high)))
+        if low > -math.inf or high < math.inf
+        else value
+    )

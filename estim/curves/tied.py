@@ -1,4 +1,6 @@
-"""Parameters of a curve that follow from others: `tied={"right_sigma": "left_sigma", "b": "2*a"}`."""
+"""Parameters of a curve that follow from others: `tied={"right_sigma": "left_sigma", "b":
+"2*a"}`.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,8 @@ from estim.problem import EXACT, Curve, LocalCurve
 class TiedCurve:
     """A curve some of whose arguments follow from the others; its own arguments are these others.
 
-    tied : argument of `curve` -> formula without x, each of the arguments or of those tied before it.
+    tied : argument of `curve` -> formula without x, each of the arguments or of those tied before
+        it.
     """
 
     curve: Curve
@@ -37,11 +40,16 @@ class TiedCurve:
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The chain rule, exact."""
-        known: dict[str, Any] = {name: Dual(np.asarray(value, dtype=float)[()], {name: 1.0}) for name, value in arguments.items()}
+        known: dict[str, Any] = {
+            name: Dual(np.asarray(value, dtype=float)[()], {name: 1.0})
+            for name, value in arguments.items()
+        }
         for name, formula in self.tied.items():
             known[name] = evaluate(formula.tree, known)
         inner = self.curve.local(x, {name: plain(value) for name, value in known.items()})
-        gradient = {name: partial for name, partial in inner.gradient.items() if name not in self.tied}
+        gradient = {
+            name: partial for name, partial in inner.gradient.items() if name not in self.tied
+        }
         for name in self.tied:
             partials = known[name].partials if isinstance(known[name], Dual) else {}
             for source, rate in partials.items():
@@ -53,35 +61,56 @@ def followed(tied: Mapping[str, Formula], arguments: Mapping[str, ArrayLike]) ->
     """`arguments` with the tied ones."""
     known = dict(arguments)
     for name, formula in tied.items():
-        known[name] = evaluate(formula.tree, {symbol: np.asarray(known[symbol], dtype=float)[()] for symbol in formula.names})
+        known[name] = evaluate(
+            formula.tree,
+            {symbol: np.asarray(known[symbol], dtype=float)[()] for symbol in formula.names},
+        )
     return known
 
 
 def read_tied(tied: Mapping[str, str], names: Collection[str]) -> dict[str, Formula]:
-    """Name -> formula of the parameters `names` or of those before it.  Raises InputError naming `tied`."""
+    """Name -> formula of the parameters `names` or of those before it.  Raises InputError naming
+    `tied`.
+    """
     check_names(tied, field="tied")
     read: dict[str, Formula] = {}
     for name, text in tied.items():
         if name in names:
-            raise InputError(f"names '{name}', which has a starting or a fixed value too: give it one of them", field="tied")
+            raise InputError(
+                f"names '{name}', which has a starting or a fixed value too: give it one of them",
+                field="tied",
+            )
         formula = read_formula(text, field=f"tied[{name}]")
         if formula.uses_x:
-            raise InputError("must not hold x: it is one number, not a curve", field=f"tied[{name}]", value=text)
+            raise InputError(
+                "must not hold x: it is one number, not a curve", field=f"tied[{name}]", value=text
+            )
         for symbol in formula.names:
             if symbol not in names and symbol not in read:
-                rule = f"names '{symbol}', which is neither a parameter nor tied before it ({', '.join([*names, *read])})"
+                rule = (
+                    f"names '{symbol}', which is neither a parameter nor tied before it "
+                    f"({', '.join([*names, *read])})"
+                )
                 raise InputError(rule, field=f"tied[{name}]", value=text)
         read[name] = formula
     return read
 
 
-def only_for_ties(curve: str | Formula | Callable[..., Any], tied: Mapping[str, Formula]) -> set[str]:
+def only_for_ties(
+    curve: str | Formula | Callable[..., Any], tied: Mapping[str, Formula]
+) -> set[str]:
     """Names in the formulas of `tied` that the curve itself does not take."""
     named = {symbol for formula in tied.values() for symbol in formula.names}
     if not callable(curve):
-        return named - set((curve if isinstance(curve, Formula) else read_formula(curve, field="curve")).names)
+        return named - set(
+            (curve if isinstance(curve, Formula) else read_formula(curve, field="curve")).names
+        )
     try:
         takes = inspect.signature(curve).parameters.values()
     except (TypeError, ValueError):
         return set()
-    return set() if any(one.kind is one.VAR_KEYWORD for one in takes) else named - {one.name for one in takes}
+    return (
+        set()
+        if any(one.kind is one.VAR_KEYWORD for one in takes)
+        else named - {one.name for one in takes}
+    )

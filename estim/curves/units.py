@@ -1,4 +1,6 @@
-"""Units of a formula's parameters from those of its axes: tau of `a*exp(-x/tau)` is in the unit of x, a in that of y."""
+"""Units of a formula's parameters from those of its axes: tau of `a*exp(-x/tau)` is in the unit of
+x, a in that of y.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +11,22 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from estim.common import InputError, in_unit, is_angle, is_in_degrees, powers_in, same_unit, with_unit
-from estim.curves.dimensions import angles_of, arc_among_terms, certain_dimensions, is_pure_in_angle, pure_angles
+from estim.common import (
+    InputError,
+    in_unit,
+    is_angle,
+    is_in_degrees,
+    powers_in,
+    same_unit,
+    with_unit,
+)
+from estim.curves.dimensions import (
+    angles_of,
+    arc_among_terms,
+    certain_dimensions,
+    is_pure_in_angle,
+    pure_angles,
+)
 from estim.curves.formula import Formula
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -28,12 +44,20 @@ class AxisNames:
     y_unit: str = "1"
 
 
-def units_of(curve: object, axes: AxisNames, names: Collection[str], *, density: bool | None = False) -> dict[str, str]:
-    """Name -> unit of those of `names` that a formula `curve` determines, whatever units the numbers in it may have.
+def units_of(
+    curve: object, axes: AxisNames, names: Collection[str], *, density: bool | None = False
+) -> dict[str, str]:
+    """Name -> unit of those of `names` that a formula `curve` determines, whatever units the
+    numbers in it may have.
 
-    density : whether the formula is y per unit of x (counts in bins); None where it has no unit at all (single events).
+    density : whether the formula is y per unit of x (counts in bins); None where it has no unit at
+        all (single events).
     """
-    if not isinstance(curve, Formula) or density is None or (axes.x_unit, axes.y_unit) == ("1", "1"):
+    if (
+        not isinstance(curve, Formula)
+        or density is None
+        or (axes.x_unit, axes.y_unit) == ("1", "1")
+    ):
         return {}
     found = certain_dimensions(curve, density=density, x_is=_x_is(axes))
     units = {name: _unit(*found[name], axes.x_unit, axes.y_unit) for name in names if name in found}
@@ -41,18 +65,30 @@ def units_of(curve: object, axes: AxisNames, names: Collection[str], *, density:
 
 
 def contradiction(
-    curve: object, axes: AxisNames, name: str, stated: str | None, *, density: bool | None, number: object = None
+    curve: object,
+    axes: AxisNames,
+    name: str,
+    stated: str | None,
+    *,
+    density: bool | None,
+    number: object = None,
 ) -> str | None:
-    """The rule that the unit stated for a parameter breaks, since the axes and the formula say another; None where nothing shows that.
+    """The rule that the unit stated for a parameter breaks, since the axes and the formula say
+    another; None where nothing shows that.
 
-    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing follows from it, unless y are counts in bins.
+    number : what was stated in that unit.  An axis in "1" may have a unit that nobody told: nothing
+        follows from it, unless y are counts in bins.
     """
     if stated is None or not isinstance(curve, Formula):
         return None
     power_x, power_y = _powers(curve, axes, name, stated, density)
     counts = bool(density and power_x)
     unknown = (power_x and axes.x_unit == "1") or (power_y and axes.y_unit == "1" and not counts)
-    follows = None if unknown else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=_IN_A_MESSAGE)
+    follows = (
+        None
+        if unknown
+        else _unit(power_x, power_y, axes.x_unit, axes.y_unit, longest=_IN_A_MESSAGE)
+    )
     if follows is None:
         return None
     of_y = (axes.y_unit, "1") if counts else (axes.y_unit,)
@@ -61,23 +97,52 @@ def contradiction(
         return None
     follows = "rad" if follows == "1" and is_angle(stated) else follows
     what = "a pure number" if follows == "1" else f"in {follows}"
-    said = f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
-    converted = in_unit(number, stated, follows) if isinstance(number, int | float) and not isinstance(number, bool) else None
+    said = (
+        f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
+    )
+    converted = (
+        in_unit(number, stated, follows)
+        if isinstance(number, int | float) and not isinstance(number, bool)
+        else None
+    )
     if converted is not None:
-        return f"{said}: write {with_unit(f'{converted:.6g}', follows)} for {with_unit(f'{number:g}', stated)}"
-    certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(name) == (power_x, power_y)
-    return said if certain or is_angle(stated) else f"{said} (a number in the formula that has a unit of its own is better a parameter with a value)"
+        return (
+            f"{said}: write {with_unit(f'{converted:.6g}', follows)} for "
+            f"{with_unit(f'{number:g}', stated)}"
+        )
+    certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(
+        name
+    ) == (power_x, power_y)
+    return (
+        said
+        if certain or is_angle(stated)
+        else f"{said} (a number in the formula that has a unit of its own is better a parameter "
+        "with a value)"
+    )
 
 
-def _powers(curve: Formula, axes: AxisNames, name: str, stated: str, density: bool | None) -> tuple[float, float]:
+def _powers(
+    curve: Formula, axes: AxisNames, name: str, stated: str, density: bool | None
+) -> tuple[float, float]:
     """Powers of the units of x and y that a parameter has for certain, nan where none follow."""
     if is_angle(stated) and name in pure_angles(curve):
         return 0.0, 0.0
-    return certain_dimensions(curve, density=density, x_is=_x_is(axes)).get(name, (math.nan, math.nan))
+    return certain_dimensions(curve, density=density, x_is=_x_is(axes)).get(
+        name, (math.nan, math.nan)
+    )
 
 
-def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], numbers: Mapping[str, float], *, density: bool | None) -> None:
-    """Raises InputError where a stated unit is another than the one that follows.  numbers : starts and values."""
+def check_units(
+    curve: object,
+    axes: AxisNames,
+    units: Mapping[str, str],
+    numbers: Mapping[str, float],
+    *,
+    density: bool | None,
+) -> None:
+    """Raises InputError where a stated unit is another than the one that follows.  numbers : starts
+    and values.
+    """
     for name, unit in units.items():
         rule = contradiction(curve, axes, name, unit, density=density, number=numbers.get(name))
         if rule is not None:
@@ -85,19 +150,41 @@ def check_units(curve: object, axes: AxisNames, units: Mapping[str, str], number
 
 
 def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
-    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, or an arctangent that gives them, as the axes say."""
+    """Raises InputError naming `field` for the sine, cosine or tangent of an angle in degrees, or
+    an arctangent that gives them, as the axes say.
+    """
     if not isinstance(curve, Formula):
         return
-    if is_angle(axes.y_unit) and same_unit(axes.y_unit, "rad") is False and (arc := arc_among_terms(curve.tree)) is not None:
+    if (
+        is_angle(axes.y_unit)
+        and same_unit(axes.y_unit, "rad") is False
+        and (arc := arc_among_terms(curve.tree)) is not None
+    ):
         written = ast.unparse(_Called(curve.variable).visit(copy.deepcopy(arc)))
-        cure = f"write degrees({written})" if is_in_degrees(axes.y_unit) else "write the column in radians"
-        raise InputError(f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}", field=field, value=curve.text)
+        cure = (
+            f"write degrees({written})"
+            if is_in_degrees(axes.y_unit)
+            else "write the column in radians"
+        )
+        raise InputError(
+            f"adds {written}, which is in radians, to give y in {axes.y_unit}: {cure}",
+            field=field,
+            value=curve.text,
+        )
     for function, angle, power in angles_of(curve):
         unit = axes.x_unit if power[0] else axes.y_unit
         if is_angle(unit) and same_unit(unit, "rad") is False and _turns_nothing(angle):
             written = _Called(curve.variable).visit(copy.deepcopy(angle))
-            cure = f"write {function}(radians({ast.unparse(written)}))" if is_in_degrees(unit) else "write the column in radians"
-            raise InputError(f"takes {function} of an angle in {unit}, but {function} takes radians: {cure}", field=field, value=curve.text)
+            cure = (
+                f"write {function}(radians({ast.unparse(written)}))"
+                if is_in_degrees(unit)
+                else "write the column in radians"
+            )
+            raise InputError(
+                f"takes {function} of an angle in {unit}, but {function} takes radians: {cure}",
+                field=field,
+                value=curve.text,
+            )
 
 
 class _Called(ast.NodeTransformer):
@@ -121,7 +208,11 @@ class _Called(ast.NodeTransformer):
 
 def _turns_nothing(angle: ast.expr) -> bool:
     """Whether no number in an angle turns it into radians."""
-    return all(is_pure_in_angle(node.value) for node in ast.walk(angle) if isinstance(node, ast.Constant) and isinstance(node.value, float))
+    return all(
+        is_pure_in_angle(node.value)
+        for node in ast.walk(angle)
+        if isinstance(node, ast.Constant) and isinstance(node.value, float)
+    )
 
 
 def _x_is(axes: AxisNames) -> Literal["an angle", "like y"] | None:
@@ -135,11 +226,16 @@ def _product(*powers: tuple[str, float]) -> str:
     return "·".join(f"({unit})^{power:g}" for unit, power in powers if power) or "1"
 
 
-def _unit(power_x: float, power_y: float, x_unit: str, y_unit: str, *, longest: int = _LONGEST) -> str | None:
+def _unit(
+    power_x: float, power_y: float, x_unit: str, y_unit: str, *, longest: int = _LONGEST
+) -> str | None:
     """x_unit**power_x * y_unit**power_y as text; None where it cannot be written shortly."""
     if not (power_x.is_integer() and power_y.is_integer()):
         return None
-    for power, unit, other, other_unit in ((power_x, x_unit, power_y, y_unit), (power_y, y_unit, power_x, x_unit)):
+    for power, unit, other, other_unit in (
+        (power_x, x_unit, power_y, y_unit),
+        (power_y, y_unit, power_x, x_unit),
+    ):
         if power == 1.0 and (other == 0.0 or other_unit == "1"):
             return unit
     factors: dict[str, int] = {}

@@ -1,7 +1,8 @@
 """A curve and a motion some arguments of which vary between runs:  a = mean + spread * shift.
 
-The mean and the spread are common to the runs, the shift is one run's (standard normal beforehand).  Their names are those of the argument with
-` spread` and ` shift` behind it; nobody further in knows of them.
+The mean and the spread are common to the runs, the shift is one run's (standard normal beforehand).
+Their names are those of the argument with ` spread` and ` shift` behind it; nobody further in knows
+of them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,17 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation
-from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Motion, Prior, SpeedCurve, SquaredCurve
+from estim.problem import (
+    CommonError,
+    Curve,
+    Derived,
+    Footing,
+    LocalCurve,
+    Motion,
+    Prior,
+    SpeedCurve,
+    SquaredCurve,
+)
 
 Arguments = Mapping[str, ArrayLike]
 
@@ -33,14 +44,18 @@ def own_values(arguments: Arguments, varied: Collection[str]) -> dict[str, Array
     held = {spread_of(name) for name in varied} | {shift_of(name) for name in varied}
     own = {name: value for name, value in arguments.items() if name not in held}
     for name in varied:
-        mean, spread, shift = (np.asarray(arguments[part]) for part in (name, spread_of(name), shift_of(name)))
+        mean, spread, shift = (
+            np.asarray(arguments[part]) for part in (name, spread_of(name), shift_of(name))
+        )
         own[name] = mean + spread * shift
     return own
 
 
 @dataclass(frozen=True, eq=False)
 class VaryingCurve:
-    """`curve` with arguments `varied`; with `time_derivative`, which positions in time have no use for."""
+    """`curve` with arguments `varied`; with `time_derivative`, which positions in time have no use
+    for.
+    """
 
     curve: SpeedCurve
     varied: tuple[str, ...]
@@ -55,7 +70,10 @@ class VaryingCurve:
         return self._varied(self.curve.local(x, own_values(arguments, self.varied)), arguments)
 
     def local_square(self, x: FloatArray, arguments: Arguments) -> LocalCurve:
-        return self._varied(cast(SquaredCurve, self.curve).local_square(x, own_values(arguments, self.varied)), arguments)
+        return self._varied(
+            cast(SquaredCurve, self.curve).local_square(x, own_values(arguments, self.varied)),
+            arguments,
+        )
 
     def _varied(self, local: LocalCurve, arguments: Arguments) -> LocalCurve:
         gradient = {}
@@ -107,14 +125,21 @@ class VaryingMotion:
     def radian(self, arguments: Arguments) -> ArrayLike:
         return self.motion.radian(own_values(arguments, self.varied))
 
-    def energies(self, x: FloatArray, v: FloatArray, arguments: Arguments) -> tuple[FloatArray, FloatArray]:
+    def energies(
+        self, x: FloatArray, v: FloatArray, arguments: Arguments
+    ) -> tuple[FloatArray, FloatArray]:
         return self.motion.energies(x, v, own_values(arguments, self.varied))
 
-    def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
+    def errors_in_common(
+        self, curve: Curve, arguments: Mapping[str, str | float]
+    ) -> tuple[CommonError, ...]:
         """Of a curve that varies."""
         assert isinstance(curve, VaryingCurve)
         found = self.motion.errors_in_common(curve.curve, arguments)
-        return tuple(replace(one, curve=VaryingCurve(cast(SpeedCurve, one.curve), self.varied)) for one in found)
+        return tuple(
+            replace(one, curve=VaryingCurve(cast(SpeedCurve, one.curve), self.varied))
+            for one in found
+        )
 
     def derived(self, arguments: Arguments) -> Mapping[str, Derived]:
         return self.motion.derived(own_values(arguments, self.varied))

@@ -1,4 +1,6 @@
-"""What the curve lacks, as covariance: a force along a track, deviations, errors correlated in time.  Read `components` first, then `posing`."""
+"""What the curve lacks, as covariance: a force along a track, deviations, errors correlated in
+time.  Read `components` first, then `posing`.
+"""
 
 from estim.deviation.without_force import log_rescaled, log_restarted, pose_without_force
 from estim.deviation.autocorrelated import AutoCorrelated

@@ -1,4 +1,6 @@
-"""Stated noise whose errors follow each other: those of successive readings are correlated by a fixed number."""
+"""Stated noise whose errors follow each other: those of successive readings are correlated by a
+fixed number.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,8 @@ from estim.problem import Differences, GaussianErrors, Named, Points
 
 @dataclass(frozen=True, eq=False)
 class AutoCorrelated(Stated):
-    """Errors of readings with corr(e_i, e_j) = correlation^|i - j| (AR(1)), of the stated size; readings in the order of their times.
+    """Errors of readings with corr(e_i, e_j) = correlation^|i - j| (AR(1)), of the stated size;
+    readings in the order of their times.
 
     Speeds made of positions: of the positions.  A further scatter stays white.
     """
@@ -20,8 +23,14 @@ class AutoCorrelated(Stated):
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         stated = self.base.likelihood(points, named)
         matrix = self.base.of_positions(points, named)
-        matrix = Differences.of_single(points.x.size).rows_times(self.base.reading_gain()) if matrix is None else matrix
-        return GaussianErrors.of_readings(points, self.base.size, matrix, points.y - stated.y, correlation=self.correlation)
+        matrix = (
+            Differences.of_single(points.x.size).rows_times(self.base.reading_gain())
+            if matrix is None
+            else matrix
+        )
+        return GaussianErrors.of_readings(
+            points, self.base.size, matrix, points.y - stated.y, correlation=self.correlation
+        )
 
     def for_search(self) -> AutoCorrelated:
         return self

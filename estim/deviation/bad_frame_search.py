@@ -1,23 +1,30 @@
-"""Bad frames: which readings of a run are shifted, found by a scan beside the unmodelled force, and held as further unknowns.
+"""Bad frames: which readings of a run are shifted, found by a scan beside the unmodelled force, and
+held as further unknowns.
 
 Patterns of the readings of a run, one for each frame k, their size unknown:
 
-    "step"    every reading from frame k on is shifted (counts of an encoder lost or gained, a mark that was lost and found beside)
+    "step"    every reading from frame k on is shifted (counts of an encoder lost or gained, a mark
+    that was lost and found beside)
     "frame"   one reading is shifted (a slip of the hand, a wrong time stamp)
-    "clock"   every time from frame k on is wrong, by a whole number of frames that were lost unnoticed or counted twice
+    "clock"   every time from frame k on is wrong, by a whole number of frames that were lost
+    unnoticed or counted twice
 
-With r, J and the components C_c of the force (`linearised`), w_c their probabilities, P_c the precision left when the parameters are fit too:
+With r, J and the components C_c of the force (`linearised`), w_c their probabilities, P_c the
+precision left when the parameters are fit too:
 
     B_k = sum_c w_c (1 + S^2 q)^(-1/2) exp{g^2/[2 (q + S^-2)]},    q = h^T P_c h,    g = h^T P_c r
 
-is the Bayes factor for a pattern h of size N(0, S^2); S is 10, 100 or 1000 standard deviations of a reading, equally probable; for a known size
-(one, two or three frames lost, one counted twice) it is exp(g s - q s^2/2).  A recording has a
-bad frame with probability 1/4 beforehand, shared evenly by all patterns; the best pattern is taken where the odds are above 1, and the scan begins
-anew.  Where nothing is wrong B_k is 1 on average, so the accused are at most a quarter (Markov's inequality); measured: 1 of 150 clean recordings,
-2 of 300 with other faults (ramp, correlated or uneven errors, blur, jitter).
+is the Bayes factor for a pattern h of size N(0, S^2); S is 10, 100 or 1000 standard deviations of a
+reading, equally probable; for a known size (one, two or three frames lost, one counted twice) it is
+exp(g s - q s^2/2).  A recording has a bad frame with probability 1/4 beforehand, shared evenly by
+all patterns; the best pattern is taken where the odds are above 1, and the scan begins anew.  Where
+nothing is wrong B_k is 1 on average, so the accused are at most a quarter (Markov's inequality);
+measured: 1 of 150 clean recordings, 2 of 300 with other faults (ramp, correlated or uneven errors,
+blur, jitter).
 
-What was found stays in the posterior as one column of unknown size each: nothing is repaired, the data say how large it is.  Speeds by differences
-are evaluated where the readings were without the shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
+What was found stays in the posterior as one column of unknown size each: nothing is repaired, the
+data say how large it is.  Speeds by differences are evaluated where the readings were without the
+shift (`moved`), since the curve bends too sharply near a turning point for a linear law.
 """
 
 from __future__ import annotations
@@ -48,10 +55,14 @@ _WIDE = 30.0  # times what was found: sd of a size that is left to the data
 class Frames:
     """What was read of a run, row by row, and what a shift of a reading does to its points.
 
-    t : (n_row,) s, nan where unknown.  x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
-    matrix : A (n_obs, n_row).  velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
-    sd : of a typical reading.  in_sequence : whether readings follow each other, so that a shift can stay.
-    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None where abscissas are not what is shifted.
+    t : (n_row,) s, nan where unknown.
+    x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
+    matrix : A (n_obs, n_row).
+    velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
+    sd : of a typical reading.
+    in_sequence : whether readings follow each other, so that a shift can stay.
+    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None
+        where abscissas are not what is shifted.
     """
 
     t: FloatArray
@@ -73,13 +84,18 @@ class Frames:
         """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
         rows = np.arange(self.t.size)
         whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
-        shifts = [whole[one.kind] * ((rows == one.row) if one.kind == "frame" else (rows >= one.row)) for one in patterns]
+        shifts = [
+            whole[one.kind] * ((rows == one.row) if one.kind == "frame" else (rows >= one.row))
+            for one in patterns
+        ]
         return self.matrix @ np.array(shifts).T
 
     def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
         """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
         each = self.matrix.back(columns)  # of a shift of one reading
-        later, moved = (np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each))
+        later, moved = (
+            np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each)
+        )
         kinds = {"frame": each, "step": later, "clock": moved}
         found = np.empty((len(patterns), columns.shape[1]))
         for kind, values in kinds.items():
@@ -94,7 +110,8 @@ class Pattern:
 
     row: int
     kind: str
-    unit: float  # that sizes are counted in: what moves the readings by one standard deviation, or a frame
+    # that sizes are counted in: what moves the readings by one standard deviation, or a frame
+    unit: float
     whole: bool = False  # whether the size is a number of frames
 
 
@@ -102,9 +119,13 @@ class Pattern:
 class Jump:
     """A bad frame that was found.
 
-    kind : of `Pattern`.  row : of the readings.  t, x, line : when, where, and on which line of the file; nan, 0 where unknown.
-    size, sd : of the shift, unit of a reading, or s for "clock".  before : t of the reading before it.  interval : s, between readings.
-    probability : that something is wrong there.  share : how much of that belongs to this frame and kind.
+    kind : of `Pattern`.
+    row : of the readings.  t, x, line : when, where, and on which line of the file; nan, 0 where
+        unknown.
+    size, sd : of the shift, unit of a reading, or s for "clock".
+    before : t of the reading before it.  interval : s, between readings.
+    probability : that something is wrong there.
+    share : how much of that belongs to this frame and kind.
     column : (n_obs,) what it does to the points at one standard deviation of its prior.
     """
 
@@ -126,7 +147,8 @@ class Jump:
 class BadFrames:
     """jumps : in the order of time.  crowd : whether there are more than `MOST`.
 
-    shift_x, shift_y : (n_obs,) what they did to the points, as far as it is taken out before the curve is evaluated; None for nothing.
+    shift_x, shift_y : (n_obs,) what they did to the points, as far as it is taken out before the
+        curve is evaluated; None for nothing.
     """
 
     jumps: tuple[Jump, ...] = ()
@@ -135,46 +157,72 @@ class BadFrames:
     shift_y: FloatArray | None = None
 
     def moved(self, points: Points) -> Points:
-        """The points without the shifts that were found; the columns say how uncertain these are."""
+        """The points without the shifts that were found; the columns say how uncertain these
+        are.
+        """
         if self.shift_x is None or self.shift_y is None:
             return points
         return replace(points, x=points.x - self.shift_x, y=points.y - self.shift_y)
 
     def same(self, other: BadFrames) -> bool:
         """Whether they are the same frames."""
-        return [(jump.kind, jump.row) for jump in self.jumps] == [(jump.kind, jump.row) for jump in other.jumps]
+        return [(jump.kind, jump.row) for jump in self.jumps] == [
+            (jump.kind, jump.row) for jump in other.jumps
+        ]
 
     def columns(self, n_obs: int) -> FloatArray:
         """(n_obs, n_jump)."""
-        return np.column_stack([jump.column for jump in self.jumps]) if self.jumps else np.zeros((n_obs, 0))
+        return (
+            np.column_stack([jump.column for jump in self.jumps])
+            if self.jumps
+            else np.zeros((n_obs, 0))
+        )
 
 
 NONE = BadFrames()
 
 
 def find_bad_frames(
-    deviation: Deviation, frames: Frames, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: FloatArray,
+    deviation: Deviation,
+    frames: Frames,
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    *,
+    precision: FloatArray,
+    pull: FloatArray,
     known: BadFrames = NONE,
 ) -> BadFrames:
     """The bad frames of a run, one after the other; the other arguments are those of `linearise`.
 
-    known : found about another point of linearisation; those that now come out smaller than 2.5 of their sds are dropped.
+    known : found about another point of linearisation; those that now come out smaller than 2.5 of
+        their sds are dropped.
     """
     patterns = _patterns(frames)
     taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
     found = [
         (pattern, _WIDE * abs(jump.size), jump.probability, jump.share)
-        for pattern in patterns if (jump := before.get((pattern.kind, pattern.row))) is not None
+        for pattern in patterns
+        if (jump := before.get((pattern.kind, pattern.row))) is not None
     ]
     n_par = jacobian.shape[1]
     crowd, units = False, np.array([pattern.unit for pattern in patterns])
     square = _squares(deviation, frames, patterns) * units**2
     while True:
-        columns = frames.columns([one for one, *_ in found]) * [wide for _, wide, *_ in found] if found else np.zeros((residuals.size, 0))
+        columns = (
+            frames.columns([one for one, *_ in found]) * [wide for _, wide, *_ in found]
+            if found
+            else np.zeros((residuals.size, 0))
+        )
         n = len(found)
         whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
-        linear = linearise(deviation, residuals, np.hstack([jacobian, columns]), precision=whole, pull=np.r_[pull, np.zeros(n)])
+        linear = linearise(
+            deviation,
+            residuals,
+            np.hstack([jacobian, columns]),
+            precision=whole,
+            pull=np.r_[pull, np.zeros(n)],
+        )
         logs, sizes = _scan(linear, frames, patterns, units, square)
         total = float(np.logaddexp.reduce(logs))
         if total <= 0.0:
@@ -183,15 +231,28 @@ def find_bad_frames(
             crowd = True
             break
         best = int(np.argmax(logs))
-        wide = _WIDE * max(abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit)
-        found.append((patterns[best], wide, float(1.0 / (1.0 + np.exp(-min(total, 700.0)))), float(np.exp(logs[best] - total))))
+        wide = _WIDE * max(
+            abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit
+        )
+        found.append(
+            (
+                patterns[best],
+                wide,
+                float(1.0 / (1.0 + np.exp(-min(total, 700.0)))),
+                float(np.exp(logs[best] - total)),
+            )
+        )
     mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
     jumps = []
     for i, (pattern, wide, probability, share) in enumerate(found):
         jump = before.get((pattern.kind, pattern.row))
-        size = float(mean[i]) * wide + (taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0)
+        size = float(mean[i]) * wide + (
+            taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0
+        )
         if abs(size) > _STILL * float(sds[i]) * wide:
-            jumps.append(_named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share))
+            jumps.append(
+                _named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share)
+            )
     jumps.sort(key=lambda jump: jump.row)
     return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
 
@@ -209,22 +270,46 @@ def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, F
     return there, frames.matrix @ shift + frames.slope * there
 
 
-def _named(frames: Frames, pattern: Pattern, wide: float, size: float, sd: float, probability: float, share: float) -> Jump:
+def _named(
+    frames: Frames,
+    pattern: Pattern,
+    wide: float,
+    size: float,
+    sd: float,
+    probability: float,
+    share: float,
+) -> Jump:
     row = pattern.row
     return Jump(
-        pattern.kind, row, float(frames.t[row]), float(frames.x[row]), int(frames.lines[row]), float(frames.t[max(row - 1, 0)]),
-        frames.interval, size, sd, probability, share, frames.columns([pattern])[:, 0] * wide,
+        pattern.kind,
+        row,
+        float(frames.t[row]),
+        float(frames.x[row]),
+        int(frames.lines[row]),
+        float(frames.t[max(row - 1, 0)]),
+        frames.interval,
+        size,
+        sd,
+        probability,
+        share,
+        frames.columns([pattern])[:, 0] * wide,
     )
 
 
 def _patterns(frames: Frames) -> tuple[Pattern, ...]:
-    """Those that do something to the points, each once: a step at the first or last frame is that frame alone."""
+    """Those that do something to the points, each once: a step at the first or last frame is that
+    frame alone.
+    """
     used = np.flatnonzero(frames.matrix.used)
     inside = used[2:-1] if frames.in_sequence else used[:0]
     moving = np.flatnonzero(frames.velocity)
     found = [Pattern(int(row), "frame", frames.sd) for row in used]
     found += [Pattern(int(row), "step", frames.sd) for row in inside]
-    found += [Pattern(int(row), "clock", frames.interval, whole=True) for row in inside if moving.size and row <= moving[-1]]
+    found += [
+        Pattern(int(row), "clock", frames.interval, whole=True)
+        for row in inside
+        if moving.size and row <= moving[-1]
+    ]
     return tuple(found)
 
 
@@ -239,11 +324,17 @@ def _squares(deviation: Deviation, frames: Frames, patterns: Sequence[Pattern]) 
 
 
 def _scan(
-    linear: Linearised, frames: Frames, patterns: Sequence[Pattern], units: FloatArray, square: FloatArray
+    linear: Linearised,
+    frames: Frames,
+    patterns: Sequence[Pattern],
+    units: FloatArray,
+    square: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """(n_pattern,) log of prior times Bayes factor of each pattern, and the size at which it is best under the most probable component.
+    """(n_pattern,) log of prior times Bayes factor of each pattern, and the size at which it is
+    best under the most probable component.
 
-    units : (n_pattern,) that sizes are counted in.  square : (n_pattern,) of whitened patterns, in these.
+    units : (n_pattern,) that sizes are counted in.
+    square : (n_pattern,) of whitened patterns, in these.
     """
     deviation = linear.deviation
     r, j = deviation.whiten(linear.residuals), deviation.whiten(linear.jacobian.T).T
@@ -253,7 +344,9 @@ def _scan(
     felt = units[:, None] * frames.felt(patterns, deviation.turned_back(everything.T).T)
     with_j, with_r, *seen_by = np.split(felt, ends[:-1], axis=1)
     with_r = with_r[:, 0]
-    logs, sizes, most = np.full(len(patterns), -np.inf), np.zeros(len(patterns)), np.full(len(patterns), -np.inf)
+    logs = np.full(len(patterns), -np.inf)
+    sizes = np.zeros(len(patterns))
+    most = np.full(len(patterns), -np.inf)
     whole, start = np.array([pattern.whole for pattern in patterns]), 0
     for lean, shown in zip(families, seen_by, strict=True):
         own = slice(start, start + lean.amplitude.size)
@@ -261,16 +354,27 @@ def _scan(
         seen, turned, told = shown.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
-            1.0 / lean.variances() - white[:, None], white, linear.weights[own], linear.steps[own], linear.covariances[own], strict=True
+            1.0 / lean.variances() - white[:, None],
+            white,
+            linear.weights[own],
+            linear.steps[own],
+            linear.covariances[own],
+            strict=True,
         ):
             if weight == 0.0:
                 continue
             lever = flat * with_j + (seen.T * gain) @ turned
             left = flat * with_r + (seen.T * gain) @ told - lever @ step
-            size = flat * square + gain @ np.square(seen) - np.einsum("ki,ij,kj->k", lever, cov, lever)
+            size = (
+                flat * square + gain @ np.square(seen) - np.einsum("ki,ij,kj->k", lever, cov, lever)
+            )
             size = np.maximum(size, 1e-12 * flat * square + 1e-300)
-            any_size = _mean([-0.5 * np.log1p(s**2 * size) + 0.5 * left**2 / (size + s**-2.0) for s in _SIZES])
-            one = np.log(weight) + np.where(whole, _mean([left * s - 0.5 * size * s**2 for s in _LOST]), any_size)
+            any_size = _mean(
+                [-0.5 * np.log1p(s**2 * size) + 0.5 * left**2 / (size + s**-2.0) for s in _SIZES]
+            )
+            one = np.log(weight) + np.where(
+                whole, _mean([left * s - 0.5 * size * s**2 for s in _LOST]), any_size
+            )
             better = one > most
             sizes, most = np.where(better, left / size, sizes), np.where(better, one, most)
             np.logaddexp(logs, one, out=logs)

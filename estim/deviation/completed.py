@@ -1,9 +1,11 @@
-"""The curve of a run together with what it lacks: where the body was in truth, at draws of the parameters, for bands.
+"""The curve of a run together with what it lacks: where the body was in truth, at draws of the
+parameters, for bands.
 
     v^2 = f(x; p)^2 + 2 acceleration e(x)/D,    e(x) = E0 + int_0^x force dx'
 
-Given a draw p and a component of the mixture, e at all places is normal: its mean follows the residuals that p leaves, its spread is what
-the data leave open.  In v^2 this is exact also where the body hardly moves.
+Given a draw p and a component of the mixture, e at all places is normal: its mean follows the
+residuals that p leaves, its spread is what the data leave open.  In v^2 this is exact also where
+the body hardly moves.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ from estim.problem import Motion, Named, Points
 class Completed:
     """What the curve of a run of speeds lacks, given the points.
 
-    mixture, formed : of `MixtureErrors`.  along : the track and the responses that the mixture was made with.
+    mixture, formed : of `MixtureErrors`.
+    along : the track and the responses that the mixture was made with.
     """
 
     points: Points
@@ -36,16 +39,22 @@ class Completed:
     formed: Residuals
     along: Along
 
-    def gained(self, x: FloatArray, named: Named, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """What start and force add to v^2 (n_draw, n_x) at places x, and the scale of the readings' noise (n_draw,), one of each for a draw.
+    def gained(
+        self, x: FloatArray, named: Named, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """What start and force add to v^2 (n_draw, n_x) at places x, and the scale of the readings'
+        noise (n_draw,), one of each for a draw.
 
         One error for all places of a draw, so that bands are smooth.
         """
         residuals = self.formed.at(self.points, named)
         logs = self.mixture.log_components(residuals)
-        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)  # a component with its probability
+        # a component with its probability
+        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
         energy, scale = np.zeros((chosen.size, x.size)), np.ones(chosen.size)
-        errors, z, start = rng.standard_normal((chosen.size, 1)), self.mixture.deviation.whiten(residuals), 0
+        errors = rng.standard_normal((chosen.size, 1))
+        z = self.mixture.deviation.whiten(residuals)
+        start = 0
         for family in self.mixture.deviation.families:
             unit = _Unit.of(self, family, x)
             for k in range(family.amplitude.size):
@@ -56,13 +65,19 @@ class Completed:
             start += family.amplitude.size
         arguments = self.points.bind(named)
         metres = np.asarray(self.motion.metres(arguments))
-        lift = np.asarray(self.motion.gravity(arguments)) * metres / self.motion.energies(x, np.ones(x.size), arguments)[0]
+        lift = (
+            np.asarray(self.motion.gravity(arguments))
+            * metres
+            / self.motion.energies(x, np.ones(x.size), arguments)[0]
+        )
         return np.asarray(energy * lift), scale
 
 
 @dataclass(frozen=True, eq=False)
 class _Unit:
-    """Of the energy at places x: covariance (n_x, n_obs) with the whitened points and variance (n_x,), for a force of unit amplitude and a push."""
+    """Of the energy at places x: covariance (n_x, n_obs) with the whitened points and variance
+    (n_x,), for a force of unit amplitude and a push.
+    """
 
     force: FloatArray
     force_variance: FloatArray
@@ -72,13 +87,24 @@ class _Unit:
     @classmethod
     def of(cls, completed: Completed, family: Family, x: FloatArray) -> _Unit:
         along, whiten = completed.along, completed.mixture.deviation.whiten
-        kernel = without_mean(force_kernel(along.track, family.length, radius=along.radian), along.track.weights)
+        kernel = without_mean(
+            force_kernel(along.track, family.length, radius=along.radian), along.track.weights
+        )
         done = work_along(along.track, x)
         sd = START_SD * along.radian
-        return cls(whiten(done @ kernel @ along.response.force.T), np.einsum("ij,jk,ik->i", done, kernel, done), sd * whiten(along.push), sd**2)
+        return cls(
+            whiten(done @ kernel @ along.response.force.T),
+            np.einsum("ij,jk,ik->i", done, kernel, done),
+            sd * whiten(along.push),
+            sd**2,
+        )
 
-    def given(self, columns: FloatArray, family: Family, k: int, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean (n_draw, n_x) and standard deviation (n_x,) of the energy for whitened residuals z (n_draw, n_obs), under component k."""
+    def given(
+        self, columns: FloatArray, family: Family, k: int, z: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Mean (n_draw, n_x) and standard deviation (n_x,) of the energy for whitened residuals z
+        (n_draw, n_obs), under component k.
+        """
         white, strength = 1.0 / family.scale[k] ** 2, family.amplitude[k] ** 2
         gain = 1.0 / (family.scale[k] ** 2 + strength * family.spectrum) - white
 
@@ -88,6 +114,12 @@ class _Unit:
 
         along = strength * self.force + self.push
         answer, pushed = solved(along), solved(columns.T)
-        answer -= (answer @ columns) @ np.linalg.solve(np.eye(columns.shape[1]) + columns.T @ pushed.T, pushed)
-        variance = strength * self.force_variance + self.push_variance - np.einsum("ij,ij->i", answer, along)
+        answer -= (answer @ columns) @ np.linalg.solve(
+            np.eye(columns.shape[1]) + columns.T @ pushed.T, pushed
+        )
+        variance = (
+            strength * self.force_variance
+            + self.push_variance
+            - np.einsum("ij,ij->i", answer, along)
+        )
         return z @ answer.T, np.sqrt(np.maximum(variance, 0.0))

@@ -1,10 +1,13 @@
-"""A deviation of unknown size and length beside the noise: a mixture of normal distributions that share a few diagonalisations.
+"""A deviation of unknown size and length beside the noise: a mixture of normal distributions that
+share a few diagonalisations.
 
-    C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)        C0: stated covariance of the readings, K_l: what a deviation of unit amplitude does to them
+    C_k = s^2 C0 + a^2 K_l,    k = (l, s, a)        C0: stated covariance of the readings, K_l: what
+    a deviation of unit amplitude does to them
 
-`diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one decomposition, and every amplitude and
-noise scale after that is a vector, s^2 + a^2 Lambda.  `estim.deviation.linearised` says how probable each is, `estim.deviation.mixture` keeps
-what matters and evaluates draws.
+`diagonalise` makes the grid: with C0 = W W^T and W^-1 K_l W^-T = V Lambda V^T each length needs one
+decomposition, and every amplitude and noise scale after that is a vector, s^2 + a^2 Lambda.
+`estim.deviation.linearised` says how probable each is, `estim.deviation.mixture` keeps what matters
+and evaluates draws.
 """
 
 from __future__ import annotations
@@ -24,8 +27,10 @@ from estim.problem import Root, root_of
 class Shape:
     """One kind and length of deviation, for unit amplitude, and its log prior probability.
 
-    kind : a word for it ("force", "deviation", "time").  length : its correlation length, in the unit of its own axis.
-    factor : (n_obs, n_cause) X, covariance X X^T in the observations: what independent causes of unit size do to them.
+    kind : a word for it ("force", "deviation", "time").
+    length : its correlation length, in the unit of its own axis.
+    factor : (n_obs, n_cause) X, covariance X X^T in the observations: what independent causes of
+        unit size do to them.
     """
 
     kind: str
@@ -45,9 +50,11 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """The components of one shape, diagonal in one basis of the whitened observations: variances scale^2 + amplitude^2 spectrum.
+    """The components of one shape, diagonal in one basis of the whitened observations: variances
+    scale^2 + amplitude^2 spectrum.
 
-    basis : (n_obs, n_dir) orthonormal columns; outside them the variance is scale^2 alone.  spectrum : (n_dir,).
+    basis : (n_obs, n_dir) orthonormal columns; outside them the variance is scale^2 alone.
+    spectrum : (n_dir,).
     amplitude, scale, log_prior : (n_component,).
     """
 
@@ -65,7 +72,15 @@ class Family:
 
     def chosen(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Family:
         """The family with some of its components alone."""
-        return Family(self.kind, self.length, self.basis, self.spectrum, self.amplitude[keep], self.scale[keep], self.log_prior[keep])
+        return Family(
+            self.kind,
+            self.length,
+            self.basis,
+            self.spectrum,
+            self.amplitude[keep],
+            self.scale[keep],
+            self.log_prior[keep],
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +99,21 @@ class Deviation:
         return self.root.n_obs
 
     def whiten(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., n_obs) of observations in units of the stated noise, without its correlation."""
+        """Rows (..., n_obs) of observations in units of the stated noise, without its
+        correlation.
+        """
         return self.root.whiten(rows)
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., n_obs): what is a slope in whitened observations as a slope in the observations."""
+        """Rows (..., n_obs): what is a slope in whitened observations as a slope in the
+        observations.
+        """
         return self.root.turned_back(rows)
 
     def column(self, name: str) -> FloatArray:
-        """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the families."""
+        """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the
+        families.
+        """
         return np.concatenate([getattr(family, name) for family in self.families])
 
     def lengths(self) -> FloatArray:
@@ -102,7 +123,8 @@ class Deviation:
 
 
 def diagonalise(base: FloatArray | Root, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
-    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), in the square of the unit of the readings, or its root.
+    """The components for a stated covariance `base`, (n_obs,) variances or (n_obs, n_obs), in the
+    square of the unit of the readings, or its root.
 
     Components without a deviation are the same for every shape and stand in the first family alone.
     Raises InputError where `base` is not positive definite, or where there is no shape.
@@ -110,12 +132,22 @@ def diagonalise(base: FloatArray | Root, shapes: tuple[Shape, ...], grid: Grid) 
     if not shapes:
         raise InputError("must name at least one shape of deviation", field="shapes")
     root = _root(base) if isinstance(base, np.ndarray) else base
-    amplitude, scale = (values.ravel() for values in np.meshgrid(grid.amplitudes, grid.scales, indexing="ij"))
+    amplitude, scale = (
+        values.ravel() for values in np.meshgrid(grid.amplitudes, grid.scales, indexing="ij")
+    )
     log_prior = np.add.outer(grid.log_amplitudes, grid.log_scales).ravel()
     families = []
     for i, shape in enumerate(shapes):
         spectrum, basis = _principal(root.whiten(shape.factor.T).T)
-        held = Family(shape.kind, shape.length, basis, spectrum, amplitude, scale, log_prior + shape.log_prior * (amplitude > 0.0))
+        held = Family(
+            shape.kind,
+            shape.length,
+            basis,
+            spectrum,
+            amplitude,
+            scale,
+            log_prior + shape.log_prior * (amplitude > 0.0),
+        )
         families.append(held if i == 0 else held.chosen(amplitude > 0.0))
     return Deviation(root, tuple(families))
 
@@ -130,7 +162,9 @@ def _root(base: FloatArray) -> Root:
 
 
 def _principal(factor: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvalues (n_dir,) and eigenvectors (n_obs, n_dir) of X X^T, those of value 0 left out where X has fewer columns than rows."""
+    """Eigenvalues (n_dir,) and eigenvectors (n_obs, n_dir) of X X^T, those of value 0 left out
+    where X has fewer columns than rows.
+    """
     if factor.shape[1] < factor.shape[0]:
         basis, root, _ = np.linalg.svd(factor, full_matrices=False)
         return np.square(root), basis

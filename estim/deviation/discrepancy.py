@@ -1,9 +1,12 @@
-"""From a fit of a user's own curve with independent errors to noise with what the curve lacks, made once and held.
+"""From a fit of a user's own curve with independent errors to noise with what the curve lacks, made
+once and held.
 
-    fit with independent errors -> linearise -> which deviations are how probable -> `WithDeviation`, and the deviation for a reader
+    fit with independent errors -> linearise -> which deviations are how probable ->
+    `WithDeviation`, and the deviation for a reader
 
-The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated errors is twice the residuals' standard
-deviation, or the stated one where that is larger: the prior is flat over all smaller sizes in any case.
+The scale of a smooth deviation is the user's, who knows what y may be off by.  That of correlated
+errors is twice the residuals' standard deviation, or the stated one where that is larger: the prior
+is flat over all smaller sizes in any case.
 """
 
 from __future__ import annotations
@@ -30,7 +33,14 @@ from estim.deviation.grid import SPIKE, Grid
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import WithMixture, normal_covariance
-from estim.deviation.posing import TrialInformation, as_prior, growth_over, information_of_run, likelihood_information, linear_groups
+from estim.deviation.posing import (
+    TrialInformation,
+    as_prior,
+    growth_over,
+    information_of_run,
+    likelihood_information,
+    linear_groups,
+)
 from estim.deviation.residual_part import ResidualPart, see_deviation
 from estim.deviation.residuals import Residuals
 from estim.problem import Discrepancy, Observations, Problem, Root, Wording
@@ -49,19 +59,29 @@ class WithDeviation(WithMixture):
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
         if not self.lacks.stated:
-            stated = phrase("errors of {what}, marginalised over their size", what=phrase(words.what))
+            stated = phrase(
+                "errors of {what}, marginalised over their size", what=phrase(words.what)
+            )
         beside = [phrase("a smooth deviation from the curve")] if self.lacks.deviation else []
-        beside += [phrase("errors that are correlated between successive readings")] if self.lacks.along is not None else []
-        return phrase("{stated}; in addition, {what}", stated=stated, what=phrase(" or ").join(beside))
+        beside += (
+            [phrase("errors that are correlated between successive readings")]
+            if self.lacks.along is not None
+            else []
+        )
+        return phrase(
+            "{stated}; in addition, {what}", stated=stated, what=phrase(" or ").join(beside)
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class DeviationSize:
     """One way to read what the curve lacks.
 
-    share : probability that it is there.  long : that it is there and changes as slowly as a trend (`generic.LONG`).
+    share : probability that it is there.
+    long : that it is there and changes as slowly as a trend (`generic.LONG`).
     scale : of the prior of its amplitude, unit of y.
-    amplitude, length : quantiles 0.16, 0.5, 0.84 if it is there, in the units of y and of x (of a step where errors follow each other in order).
+    amplitude, length : quantiles 0.16, 0.5, 0.84 if it is there, in the units of y and of x (of a
+        step where errors follow each other in order).
     """
 
     share: float
@@ -75,15 +95,21 @@ class DeviationSize:
 class FoundDeviation:
     """What the curve of one run lacks.
 
-    lacks : what was asked for.  probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not asked for.
+    lacks : what was asked for.
+    probability : P(amplitude > 0).  smooth, correlated : how it is read; None where it was not
+        asked for.
     visible : what of it the curve cannot make up for, with the points.
-    noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of the stated one, or in the unit of y.
+    noise : quantiles 0.16, 0.5, 0.84 of the standard deviation of the noise beside it, in units of
+        the stated one, or in the unit of y.
     conservative : whether the readings scatter by far less than stated.
-    growth : parameter -> its standard deviation over that with independent errors alone, both linearised.
+    growth : parameter -> its standard deviation over that with independent errors alone, both
+        linearised.
     mean, cov : (n_par,), (n_par, n_par) of the linearised posterior.
-    about, told : (n_par,) the point of linearisation, and what all data say there as one normal distribution, whatever the size of the deviation.
+    about, told : (n_par,) the point of linearisation, and what all data say there as one normal
+        distribution, whatever the size of the deviation.
     intervals : parameter -> probability (0.68, 0.95) -> its ends.
-    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the narrowest first.
+    means, covs : (n, n_par), (n, n_par, n_par) of normal distributions that make it up, the
+        narrowest first.
     """
 
     run: str
@@ -113,7 +139,8 @@ class PosedDeviation:
 
 
 def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> PosedDeviation:
-    """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with independent errors.
+    """What the curve of `run` lacks, linear about `values` (n_par,), those of a fit with
+    independent errors.
 
     Where other runs share parameters, what they say counts as theirs without a deviation.
     """
@@ -121,52 +148,115 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     assert lacks is not None, "asked for runs that may lack something"
     covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     prior = _prior(problem, values)
-    precision, pull = as_prior([prior, *(information_of_run(other, problem, values) for other in problem.runs if other is not run)])
+    precision, pull = as_prior(
+        [
+            prior,
+            *(
+                information_of_run(other, problem, values)
+                for other in problem.runs
+                if other is not run
+            ),
+        ]
+    )
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
-    linear = linearise(deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated)
-    noise = WithDeviation(run.noise, keep_probable(linear), _likely_root(linear, lacks), Residuals(shift), lacks)
+    linear = linearise(
+        deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
+    )
+    noise = WithDeviation(
+        run.noise, keep_probable(linear), _likely_root(linear, lacks), Residuals(shift), lacks
+    )
     means, covs = linear_groups(linear, problem.n_par)
-    extents = {kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along)) for kind in scales}
-    sizes = {kind: _size(linear, kind, scale, LONG[kind] * extents[kind]) for kind, scale in scales.items()}
+    extents = {
+        kind: float(np.ptp(run.x if kind == DEVIATION or lacks.along is None else lacks.along))
+        for kind in scales
+    }
+    sizes = {
+        kind: _size(linear, kind, scale, LONG[kind] * extents[kind])
+        for kind, scale in scales.items()
+    }
     unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
     low, middle, high = (unit * one for one in linear.size("scale"))
     found = FoundDeviation(
-        run=run.name, lacks=lacks, probability=linear.p_deviation, smooth=sizes.get(DEVIATION), correlated=sizes.get(TIME),
-        visible=see_deviation(linear, run, scales), noise=(low, middle, high),
-        conservative=lacks.stated and stated_is_conservative(linear), growth=growth_over(problem, linear, without),
-        mean=values + linear.mean, cov=linear.covariance, about=values,
-        told=likelihood_information(linear, prior), intervals=_intervals(linear, problem, values), means=values + means, covs=covs,
+        run=run.name,
+        lacks=lacks,
+        probability=linear.p_deviation,
+        smooth=sizes.get(DEVIATION),
+        correlated=sizes.get(TIME),
+        visible=see_deviation(linear, run, scales),
+        noise=(low, middle, high),
+        conservative=lacks.stated and stated_is_conservative(linear),
+        growth=growth_over(problem, linear, without),
+        mean=values + linear.mean,
+        cov=linear.covariance,
+        about=values,
+        told=likelihood_information(linear, prior),
+        intervals=_intervals(linear, problem, values),
+        means=values + means,
+        covs=covs,
     )
     return PosedDeviation(noise, found)
 
 
 def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
-    """Probability that a curve taken as complete lacks something about as large as one error, 1/2 beforehand; linear about `values` (n_par,)."""
+    """Probability that a curve taken as complete lacks something about as large as one error, 1/2
+    beforehand; linear about `values` (n_par,).
+    """
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
-    precision, pull = as_prior([_prior(problem, values), *(information_of_run(other, problem, values) for other in problem.runs if other is not run)])
+    precision, pull = as_prior(
+        [
+            _prior(problem, values),
+            *(
+                information_of_run(other, problem, values)
+                for other in problem.runs
+                if other is not run
+            ),
+        ]
+    )
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
-    return linearise(_diagonalised(covariance, shapes, grid), residuals, jacobian, precision=precision, pull=pull, stated=run.stated).p_deviation
+    return linearise(
+        _diagonalised(covariance, shapes, grid),
+        residuals,
+        jacobian,
+        precision=precision,
+        pull=pull,
+        stated=run.stated,
+    ).p_deviation
 
 
-def _measured(run: Observations, problem: Problem, values: FloatArray, *, stated: bool) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Covariance (n_obs, n_obs) of independent errors, shift and residuals (n_obs,), slopes (n_obs, n_par).  stated : whether their size was."""
+def _measured(
+    run: Observations, problem: Problem, values: FloatArray, *, stated: bool
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Covariance (n_obs, n_obs) of independent errors, shift and residuals (n_obs,), slopes (n_obs,
+    n_par).  stated : whether their size was.
+    """
     named = problem.named(values)
     found = normal_covariance(run.noise, run.points, named)
-    residuals = run.y - found.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
-    covariance = found.covariance if stated else _sized(found.covariance, residuals, len(run.curve_parameters))
+    residuals = (
+        run.y - found.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
+    )
+    covariance = (
+        found.covariance
+        if stated
+        else _sized(found.covariance, residuals, len(run.curve_parameters))
+    )
     return covariance, found.shift, residuals, run.points.gradient(named, problem.names)
 
 
 def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
-    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all else."""
+    """(n_par,) standard deviations from whitened slopes (n_par, n_obs) and the precision of all
+    else.
+    """
     information = slopes @ slopes.T + precision
     scale = np.sqrt(np.diag(information))
     scale[scale == 0.0] = 1.0
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True))) / scale)
+    return np.asarray(
+        np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)))
+        / scale
+    )
 
 
 def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatArray:
@@ -175,7 +265,9 @@ def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatAr
     return covariance * squares / max(1, residuals.size - n_par)
 
 
-def _components(run: Observations, lacks: Discrepancy, covariance: FloatArray, scales: Mapping[str, float]) -> Deviation:
+def _components(
+    run: Observations, lacks: Discrepancy, covariance: FloatArray, scales: Mapping[str, float]
+) -> Deviation:
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
     shapes = tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
@@ -184,7 +276,9 @@ def _components(run: Observations, lacks: Discrepancy, covariance: FloatArray, s
 
 def _diagonalised(covariance: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
     diagonal = np.diag(covariance)
-    return diagonalise(diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance, shapes, grid)
+    return diagonalise(
+        diagonal if np.array_equal(covariance, np.diag(diagonal)) else covariance, shapes, grid
+    )
 
 
 def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -> dict[str, float]:
@@ -204,12 +298,18 @@ def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
 
 
 def _likely_root(linear: Linearised, lacks: Discrepancy) -> Root:
-    """Of the most probable covariance; in units of the stated noise at least, where it was stated."""
-    return linear.best_root(size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0)
+    """Of the most probable covariance; in units of the stated noise at least, where it was
+    stated.
+    """
+    return linear.best_root(
+        size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0
+    )
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:
-    mine = np.concatenate([np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families])
+    mine = np.concatenate(
+        [np.where(f.amplitude > 0.0, f.kind == kind, False) for f in linear.deviation.families]
+    )
     share = float(linear.weights[mine].sum())
     if not share > 0.0:
         return DeviationSize(0.0, 0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
@@ -219,15 +319,26 @@ def _size(linear: Linearised, kind: str, scale: float, long: float) -> Deviation
     return DeviationSize(share, slow, scale, (low, middle, high), alone.size("length"))
 
 
-def _intervals(linear: Linearised, problem: Problem, values: FloatArray) -> dict[str, dict[float, Interval]]:
+def _intervals(
+    linear: Linearised, problem: Problem, values: FloatArray
+) -> dict[str, dict[float, Interval]]:
     """Equal-tailed, each inside the support of the parameter's prior."""
     found = {}
-    for parameter, value, direction in zip(problem.parameters, values, np.eye(problem.n_par), strict=True):
+    for parameter, value, direction in zip(
+        problem.parameters, values, np.eye(problem.n_par), strict=True
+    ):
         low, high = parameter.prior.low, parameter.prior.high
-        below, above = (linear.probability_below(direction, edge - value) if np.isfinite(edge) else float(edge > 0) for edge in (low, high))
+        below, above = (
+            linear.probability_below(direction, edge - value)
+            if np.isfinite(edge)
+            else float(edge > 0)
+            for edge in (low, high)
+        )
         ends = {}
         for p in _PROBABILITIES:
             places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
-            ends[p] = tuple(np.clip(value + linear.quantiles(direction, places), low, high).tolist())
+            ends[p] = tuple(
+                np.clip(value + linear.quantiles(direction, places), low, high).tolist()
+            )
         found[parameter.name] = ends
     return found

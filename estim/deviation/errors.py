@@ -1,8 +1,10 @@
-"""The likelihood of points about a curve that lacks something: a mixture of normal errors with covariances C_k, weights w_k (`mixture`).
+"""The likelihood of points about a curve that lacks something: a mixture of normal errors with
+covariances C_k, weights w_k (`mixture`).
 
     log L(r) = log sum_k w_k N(r | 0, C_k),    r: `estim.deviation.residuals`
 
-The mixture was made once, at the fit with white errors and a free start.  Tests whiten with its most probable covariance alone.
+The mixture was made once, at the fit with white errors and a free start.  Tests whiten with its
+most probable covariance alone.
 """
 
 from __future__ import annotations
@@ -32,12 +34,15 @@ class MixtureErrors(Likelihood):
     formed: Residuals
 
     creeps = True
+
     @property
     def y(self) -> FloatArray:
         return np.asarray(self.points.y - self.formed.shift)
 
     def log_likelihood(self, named: Named) -> FloatArray:
-        return self.mixture.log_likelihood(self.raw(named), weight=self.formed.weight(self.points, named))
+        return self.mixture.log_likelihood(
+            self.raw(named), weight=self.formed.weight(self.points, named)
+        )
 
     def pointwise(self, named: Named) -> FloatArray:
         return self.mixture.pointwise(self.raw(named))
@@ -63,21 +68,30 @@ class MixtureErrors(Likelihood):
         return np.asarray(slopes - stretch * np.outer(z[0], turning @ gradient))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """With the precision Q that the components have together at the point, d log L/dr = -Q r."""
+        """With the precision Q that the components have together at the point, d log L/dr = -Q
+        r.
+        """
         raw = self.raw(named)[0]
         precision, whiten = self.mixture.precision(raw), self.mixture.deviation.whiten
-        return -precision.root_times(whiten(self.gradient(named, names).T)).T, precision.root_times(whiten(raw))
+        return -precision.root_times(whiten(self.gradient(named, names).T)).T, precision.root_times(
+            whiten(raw)
+        )
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """Of errors with the covariance that the components have together at the point."""
-        return np.asarray(self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T)
+        return np.asarray(
+            self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T
+        )
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.information_root(named, names)
         return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
-        return Linear(self.likely.whiten(self.raw(named)[0]), self.likely.whiten(self.gradient(named, names).T).T)
+        return Linear(
+            self.likely.whiten(self.raw(named)[0]),
+            self.likely.whiten(self.gradient(named, names).T).T,
+        )
 
     def sd(self, named: Named) -> FloatArray:
         return np.asarray(np.sqrt(self.mixture.variances(self.raw(named)[0])))
@@ -98,7 +112,9 @@ class MixtureErrors(Likelihood):
         return self.formed.at(self.points, named)
 
     def _stretch(self, raw: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0 where nothing is lost but rounding."""
+        """(n_draw,) what makes |stretch z|^2 twice the loss of log likelihood, and that; 1 and 0
+        where nothing is lost but rounding.
+        """
         lost = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
         square = np.sum(z**2, axis=1)
         told = (lost > 1e-9) & (square > 0.0)

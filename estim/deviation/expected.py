@@ -1,9 +1,11 @@
-"""What runs with an unmodelled force will say that are not yet measured: a force as large as the data at hand leave probable.
+"""What runs with an unmodelled force will say that are not yet measured: a force as large as the
+data at hand leave probable.
 
     C = s^2 C0 + sum_l (a_l^2 X_l X_l^T + b_l^2 Y_l Y_l^T) + p p^T
 
-X_l: the shared force of length l with its mean removed, Y_l: the plain ones of the single runs, p: a push at release (`force`); s^2, a_l^2, b_l^2
-are mean squares over the posterior of the components.  With them C is the covariance of `MixtureErrors.information_root`, for any other runs.
+X_l: the shared force of length l with its mean removed, Y_l: the plain ones of the single runs, p:
+a push at release (`force`); s^2, a_l^2, b_l^2 are mean squares over the posterior of the
+components.  With them C is the covariance of `MixtureErrors.information_root`, for any other runs.
 The size of the force stays as it is: what further data would say about it is not anticipated.
 """
 
@@ -29,7 +31,9 @@ from estim.problem import Observations, Posterior, Problem, StackedPoints
 class ForceSize:
     """How large the force of some runs is, as mean squares over what their data leave probable.
 
-    noise : of the factor of the stated noise.  lengths : (n,) in the unit of position, shared and own (n,) of the amplitudes, in units of the weight.
+    noise : of the factor of the stated noise.
+    lengths : (n,) in the unit of position, shared and own (n,) of the amplitudes, in units of the
+        weight.
     several : whether several runs share the force; else `own` is 0, and not known.
     """
 
@@ -40,7 +44,9 @@ class ForceSize:
     several: bool
 
     def between(self) -> FloatArray:
-        """(n,) mean squares of the own forces; of a run that shared with none those that the prior has."""
+        """(n,) mean squares of the own forces; of a run that shared with none those that the prior
+        has.
+        """
         return self.own if self.several else self.shared * float(np.mean(np.square(OWN)))
 
 
@@ -55,19 +61,33 @@ def force_sizes(posterior: Posterior, values: FloatArray) -> dict[str, ForceSize
 
 
 def expected_root(
-    runs: Sequence[Observations], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, size: ForceSize
+    runs: Sequence[Observations],
+    courses: Mapping[str, Trajectory],
+    problem: Problem,
+    values: FloatArray,
+    size: ForceSize,
 ) -> FloatArray:
-    """J (n_obs, n_par) with J^T J the information that `runs`, which share a force of this size, give about the parameters at `values`.
+    """J (n_obs, n_par) with J^T J the information that `runs`, which share a force of this size,
+    give about the parameters at `values`.
 
     Raises InputError where a body hardly moves somewhere along its track.
     """
     named = problem.named(values)
-    about = [formed_about(courses[run.name], run.noise, run.points, named, scale=1.0) for run in runs]
-    alongs = [courses[run.name].along(run.points, named, run.noise, about=formed.speed) for run, (formed, _) in zip(runs, about, strict=True)]
+    about = [
+        formed_about(courses[run.name], run.noise, run.points, named, scale=1.0) for run in runs
+    ]
+    alongs = [
+        courses[run.name].along(run.points, named, run.noise, about=formed.speed)
+        for run, (formed, _) in zip(runs, about, strict=True)
+    ]
     track = max((along.track for along in alongs), key=lambda one: one.length)
     several = len(runs) > 1
-    responses = [along.response.carried(along.track, track) if several else along.response for along in alongs]
-    lever, own = Response.stacked(responses).force, size.between() if several else np.zeros(size.lengths.size)
+    responses = [
+        along.response.carried(along.track, track) if several else along.response
+        for along in alongs
+    ]
+    lever = Response.stacked(responses).force
+    own = size.between() if several else np.zeros(size.lengths.size)
     covariance = size.noise * block_diag(*(errors.covariance for _, errors in about))
     for length, shared, apart in zip(size.lengths, size.shared, own, strict=True):
         kernel = force_kernel(track, float(length), radius=alongs[0].radian)
@@ -75,7 +95,9 @@ def expected_root(
         covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
     pushes = block_diag(*(along.push[:, None] for along in alongs))
     lower = np.linalg.cholesky(covariance + pushes @ pushes.T)
-    gradient = stacked([formed for formed, _ in about]).gradient(StackedPoints(tuple(run.points for run in runs)), named, problem.names)
+    gradient = stacked([formed for formed, _ in about]).gradient(
+        StackedPoints(tuple(run.points for run in runs)), named, problem.names
+    )
     return np.asarray(solve_triangular(lower, gradient, lower=True))
 
 
@@ -91,4 +113,10 @@ def _size(likelihood: MixtureErrors, residuals: FloatArray, *, several: bool) ->
         shared[family.length] = shared.get(family.length, 0.0) + square
         own[family.length] = own.get(family.length, 0.0) + square * ratios[family.kind] ** 2
     lengths = sorted(shared)
-    return ForceSize(noise, np.array(lengths), np.array([shared[one] for one in lengths]), np.array([own[one] for one in lengths]), several)
+    return ForceSize(
+        noise,
+        np.array(lengths),
+        np.array([shared[one] for one in lengths]),
+        np.array([own[one] for one in lengths]),
+        several,
+    )

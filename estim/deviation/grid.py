@@ -1,12 +1,15 @@
-"""The prior of a deviation: how large, over which lengths, and how well the size of the noise is known; a grid that is summed over.
+"""The prior of a deviation: how large, over which lengths, and how well the size of the noise is
+known; a grid that is summed over.
 
     amplitude a : 0 with probability `spike`, else half-normal
     length l : log-normal about a sixth of the track, by a factor of two
-    scale s of the stated noise : log s Cauchy about 0, by a factor of 1.35; below 1 it counts as evidence only (see `linearised`)
+    scale s of the stated noise : log s Cauchy about 0, by a factor of 1.35; below 1 it counts as
+        evidence only (see `linearised`)
 
-The numbers come from a study of coverage by simulation.  With them the 68 % intervals of slope, gamma and theta0 of a wheel cover 62-83 % for
-smooth profiles from half to eight standard deviations of a reading, for pushes and for correlated errors (91 % at most), and are 6-17 % wider
-where nothing is missing.  A deviation that is switched on by a test is not calibrated: it comes too late.
+The numbers come from a study of coverage by simulation.  With them the 68 % intervals of slope,
+gamma and theta0 of a wheel cover 62-83 % for smooth profiles from half to eight standard deviations
+of a reading, for pushes and for correlated errors (91 % at most), and are 6-17 % wider where
+nothing is missing.  A deviation that is switched on by a test is not calibrated: it comes too late.
 """
 
 from __future__ import annotations
@@ -32,9 +35,11 @@ _SHORTEST, _LONGEST = 1.0 / 30.0, 0.6  # lengths, in units of the track
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Values of amplitude and noise scale with their logarithmic prior probabilities, each normalised.
+    """Values of amplitude and noise scale with their logarithmic prior probabilities, each
+    normalised.
 
-    amplitudes : (n_a,) unit of the deviation; the first is 0 where there is a spike.  scales : (n_s,) of the stated noise.
+    amplitudes : (n_a,) unit of the deviation; the first is 0 where there is a spike.
+    scales : (n_s,) of the stated noise.
     """
 
     amplitudes: FloatArray
@@ -43,12 +48,21 @@ class Grid:
     log_scales: FloatArray
 
 
-def prior_grid(amplitude: float, *, spike: float = SPIKE, scales: tuple[float, ...] = SCALES, n_amplitude: int = _N_AMPLITUDE) -> Grid:
-    """The grid for a half-normal prior of scale `amplitude` (unit of the deviation) beside a probability `spike` of none at all.
+def prior_grid(
+    amplitude: float,
+    *,
+    spike: float = SPIKE,
+    scales: tuple[float, ...] = SCALES,
+    n_amplitude: int = _N_AMPLITUDE,
+) -> Grid:
+    """The grid for a half-normal prior of scale `amplitude` (unit of the deviation) beside a
+    probability `spike` of none at all.
 
-    n_amplitude : 12 make the likelihood of draws twice as fast and move means by at most 0.05 standard deviations.
-    scales : factors of the stated noise, one of them 1; (1,) alone where its size is known, or inferred as a parameter.
-    Raises InputError for an amplitude or scale that is not positive, scales without 1, or a spike outside [0, 1).
+    n_amplitude : 12 make the likelihood of draws twice as fast and move means by at most 0.05
+        standard deviations.
+    scales : factors of the stated noise, one of them 1; (1,) alone where its size is known, or
+        inferred as a parameter.  Raises InputError for an amplitude or scale that is not positive,
+        scales without 1, or a spike outside [0, 1).
     """
     if not amplitude > 0.0:
         raise InputError("must be > 0", field="amplitude", value=amplitude)
@@ -57,7 +71,8 @@ def prior_grid(amplitude: float, *, spike: float = SPIKE, scales: tuple[float, .
     if 1.0 not in scales or min(scales) <= 0.0:
         raise InputError("must be > 0 and hold 1", field="scales", value=str(scales))
     sizes = amplitude * np.geomspace(_LOWEST, _HIGHEST, n_amplitude)
-    slab = _normalised(np.log(sizes) - 0.5 * np.square(sizes / amplitude))  # equal steps of log a: density times a
+    # equal steps of log a: density times a
+    slab = _normalised(np.log(sizes) - 0.5 * np.square(sizes / amplitude))
     factors, wide = _noise_scales(scales)
     if spike == 0.0:
         return Grid(sizes, slab, factors, wide)
@@ -70,14 +85,17 @@ def noise_grid() -> Grid:
 
 
 def track_lengths(track: float, *, n: int = _N_LENGTH) -> tuple[FloatArray, FloatArray]:
-    """Lengths (n,) from a thirtieth to 0.6 of the track, in its unit, and their log prior probabilities: log-normal(track/6, 0.7)."""
+    """Lengths (n,) from a thirtieth to 0.6 of the track, in its unit, and their log prior
+    probabilities: log-normal(track/6, 0.7).
+    """
     lengths = track * np.geomspace(_SHORTEST, _LONGEST, n)
     return lengths, _normalised(-0.5 * np.square(np.log(lengths * _PART / track) / _LENGTH_SPREAD))
 
 
 def _noise_scales(scales: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
     factors = np.array(scales, dtype=float)
-    return factors, _normalised(-np.log1p(np.square(np.log(factors) / _SCALE_SPREAD)))  # Cauchy: an error stated far too large must show
+    # Cauchy: an error stated far too large must show
+    return factors, _normalised(-np.log1p(np.square(np.log(factors) / _SCALE_SPREAD)))
 
 
 def _normalised(log_weight: FloatArray) -> FloatArray:

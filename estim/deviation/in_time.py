@@ -1,18 +1,23 @@
-"""What a force along the track does to positions at known times, to first order, on every way of a motion that turns round.
+"""What a force along the track does to positions at known times, to first order, on every way of a
+motion that turns round.
 
-The equation of motion, linear about the fit, with the momentum p = D v per unit mass, V the potential energy per unit mass and metre^2, A the
-acceleration of `estim.deviation.force`, f in units of the weight:
+The equation of motion, linear about the fit, with the momentum p = D v per unit mass, V the
+potential energy per unit mass and metre^2, A the acceleration of `estim.deviation.force`, f in
+units of the weight:
 
     d delta_x/dt = (delta_p - D' v delta_x)/D
     d delta_p/dt = (D'' v^2/2 - V'') delta_x + (D' v/D)(delta_p - D' v delta_x) + A f(x)
 
-Nothing is divided by the speed, so the release from rest and a turning point are times like any other.  There friction changes its direction:
-the body turns a moment earlier or later, and delta_p is multiplied by the ratio of the accelerations after and before.
+Nothing is divided by the speed, so the release from rest and a turning point are times like any
+other.  There friction changes its direction: the body turns a moment earlier or later, and delta_p
+is multiplied by the ratio of the accelerations after and before.
 
-An energy E0 at release is a start from rest somewhere else, or a faster one: D (v delta_v - v' delta_x) = A E0 there.  A shift of time is left
-free, delta_x = v dt: the curve must have the time of release among its parameters.  Before the release nothing moves.
+An energy E0 at release is a start from rest somewhere else, or a faster one: D (v delta_v - v'
+delta_x) = A E0 there.  A shift of time is left free, delta_x = v dt: the curve must have the time
+of release among its parameters.  Before the release nothing moves.
 
-Friction that depends on the speed (drag) is left out, and so are moments that turn with the body: they change the answer by their own share.
+Friction that depends on the speed (drag) is left out, and so are moments that turn with the body:
+they change the answer by their own share.
 """
 
 from __future__ import annotations
@@ -42,9 +47,12 @@ Place = Callable[[FloatArray], FloatArray]
 class Moving:
     """A motion in time, at given values of its parameters.
 
-    state : times (n,) s -> positions and velocities (n,), in the unit of positions.  release, last : s.
-    inertia : positions -> D.  potential : positions -> V, in 1/s^2 times the unit of positions squared.
-    acceleration : A.  step : a small distance over which both are smooth.
+    state : times (n,) s -> positions and velocities (n,), in the unit of positions.
+    release, last : s.
+    inertia : positions -> D.
+    potential : positions -> V, in 1/s^2 times the unit of positions squared.
+    acceleration : A.
+    step : a small distance over which both are smooth.
     """
 
     state: State
@@ -62,7 +70,8 @@ class Moving:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """The motion on a grid of times and between: t, x, v (2 n + 1,), the even ones are the ends of the steps.
+    """The motion on a grid of times and between: t, x, v (2 n + 1,), the even ones are the ends of
+    the steps.
 
     turns : (n,) factor of delta_p at the end of each step: 1 but at a turning point.
     """
@@ -74,19 +83,24 @@ class _Path:
 
 
 def response_in_time(moving: Moving, t: FloatArray) -> tuple[Track, Response]:
-    """The track that was covered, and the responses of the positions at times t (n_obs,) s, one column for each node and way of the track.
+    """The track that was covered, and the responses of the positions at times t (n_obs,) s, one
+    column for each node and way of the track.
 
-    Raises InputError where the body does not move after its release, or starts with neither speed nor acceleration.
+    Raises InputError where the body does not move after its release, or starts with neither speed
+    nor acceleration.
     """
     path = _follow(moving)
     along = track_with_ways(path.x[::2], path.v[1::2])
     solutions, gain = _solutions(moving, path)
     caused = _caused(along, path, moving.acceleration)  # (n + 1, n_cause) momentum per unit of time
-    # z(t) = Phi(t) int Phi^-1 (0, A f) ds;  Phi^-1 (0, 1) = (-Phi_12, Phi_11)/det, by the trapezoidal rule
+    # z(t) = Phi(t) int Phi^-1 (0, A f) ds;  Phi^-1 (0, 1) = (-Phi_12, Phi_11)/det, by the
+    # trapezoidal rule
     inverse = np.column_stack([-solutions[:, 0, 1], solutions[:, 0, 0]]) / gain[:, None]
     part = inverse[:, :, None] * caused[:, None, :]
     width = np.diff(path.t[::2])[:, None, None]
-    drawn = np.concatenate([np.zeros((1, *part.shape[1:])), np.cumsum(0.5 * width * (part[1:] + part[:-1]), axis=0)])
+    drawn = np.concatenate(
+        [np.zeros((1, *part.shape[1:])), np.cumsum(0.5 * width * (part[1:] + part[:-1]), axis=0)]
+    )
     start = _start(moving, path)
     place = np.clip(np.searchsorted(path.t[::2], t, side="right") - 1, 0, path.turns.size - 1)
     share = np.clip((t - path.t[::2][place]) / np.diff(path.t[::2])[place], 0.0, 1.0)
@@ -99,17 +113,29 @@ def response_in_time(moving: Moving, t: FloatArray) -> tuple[Track, Response]:
 
 
 def _follow(moving: Moving) -> _Path:
-    """The motion on every way, each with steps of its own length; what is at rest for good is left out."""
+    """The motion on every way, each with steps of its own length; what is at rest for good is left
+    out.
+    """
     look = np.linspace(moving.release, moving.last, _N_LOOK)
     sense = np.sign(moving.state(look)[1])
     moves = np.flatnonzero(sense[1:] != 0.0) + 1
     if not moves.size or not moving.duration > 0.0:
-        raise InputError("must move between the release and the last observation", field="body", value=moving.duration)
+        raise InputError(
+            "must move between the release and the last observation",
+            field="body",
+            value=moving.duration,
+        )
     first, final = moves[0], moves[-1]
     changes = [i for i in range(first, final) if sense[i] * sense[i + 1] < 0.0]
     turning = [_turning(moving, look[i], look[i + 1]) for i in changes]
     rests = final < look.size - 1
-    ends = np.array([moving.release + _JUST * moving.duration, *turning, _turning(moving, look[final], look[final + 1]) if rests else moving.last])
+    ends = np.array(
+        [
+            moving.release + _JUST * moving.duration,
+            *turning,
+            _turning(moving, look[final], look[final + 1]) if rests else moving.last,
+        ]
+    )
     parts: list[FloatArray] = []
     factors: list[FloatArray] = []
     for begin, end in pairwise(ends):
@@ -145,7 +171,9 @@ def _accelerations(moving: Moving, t: float) -> tuple[float, float]:
 
 
 def _solutions(moving: Moving, path: _Path) -> tuple[FloatArray, FloatArray]:
-    """Phi (n + 1, 2, 2), what a start (delta_x, delta_p) becomes without a force, and its determinant (n + 1,), by Runge and Kutta's rule."""
+    """Phi (n + 1, 2, 2), what a start (delta_x, delta_p) becomes without a force, and its
+    determinant (n + 1,), by Runge and Kutta's rule.
+    """
     matrix = _matrix(moving, path)
     h = np.diff(path.t[::2])[:, None, None]
     one = np.eye(2)
@@ -177,7 +205,9 @@ def _matrix(moving: Moving, path: _Path) -> FloatArray:
 
 
 def _caused(along: Track, path: _Path, acceleration: float) -> FloatArray:
-    """(n + 1, n_cause) A f for a force that is 1 at one node on one way and falls to 0 at its neighbours."""
+    """(n + 1, n_cause) A f for a force that is 1 at one node on one way and falls to 0 at its
+    neighbours.
+    """
     x, nodes = path.x[::2], along.nodes
     place = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
     share = np.clip((x - nodes[place]) / (nodes[1] - nodes[0]), 0.0, 1.0)
@@ -192,10 +222,14 @@ def _caused(along: Track, path: _Path, acceleration: float) -> FloatArray:
 
 
 def _start(moving: Moving, path: _Path) -> FloatArray:
-    """(2,) delta_x and delta_p at release for E0 = 1, that change of the start which is no shift of time."""
+    """(2,) delta_x and delta_p at release for E0 = 1, that change of the start which is no shift of
+    time.
+    """
     x, v, a = path.x[:1], float(path.v[0]), _accelerations(moving, float(path.t[0]))[1]
     inertia = float(moving.inertia(x)[0])
-    slope = float((moving.inertia(x + moving.step) - moving.inertia(x - moving.step))[0]) / (2.0 * moving.step)
+    slope = float((moving.inertia(x + moving.step) - moving.inertia(x - moving.step))[0]) / (
+        2.0 * moving.step
+    )
     turned = a * (_WITHIN * moving.duration) ** 2
     size = inertia * (v * v + a * turned)
     if not size > 0.0:

@@ -1,4 +1,6 @@
-"""The force that was found, for a reader: along the track with its band, how large, over what distance, and what it means for c_rr elsewhere."""
+"""The force that was found, for a reader: along the track with its band, how large, over what
+distance, and what it means for c_rr elsewhere.
+"""
 
 from __future__ import annotations
 
@@ -18,13 +20,18 @@ _LOST = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Force:
-    """A force along the track, in units of the weight, its mean over the track removed (that is part of the rolling resistance).
+    """A force along the track, in units of the weight, its mean over the track removed (that is
+    part of the rolling resistance).
 
-    x : (n_node,) m or rad.  mean, sd : (n_node,).  quantiles : (5, n_node) at BAND.  All of the way out, where the body also came back.
+    x : (n_node,) m or rad.
+    mean, sd : (n_node,).  quantiles : (5, n_node) at BAND.  All of the way out, where the body also
+        came back.
     back : quantiles of the way back; None where there is none.
-    probability : P(a > 0).  amplitude, length : quantiles 0.16, 0.5, 0.84 of the size and the distance over which it changes.
-    material_sd : standard deviation of the average over another track of the same kind, which a c_rr as a constant of the material has beside
-    its own, at slope 0 (divide by cos phi).
+    probability : P(a > 0).
+    amplitude, length : quantiles 0.16, 0.5, 0.84 of the size and the distance over which it
+        changes.
+    material_sd : standard deviation of the average over another track of the same kind, which a
+        c_rr as a constant of the material has beside its own, at slope 0 (divide by cos phi).
     """
 
     x: FloatArray
@@ -48,8 +55,11 @@ class Force:
         return float(np.max(np.abs(self.mean)))
 
 
-def find_force(linearised: Linearised, along: Track, response: Response, *, radius: float | None = None) -> Force:
-    """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`; same track and radius.
+def find_force(
+    linearised: Linearised, along: Track, response: Response, *, radius: float | None = None
+) -> Force:
+    """The force under the posterior of `force_shapes`, or the shared one of `shared_force_shapes`;
+    same track and radius.
 
     response : that of the run, or of all runs stacked (`Response.stacked`).
     """
@@ -57,7 +67,9 @@ def find_force(linearised: Linearised, along: Track, response: Response, *, radi
     every = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
     priors = [every.get((f.kind, f.length)) or every[FORCE, f.length] for f in families]
     seen = _seen(linearised, response, [prior.covariance for prior in priors])
-    sizes = [(f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)]
+    sizes = [
+        (f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)
+    ]
     elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
     mean, sd = seen.mean_and_sd()
     quantiles, n = mixture_quantiles(seen.weights, seen.means, seen.sds, BAND), along.nodes.size
@@ -88,7 +100,14 @@ class OwnForce:
 
 
 def find_own_force(
-    linearised: Linearised, along: Track, response: Response, *, run: str, end: float, ratios: Sequence[float], radius: float | None = None
+    linearised: Linearised,
+    along: Track,
+    response: Response,
+    *,
+    run: str,
+    end: float,
+    ratios: Sequence[float],
+    radius: float | None = None,
 ) -> OwnForce:
     """The own force of one run under the posterior of `shared_force_shapes`.
 
@@ -97,7 +116,11 @@ def find_own_force(
     """
     families = linearised.deviation.families
     kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
-    seen = _seen(linearised, response, [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)])
+    seen = _seen(
+        linearised,
+        response,
+        [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)],
+    )
     reached = along.nodes <= end
     mean, sd = seen.mean_and_sd()
     return OwnForce(run, along.nodes[reached], mean[reached], sd[reached])
@@ -105,7 +128,8 @@ def find_own_force(
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A force at the nodes given each of the probable components, with the parameters p integrated out.
+    """A force at the nodes given each of the probable components, with the parameters p integrated
+    out.
 
     f | k ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K)
 
@@ -120,21 +144,29 @@ class _Seen:
     def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
         """(n_node,) of the mixture."""
         mean = self.weights @ self.means
-        return mean, np.sqrt(np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0))
+        return mean, np.sqrt(
+            np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0)
+        )
 
 
 def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> _Seen:
-    """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each family."""
+    """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each
+    family.
+    """
     deviation = linearised.deviation
     r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
     lever = deviation.whiten(response.force.T).T
     order = np.argsort(linearised.weights)[::-1]
-    kept = np.sort(order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))])
+    kept = np.sort(
+        order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
+    )
     means, sds, start = [], [], 0
     for family, kernel in zip(deviation.families, kernels, strict=True):
         here = kept[(kept >= start) & (kept < start + family.amplitude.size)]
         if here.size:
-            reach, seen, turned = (kernel @ lever.T) @ family.basis, family.basis.T @ r, family.basis.T @ j
+            reach = (kernel @ lever.T) @ family.basis
+            seen = family.basis.T @ r
+            turned = family.basis.T @ j
         for k in here:
             square = family.amplitude[k - start] ** 2
             variance = family.scale[k - start] ** 2 + square * family.spectrum
@@ -145,4 +177,9 @@ def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArr
             means.append(gain @ (seen - turned @ linearised.steps[k]))
             sds.append(np.sqrt(np.maximum(spread, 0.0)))
         start += family.amplitude.size
-    return _Seen(kept, linearised.weights[kept] / linearised.weights[kept].sum(), np.array(means), np.array(sds))
+    return _Seen(
+        kept,
+        linearised.weights[kept] / linearised.weights[kept].sum(),
+        np.array(means),
+        np.array(sds),
+    )

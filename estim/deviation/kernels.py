@@ -1,11 +1,15 @@
 """Correlation of a deviation between two places, for unit amplitude.
 
-- `matern32`: smooth but for its curvature; for a force along a track, and for a deviation of a curve in its abscissa.
-- `exponential`: AR(1) in continuous time (equal steps dt give the coefficient exp(-dt/l)); for errors of readings that follow each other.
-- `turning`: `matern32` and a moment once and twice per turn, for a wheel that is not quite round or not quite balanced.
+- `matern32`: smooth but for its curvature; for a force along a track, and for a deviation of a
+  curve in its abscissa.
+- `exponential`: AR(1) in continuous time (equal steps dt give the coefficient exp(-dt/l)); for
+  errors of readings that follow each other.
+- `turning`: `matern32` and a moment once and twice per turn, for a wheel that is not quite round or
+  not quite balanced.
 
-What is constant over the track cannot be told from a parameter that is constant too: `without_mean` leaves the constant to the parameter,
-which then *means* the average over this track, and `sd_of_mean` says how uncertain that parameter is elsewhere.
+What is constant over the track cannot be told from a parameter that is constant too: `without_mean`
+leaves the constant to the parameter, which then *means* the average over this track, and
+`sd_of_mean` says how uncertain that parameter is elsewhere.
 """
 
 from __future__ import annotations
@@ -35,7 +39,8 @@ def exponential(distance: FloatArray, length: float) -> FloatArray:
 
 
 def turning(distance: FloatArray, length: float, *, radius: float) -> FloatArray:
-    """`matern32` + cos u + cos 2u with u = d/radius the angle turned between both places; 3 at distance 0.
+    """`matern32` + cos u + cos 2u with u = d/radius the angle turned between both places; 3 at
+    distance 0.
 
     radius : length of the track for one radian, in the unit of `distance` (1 where that is rad).
     """

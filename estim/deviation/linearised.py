@@ -1,14 +1,19 @@
-"""Which deviation is how probable, and the parameters with it: one normal distribution a component, where the curve is linear in its parameters.
+"""Which deviation is how probable, and the parameters with it: one normal distribution a component,
+where the curve is linear in its parameters.
 
-Linearise once, at the fit with white errors and a free start, which follows the data: r = y - f(p0), J = df/dp there.  Linearising again at
-the parameters found without carrying the deviation along leads astray (1.8 standard deviations where the profile is 8 of a reading).
+Linearise once, at the fit with white errors and a free start, which follows the data: r = y -
+f(p0), J = df/dp there.  Linearising again at the parameters found without carrying the deviation
+along leads astray (1.8 standard deviations where the profile is 8 of a reading).
 
-    A_k = J^T C_k^-1 J + P,    b_k = J^T C_k^-1 r + P (m - p0),    p | k ~ N(p0 + A_k^-1 b_k, A_k^-1)
+    A_k = J^T C_k^-1 J + P,    b_k = J^T C_k^-1 r + P (m - p0),    p | k ~ N(p0 + A_k^-1 b_k,
+    A_k^-1)
 
-and the probability of k from the integral over p.  Exact for a linear curve; elsewhere the fast answer, and the proposal for the slow one.
+and the probability of k from the integral over p.  Exact for a linear curve; elsewhere the fast
+answer, and the proposal for the slow one.
 
-What was stated of the noise is never narrowed: a scale s < 1 may be the most probable (residuals that are too small, or red with little white
-noise in them), and then says how large the deviation is, but p is inferred with s = 1 beside it.
+What was stated of the noise is never narrowed: a scale s < 1 may be the most probable (residuals
+that are too small, or red with little white noise in them), and then says how large the deviation
+is, but p is inferred with s = 1 beside it.
 """
 
 from __future__ import annotations
@@ -28,11 +33,15 @@ _FELT = 1e-9  # of the noise: sds of a direction that are smaller change no digi
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The posterior as a mixture of normal distributions; components in the order of `deviation.families`.
+    """The posterior as a mixture of normal distributions; components in the order of
+    `deviation.families`.
 
-    deviation : the components as they serve for p, with scales of at least 1 and priors that leave each its probability.
-    weights : (n_component,) probabilities.  scales : (n_component,) of the noise, as the evidence has them.
-    steps : (n_component, n_par) means, from the point of linearisation.  covariances : (n_component, n_par, n_par).
+    deviation : the components as they serve for p, with scales of at least 1 and priors that leave
+        each its probability.
+    weights : (n_component,) probabilities.
+    scales : (n_component,) of the noise, as the evidence has them.
+    steps : (n_component, n_par) means, from the point of linearisation.
+    covariances : (n_component, n_par, n_par).
     log_evidence : without the constants of flat priors.
     residuals, jacobian : (n_obs,), (n_obs, n_par) what it was made of.
     """
@@ -56,7 +65,10 @@ class Linearised:
     def covariance(self) -> FloatArray:
         """(n_par, n_par) within components and between them."""
         off = self.steps - self.mean
-        return np.asarray(np.einsum("k,kij->ij", self.weights, self.covariances) + (self.weights[:, None] * off).T @ off)
+        return np.asarray(
+            np.einsum("k,kij->ij", self.weights, self.covariances)
+            + (self.weights[:, None] * off).T @ off
+        )
 
     @property
     def best(self) -> int:
@@ -65,8 +77,12 @@ class Linearised:
 
     @property
     def growth(self) -> FloatArray:
-        """(n_par,) how many times larger each standard deviation is than with the stated noise alone; nan where the prior has no spike."""
-        alone = (self.deviation.column("amplitude") == 0.0) & (self.deviation.column("scale") == 1.0)
+        """(n_par,) how many times larger each standard deviation is than with the stated noise
+        alone; nan where the prior has no spike.
+        """
+        alone = (self.deviation.column("amplitude") == 0.0) & (
+            self.deviation.column("scale") == 1.0
+        )
         if not alone.any():
             return np.full(self.steps.shape[1], np.nan)
         white = self.covariances[int(np.argmax(alone))]
@@ -74,11 +90,15 @@ class Linearised:
 
     @property
     def p_deviation(self) -> float:
-        """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none false in 300 clean runs)."""
+        """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none
+        false in 300 clean runs).
+        """
         return float(self.weights[self.deviation.column("amplitude") > 0.0].sum())
 
     def p_noise(self, least: float) -> float:
-        """P(s >= least): the probability that the readings scatter by at least `least` times what was stated."""
+        """P(s >= least): the probability that the readings scatter by at least `least` times what
+        was stated.
+        """
         return float(self.weights[self.scales >= least].sum())
 
     def quantiles(self, direction: ArrayLike, probabilities: ArrayLike) -> FloatArray:
@@ -94,11 +114,19 @@ class Linearised:
         return float(self.weights @ ndtr((value - self.steps @ along) / sds))
 
     def size(self, name: str) -> tuple[float, float, float]:
-        """Quantiles 0.16, 0.5, 0.84 of "amplitude", "length" or "scale"; nan for the length where there is certainly no deviation.
+        """Quantiles 0.16, 0.5, 0.84 of "amplitude", "length" or "scale"; nan for the length where
+        there is certainly no deviation.
 
-        The probability of a value of the grid is spread evenly, in its logarithm, half way to its neighbours; that of 0 stays there.
+        The probability of a value of the grid is spread evenly, in its logarithm, half way to its
+        neighbours; that of 0 stays there.
         """
-        values = self.deviation.lengths() if name == "length" else self.scales if name == "scale" else self.deviation.column(name)
+        values = (
+            self.deviation.lengths()
+            if name == "length"
+            else self.scales
+            if name == "scale"
+            else self.deviation.column(name)
+        )
         told = np.isfinite(values)
         places, which = np.unique(values[told], return_inverse=True)
         share = np.bincount(which.ravel(), self.weights[told])
@@ -110,26 +138,35 @@ class Linearised:
         between = 0.5 * (logs[1:] + logs[:-1])
         edges = np.r_[logs[0], between, logs[-1]]
         reached = none + np.r_[0.0, np.cumsum(share)]
-        low, middle, high = (0.0 if p < none else float(np.exp(np.interp(p, reached, edges))) for p in (0.16, 0.5, 0.84))
+        low, middle, high = (
+            0.0 if p < none else float(np.exp(np.interp(p, reached, edges)))
+            for p in (0.16, 0.5, 0.84)
+        )
         return low, middle, high
 
     def errors(self) -> FloatArray:
-        """(n_obs,) what of the residuals is error of the readings, on average under the best component."""
+        """(n_obs,) what of the residuals is error of the readings, on average under the best
+        component.
+        """
         family, i = self.component(self.best)
         z = self.deviation.whiten(self.residuals - self.jacobian @ self.steps[self.best])
         lifted = family.amplitude[i] ** 2 * family.spectrum
         share = lifted / (family.scale[i] ** 2 + lifted)
-        return self.deviation.root.coloured((z - ((z @ family.basis) * share) @ family.basis.T)[None])[0]
+        return self.deviation.root.coloured(
+            (z - ((z @ family.basis) * share) @ family.basis.T)[None]
+        )[0]
 
     def innovations(self) -> FloatArray:
-        """(n_obs,) residuals of the best component, white where it is right, in the order of the observations: for tests of order.
+        """(n_obs,) residuals of the best component, white where it is right, in the order of the
+        observations: for tests of order.
 
         In units of the noise as the evidence has it, which `size("scale")` says.
         """
         return self.best_root().whiten(self.residuals - self.jacobian @ self.followed)
 
     def best_root(self, columns: FloatArray | None = None, *, size: float = 1.0) -> Root:
-        """Of the covariance of the most probable component, with the scale of the noise that the evidence has, over `size` squared.
+        """Of the covariance of the most probable component, with the scale of the noise that the
+        evidence has, over `size` squared.
 
         columns : (n_obs, n_column) further errors, unit of the observations, beside it.
         """
@@ -152,15 +189,24 @@ class Linearised:
 
 
 def linearise(
-    deviation: Deviation, residuals: FloatArray, jacobian: FloatArray, *, precision: FloatArray, pull: ArrayLike = 0.0, stated: bool = True
+    deviation: Deviation,
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    *,
+    precision: FloatArray,
+    pull: ArrayLike = 0.0,
+    stated: bool = True,
 ) -> Linearised:
     """The posterior of a curve that is linear about a point p0.
 
-    residuals : (n_obs,) y - f(p0).  jacobian : (n_obs, n_par) df/dp at p0.
-    precision : (n_par, n_par) inverse covariance of the prior, rows of zeros where it is flat.  pull : (n_par,) prior mean - p0.
+    residuals : (n_obs,) y - f(p0).
+    jacobian : (n_obs, n_par) df/dp at p0.
+    precision : (n_par, n_par) inverse covariance of the prior, rows of zeros where it is flat.
+    pull : (n_par,) prior mean - p0.
     stated : whether the size of the noise was stated, and is not to be narrowed.
 
-    Small linear systematic effects (a push at release) may stand in further columns of `jacobian`, with their own precision.
+    Small linear systematic effects (a push at release) may stand in further columns of `jacobian`,
+    with their own precision.
     """
     n_obs, n_par = jacobian.shape
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
@@ -171,15 +217,28 @@ def linearise(
     for family in deviation.families:
         seen, turned = r @ family.basis, family.basis.T @ j
         variance, white = family.variances(), 1.0 / np.square(family.scale)
-        known, outside = 1.0 / variance, float(seen.size < n_obs)  # nothing lies outside a basis that is complete, not even rounding errors
+        # nothing lies outside a basis that is complete, not even rounding errors
+        known, outside = 1.0 / variance, float(seen.size < n_obs)
         pairs = (turned[:, :, None] * turned[:, None, :]).reshape(seen.size, n_par**2)
-        rest = (outside * (whole - turned.T @ turned), outside * (along - seen @ turned), outside * (square - float(seen @ seen)))
-        information = white[:, None, None] * rest[0] + (known @ pairs).reshape(-1, n_par, n_par) + precision
+        rest = (
+            outside * (whole - turned.T @ turned),
+            outside * (along - seen @ turned),
+            outside * (square - float(seen @ seen)),
+        )
+        information = (
+            white[:, None, None] * rest[0] + (known @ pairs).reshape(-1, n_par, n_par) + precision
+        )
         slope = white[:, None] * rest[1] + known @ (turned * seen[:, None]) + pulled
         covariance = np.linalg.inv(information)
         step = np.einsum("kij,kj->ki", covariance, slope)
-        misfit = white * rest[2] + known @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
-        log_volume = np.sum(np.log(variance), axis=1) - (n_obs - seen.size) * np.log(white) + np.linalg.slogdet(information)[1]
+        misfit = (
+            white * rest[2] + known @ np.square(seen) + offset - np.einsum("ki,ki->k", slope, step)
+        )
+        log_volume = (
+            np.sum(np.log(variance), axis=1)
+            - (n_obs - seen.size) * np.log(white)
+            + np.linalg.slogdet(information)[1]
+        )
         log_likelihood = -0.5 * (misfit + log_volume)
         serves = _at_least_stated(family) if stated else np.arange(family.amplitude.size)
         logs.append(family.log_prior + log_likelihood)
@@ -187,9 +246,23 @@ def linearise(
         steps.append(step[serves])
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
-        families.append(Family(family.kind, family.length, family.basis, family.spectrum, family.amplitude, family.scale[serves], carried))
+        families.append(
+            Family(
+                family.kind,
+                family.length,
+                family.basis,
+                family.spectrum,
+                family.amplitude,
+                family.scale[serves],
+                carried,
+            )
+        )
     told = np.linalg.eigvalsh(precision)
-    constant = 0.5 * float(np.sum(np.log(told[told > 0.0]))) - deviation.root.log_volume - 0.5 * n_obs * np.log(2.0 * np.pi)
+    constant = (
+        0.5 * float(np.sum(np.log(told[told > 0.0])))
+        - deviation.root.log_volume
+        - 0.5 * n_obs * np.log(2.0 * np.pi)
+    )
     log_weight = np.concatenate(logs)
     total = np.logaddexp.reduce(log_weight)
     weights = np.exp(log_weight - total)
@@ -207,13 +280,27 @@ def linearise(
 
 
 def _at_least_stated(family: Family) -> NDArray[np.int64]:
-    """(n_component,) for each component itself, or, where its scale is below 1, the one with the same amplitude and scale 1."""
-    stated = {amplitude: i for i, (amplitude, scale) in enumerate(zip(family.amplitude, family.scale, strict=True)) if scale == 1.0}
-    return np.array([i if scale >= 1.0 else stated[a] for i, (a, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))])
+    """(n_component,) for each component itself, or, where its scale is below 1, the one with the
+    same amplitude and scale 1.
+    """
+    stated = {
+        amplitude: i
+        for i, (amplitude, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))
+        if scale == 1.0
+    }
+    return np.array(
+        [
+            i if scale >= 1.0 else stated[a]
+            for i, (a, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))
+        ]
+    )
 
 
-def mixture_quantiles(weights: FloatArray, means: FloatArray, sds: FloatArray, probabilities: ArrayLike) -> FloatArray:
-    """Quantiles (n_probability, ...) of mixtures of normal distributions; means and sds (n_component, ...), weights (n_component,).
+def mixture_quantiles(
+    weights: FloatArray, means: FloatArray, sds: FloatArray, probabilities: ArrayLike
+) -> FloatArray:
+    """Quantiles (n_probability, ...) of mixtures of normal distributions; means and sds
+    (n_component, ...), weights (n_component,).
 
     By halving between the outermost quantiles of the components, to 1e-9 of their distance.
     """
@@ -225,6 +312,11 @@ def mixture_quantiles(weights: FloatArray, means: FloatArray, sds: FloatArray, p
     for _ in range(36):
         middle = 0.5 * (low + high)
         with np.errstate(over="ignore"):  # beside a component without any width
-            below = np.tensordot(weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1) < p
+            below = (
+                np.tensordot(
+                    weights, ndtr((middle[None] - means[:, None]) / width[:, None]), axes=1
+                )
+                < p
+            )
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     return 0.5 * (low + high)

@@ -1,9 +1,11 @@
-"""The likelihood of many draws under a deviation that is summed over: one product of matrices a length, then a few numbers a component.
+"""The likelihood of many draws under a deviation that is summed over: one product of matrices a
+length, then a few numbers a component.
 
     log L(r) = log sum_k w_k N(r | 0, C_k + H H^T)
 
-`keep_probable` makes it from the posterior of the components.  H holds small systematic effects that are linear in the observations (a push at
-release, the clock, the scale of length), each column times the standard deviation of its cause: they cost no sampled dimension.
+`keep_probable` makes it from the posterior of the components.  H holds small systematic effects
+that are linear in the observations (a push at release, the clock, the scale of length), each column
+times the standard deviation of its cause: they cost no sampled dimension.
 """
 
 from __future__ import annotations
@@ -22,7 +24,8 @@ from estim.deviation.precision import Precision
 from estim.deviation.terms import Terms, Weight, terms_of
 from estim.problem import Root, beside
 
-_ROUGHNESS = 1e-3  # what the directions left out of a basis may add to the variances, relative to the noise and summed
+# what the directions left out of a basis may add to the variances, relative to the noise and summed
+_ROUGHNESS = 1e-3
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
@@ -34,9 +37,11 @@ _CHUNK = 1000  # draws at once: what they need stays in the processor's cache
 class Mixture:
     """A normal mixture in the observations.
 
-    deviation : the components that are kept, in bases of the directions that matter.  columns : (n_obs, n_column) H, whitened.
+    deviation : the components that are kept, in bases of the directions that matter.
+    columns : (n_obs, n_column) H, whitened.
     terms : what every draw needs, one for each family.
-    lost : posterior probability of what was left out, under the linearised posterior: no probability that follows is off by more.
+    lost : posterior probability of what was left out, under the linearised posterior: no
+        probability that follows is off by more.
     """
 
     deviation: Deviation
@@ -45,8 +50,15 @@ class Mixture:
     lost: float
 
     def with_columns(self, columns: FloatArray) -> Mixture:
-        """The same components beside other small systematic effects, columns (n_obs, n_column), whitened."""
-        return Mixture(self.deviation, columns, tuple(terms_of(family, columns) for family in self.deviation.families), self.lost)
+        """The same components beside other small systematic effects, columns (n_obs, n_column),
+        whitened.
+        """
+        return Mixture(
+            self.deviation,
+            columns,
+            tuple(terms_of(family, columns) for family in self.deviation.families),
+            self.lost,
+        )
 
     @property
     def n_component(self) -> int:
@@ -54,28 +66,48 @@ class Mixture:
 
     @cached_property
     def together(self) -> tuple[FloatArray, Terms]:
-        """The bases of all families side by side (n_obs, n_dir), and their terms as those of one."""
-        gain = np.vstack([block_diag(*(terms.gain[:-2] for terms in self.terms)), np.hstack([terms.gain[-2:] for terms in self.terms])])
-        cross, cross_white = block_diag(*(terms.cross for terms in self.terms)), np.hstack([terms.cross_white for terms in self.terms])
-        root, amplitude = np.concatenate([terms.root for terms in self.terms]), self.deviation.column("amplitude")
-        return np.hstack([family.basis for family in self.deviation.families]), Terms(gain, cross, cross_white, root, amplitude)
+        """The bases of all families side by side (n_obs, n_dir), and their terms as those of
+        one.
+        """
+        gain = np.vstack(
+            [
+                block_diag(*(terms.gain[:-2] for terms in self.terms)),
+                np.hstack([terms.gain[-2:] for terms in self.terms]),
+            ]
+        )
+        cross = block_diag(*(terms.cross for terms in self.terms))
+        cross_white = np.hstack([terms.cross_white for terms in self.terms])
+        root = np.concatenate([terms.root for terms in self.terms])
+        amplitude = self.deviation.column("amplitude")
+        return np.hstack([family.basis for family in self.deviation.families]), Terms(
+            gain, cross, cross_white, root, amplitude
+        )
 
     @cached_property
     def highest(self) -> float:
         """The log likelihood where all residuals are 0."""
         return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
 
-    def log_likelihood(self, residuals: FloatArray, *, relative: FloatArray | None = None, weight: Weight | None = None) -> FloatArray:
-        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where it is not that of the fit.
+    def log_likelihood(
+        self,
+        residuals: FloatArray,
+        *,
+        relative: FloatArray | None = None,
+        weight: Weight | None = None,
+    ) -> FloatArray:
+        """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where
+        it is not that of the fit.
 
-        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled parameter; 5 to 80 times slower.
+        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled
+            parameter; 5 to 80 times slower.
         """
         residuals = np.atleast_2d(residuals)
         total = np.empty(residuals.shape[0])
         for start in range(0, total.size, _CHUNK):
             some = slice(start, start + _CHUNK)
             logs = self.log_components(
-                residuals[some], relative=None if relative is None else relative[some],
+                residuals[some],
+                relative=None if relative is None else relative[some],
                 weight=None if weight is None else replace(weight, ratio=weight.ratio[some]),
             )
             highest = np.max(logs, axis=1, keepdims=True)
@@ -83,14 +115,24 @@ class Mixture:
             total[some] = highest[:, 0] + np.log(np.sum(logs, axis=1))
         return total
 
-    def log_components(self, residuals: FloatArray, *, relative: FloatArray | None = None, weight: Weight | None = None) -> FloatArray:
+    def log_components(
+        self,
+        residuals: FloatArray,
+        *,
+        relative: FloatArray | None = None,
+        weight: Weight | None = None,
+    ) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
         basis, terms = self.together
         seen = z @ basis
         if relative is None and z.shape[0] <= _FEW:
-            return terms.log_density(square, seen, along, weight) - self.deviation.root.log_volume - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+            return (
+                terms.log_density(square, seen, along, weight)
+                - self.deviation.root.log_volume
+                - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+            )
         parts, start = [], 0
         for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
             own = seen[:, start : start + family.spectrum.size]
@@ -98,7 +140,11 @@ class Mixture:
             if relative is None:
                 parts.append(own_terms.log_density(square, own, along, weight))
             else:
-                parts.append(_rescaled(family, self.columns, square, own, along, np.asarray(relative, dtype=float)))
+                parts.append(
+                    _rescaled(
+                        family, self.columns, square, own, along, np.asarray(relative, dtype=float)
+                    )
+                )
         logs = np.hstack(parts)
         logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
@@ -112,7 +158,8 @@ class Mixture:
     def precision(self, residuals: FloatArray) -> Precision:
         """Q with d log L/dr = -Q r at residuals (n_obs,), of whitened observations.
 
-        Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a maximum of the likelihood.
+        Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
+        maximum of the likelihood.
         """
         white = 0.0
         span = np.linalg.qr(np.hstack([self.together[0], self.columns]))[0]
@@ -122,29 +169,48 @@ class Mixture:
             core += (basis * (own @ gain)) @ basis.T
             white += float(own @ flat)
             if columns.shape[1]:
-                pushed = flat[:, None, None] * columns + basis @ (gain[:, :, None] * (basis.T @ columns))
+                pushed = flat[:, None, None] * columns + basis @ (
+                    gain[:, :, None] * (basis.T @ columns)
+                )
                 information = np.eye(columns.shape[1]) + np.einsum("ni,knj->kij", columns, pushed)
-                turned = np.linalg.solve(information, (own[:, None, None] * pushed).transpose(0, 2, 1))  # (k, i, m)
+                # (k, i, m)
+                turned = np.linalg.solve(
+                    information, (own[:, None, None] * pushed).transpose(0, 2, 1)
+                )
                 core -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return Precision(white, span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
         z = self.deviation.whiten(residuals)
-        along, whole, pull = z @ self.columns, self.columns.T @ self.columns, np.zeros(residuals.size)
+        along = z @ self.columns
+        whole = self.columns.T @ self.columns
+        pull = np.zeros(residuals.size)
         for family, own, white, gain in self._felt(residuals):
             seen, lying = z @ family.basis, family.basis.T @ self.columns
             shifts = np.zeros((own.size, self.columns.shape[1]))
             if self.columns.shape[1]:
-                information = np.eye(self.columns.shape[1]) + white[:, None, None] * whole + np.einsum("mi,km,mj->kij", lying, gain, lying)
+                information = (
+                    np.eye(self.columns.shape[1])
+                    + white[:, None, None] * whole
+                    + np.einsum("mi,km,mj->kij", lying, gain, lying)
+                )
                 explained = white[:, None] * along + (gain * seen) @ lying
                 shifts = np.linalg.solve(information, explained[..., None])[..., 0]
             left = own[:, None] * gain * (seen - shifts @ lying.T)
-            pull += (own @ white) * z + family.basis @ np.sum(left, axis=0) - self.columns @ ((own * white) @ shifts)
+            pull += (
+                (own @ white) * z
+                + family.basis @ np.sum(left, axis=0)
+                - self.columns @ ((own * white) @ shifts)
+            )
         return self.deviation.turned_back(pull)
 
-    def _felt(self, residuals: FloatArray) -> Iterator[tuple[Family, FloatArray, FloatArray, FloatArray]]:
-        """Of each family the components that count at residuals (n_obs,): shares, white precisions (k,), what directions add to these (k, n_dir)."""
+    def _felt(
+        self, residuals: FloatArray
+    ) -> Iterator[tuple[Family, FloatArray, FloatArray, FloatArray]]:
+        """Of each family the components that count at residuals (n_obs,): shares, white precisions
+        (k,), what directions add to these (k, n_dir).
+        """
         share, start = self.shares(residuals), 0
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
@@ -155,7 +221,9 @@ class Mixture:
                 yield family, own[felt], white, 1.0 / family.variances()[felt] - white[:, None]
 
     def variances(self, residuals: FloatArray) -> FloatArray:
-        """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their `shares`, and H H^T."""
+        """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
+        `shares`, and H H^T.
+        """
         causes, white = self._causes(residuals)
         root = self.deviation.root
         return np.asarray(white * root.variances + np.sum(root.coloured(causes.T) ** 2, axis=0))
@@ -173,31 +241,48 @@ class Mixture:
         return np.asarray((rows - (rows @ turned.T) @ turned) / white)
 
     def _causes(self, residuals: FloatArray) -> tuple[FloatArray, float]:
-        """H and what the deviation does, (n_obs, n_cause), and the variance of the noise, whitened."""
+        """H and what the deviation does, (n_obs, n_cause), and the variance of the noise,
+        whitened.
+        """
         basis, lifted, white = self.lifted(residuals)
         felt = lifted > _FELT * white
         return np.hstack([basis[:, felt] * np.sqrt(lifted[felt]), self.columns]), white
 
     def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-        """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that the deviation has there, and that of the noise."""
+        """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that
+        the deviation has there, and that of the noise.
+        """
         share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
             own = share[start : start + family.amplitude.size]
             start += own.size
             lifted.append((own @ np.square(family.amplitude)) * family.spectrum)
-        return self.together[0], np.concatenate(lifted), float(share @ np.square(self.deviation.column("scale")))
+        return (
+            self.together[0],
+            np.concatenate(lifted),
+            float(share @ np.square(self.deviation.column("scale"))),
+        )
 
     def pointwise(self, residuals: FloatArray) -> FloatArray:
-        """(n_draw, n_obs) log density of every point given all the other points of residuals (n_draw, n_obs).
+        """(n_draw, n_obs) log density of every point given all the other points of residuals
+        (n_draw, n_obs).
 
-        log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal with precision Q_ii and mean r_i - (Q r)_i/Q_ii
+        log sum_k w_k N_k(r) - log sum_k w_k N_k(r)/N_k(r_i | others), each N_k(r_i | others) normal
+        with precision Q_ii and mean r_i - (Q r)_i/Q_ii
         """
         residuals = np.atleast_2d(residuals)
         given = tuple(self._given())
-        return np.vstack([self._pointwise(residuals[start : start + _AT_ONCE], given) for start in range(0, len(residuals), _AT_ONCE)])
+        return np.vstack(
+            [
+                self._pointwise(residuals[start : start + _AT_ONCE], given)
+                for start in range(0, len(residuals), _AT_ONCE)
+            ]
+        )
 
     def _given(self) -> Iterator[tuple[_Given, ...]]:
-        """For each family, what `_pointwise` needs of each of its components whatever the residuals."""
+        """For each family, what `_pointwise` needs of each of its components whatever the
+        residuals.
+        """
         back, own = self.deviation.turned_back, self.deviation.root.precisions
         whole, moved = self.columns.T @ self.columns, back(self.columns.T).T
         for family in self.deviation.families:
@@ -207,17 +292,30 @@ class Mixture:
                 gain = 1.0 / variance - 1.0 / scale**2
                 diagonal = own / scale**2 + squared @ gain
                 turned = gain[:, None] * lying
-                root = np.linalg.inv(np.linalg.cholesky(np.eye(len(whole)) + whole / scale**2 + lying.T @ turned)).T
+                root = np.linalg.inv(
+                    np.linalg.cholesky(np.eye(len(whole)) + whole / scale**2 + lying.T @ turned)
+                ).T
                 pushed = (moved / scale**2 + basis @ turned) @ root
                 if len(whole):
                     diagonal -= np.sum(pushed**2, axis=1)
                 half = np.sqrt(0.5 / diagonal)
-                seen = np.vstack([gain[:, None] * basis.T - (turned @ root) @ pushed.T, -(root / scale**2) @ pushed.T])
-                found.append(_Given(half / scale**2, seen * half, 0.5 * np.log(diagonal / (2.0 * np.pi))))
+                seen = np.vstack(
+                    [
+                        gain[:, None] * basis.T - (turned @ root) @ pushed.T,
+                        -(root / scale**2) @ pushed.T,
+                    ]
+                )
+                found.append(
+                    _Given(half / scale**2, seen * half, 0.5 * np.log(diagonal / (2.0 * np.pi)))
+                )
             yield tuple(found)
 
-    def _pointwise(self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]) -> FloatArray:
-        """Sums of exponentials relative to the largest component; where one overflows, by logarithms."""
+    def _pointwise(
+        self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
+    ) -> FloatArray:
+        """Sums of exponentials relative to the largest component; where one overflows, by
+        logarithms.
+        """
         logs = self.log_components(residuals)
         highest = np.max(logs, axis=1, keepdims=True)
         z = self.deviation.whiten(residuals)
@@ -239,24 +337,33 @@ class Mixture:
         return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
 
     def _without(
-        self, logs: FloatArray, z: FloatArray, along: FloatArray, back: FloatArray, given: tuple[tuple[_Given, ...], ...]
+        self,
+        logs: FloatArray,
+        z: FloatArray,
+        along: FloatArray,
+        back: FloatArray,
+        given: tuple[tuple[_Given, ...], ...],
     ) -> FloatArray:
         """(n_draw, n_obs) log sum_k w_k N_k(r)/N_k(r_i | others)."""
         without, start = np.full(z.shape, -np.inf), 0
         for family, each in zip(self.deviation.families, given, strict=True):
             seen = np.hstack([z @ family.basis, along])
             for k, one in enumerate(each, start):
-                np.logaddexp(without, one.square(back, seen) + logs[:, k, None] - one.log, out=without)
+                np.logaddexp(
+                    without, one.square(back, seen) + logs[:, k, None] - one.log, out=without
+                )
             start += len(each)
         return without
 
 
 @dataclass(frozen=True, eq=False)
 class _Given:
-    """A component of a family, for the density of a point given the others: N_k(r_i | others) = exp(log - square).
+    """A component of a family, for the density of a point given the others: N_k(r_i | others) =
+    exp(log - square).
 
-    white, seen : (n_obs,), (n_dir + n_column, n_obs) what whitened residuals turned back, and those along basis and columns, add to the root of
-    `square`.  log : (n_obs,) half the logarithm of the inverse of its variance over 2 pi.
+    white, seen : (n_obs,), (n_dir + n_column, n_obs) what whitened residuals turned back, and those
+        along basis and columns, add to the root of `square`.
+    log : (n_obs,) half the logarithm of the inverse of its variance over 2 pi.
     """
 
     white: FloatArray
@@ -264,17 +371,23 @@ class _Given:
     log: FloatArray
 
     def square(self, back: FloatArray, seen: FloatArray) -> FloatArray:
-        """(n_draw, n_obs) half the squared residual of each point over its variance given the others."""
+        """(n_draw, n_obs) half the squared residual of each point over its variance given the
+        others.
+        """
         found = seen @ self.seen
         found += back * self.white
         return np.asarray(np.square(found, out=found))
 
 
-def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3) -> Mixture:
-    """The mixture of the most probable components: those left out hold at most the posterior probability `lost` together.
+def keep_probable(
+    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
+) -> Mixture:
+    """The mixture of the most probable components: those left out hold at most the posterior
+    probability `lost` together.
 
-    columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small systematic effect; None for none.  Give them
-    to `linearise` as well (columns of the Jacobian with precision 1), so that the components are weighed with them.
+    columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
+        systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
+        with precision 1), so that the components are weighed with them.
     """
     deviation, n_obs = linearised.deviation, linearised.deviation.n_obs
     order = np.argsort(linearised.weights)
@@ -289,15 +402,30 @@ def keep_probable(linearised: Linearised, *, columns: FloatArray | None = None, 
             families.append(compact(merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
     kept = Deviation(deviation.root, tuple(families))
-    return Mixture(kept, shifts, tuple(terms_of(family, shifts) for family in families), float(linearised.weights[dropped].sum()))
+    return Mixture(
+        kept,
+        shifts,
+        tuple(terms_of(family, shifts) for family in families),
+        float(linearised.weights[dropped].sum()),
+    )
 
 
 def merged(family: Family) -> Family:
     """The family with components that are the same counted once."""
-    values, place = np.unique(np.column_stack([family.amplitude, family.scale]), axis=0, return_inverse=True)
+    values, place = np.unique(
+        np.column_stack([family.amplitude, family.scale]), axis=0, return_inverse=True
+    )
     log_prior = np.full(len(values), -np.inf)
     np.logaddexp.at(log_prior, place.ravel(), family.log_prior)
-    return Family(family.kind, family.length, family.basis, family.spectrum, values[:, 0], values[:, 1], log_prior)
+    return Family(
+        family.kind,
+        family.length,
+        family.basis,
+        family.spectrum,
+        values[:, 0],
+        values[:, 1],
+        log_prior,
+    )
 
 
 def compact(family: Family) -> Family:
@@ -307,27 +435,52 @@ def compact(family: Family) -> Family:
     beyond = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
     used = order[: int(np.sum(beyond > _ROUGHNESS))]
     basis = np.ascontiguousarray(family.basis[:, used])
-    return Family(family.kind, family.length, basis, family.spectrum[used], family.amplitude, family.scale, family.log_prior)
+    return Family(
+        family.kind,
+        family.length,
+        basis,
+        family.spectrum[used],
+        family.amplitude,
+        family.scale,
+        family.log_prior,
+    )
 
 
 def _rescaled(
-    family: Family, columns: FloatArray, square: FloatArray, seen: FloatArray, along: FloatArray, relative: FloatArray
+    family: Family,
+    columns: FloatArray,
+    square: FloatArray,
+    seen: FloatArray,
+    along: FloatArray,
+    relative: FloatArray,
 ) -> FloatArray:
-    """(n_draw, n_component) log densities where the noise of each draw has its own factor (n_draw,)."""
+    """(n_draw, n_component) log densities where the noise of each draw has its own factor
+    (n_draw,).
+    """
     turned, n_column = family.basis.T @ columns, columns.shape[1]
     pairs = (turned[:, :, None] * turned[:, None, :]).reshape(family.spectrum.size, n_column**2)
     whole = columns.T @ columns
     each = []
-    for amplitude, scale, log_prior in zip(family.amplitude, family.scale, family.log_prior, strict=True):
+    for amplitude, scale, log_prior in zip(
+        family.amplitude, family.scale, family.log_prior, strict=True
+    ):
         white = np.square(relative * scale)
         variance = white[:, None] + amplitude**2 * family.spectrum
         gain = 1.0 / variance - 1.0 / white[:, None]
         misfit = square / white + np.sum(gain * np.square(seen), axis=1)
-        volume = np.sum(np.log(variance), axis=1) + (columns.shape[0] - family.spectrum.size) * np.log(white)
+        volume = np.sum(np.log(variance), axis=1) + (
+            columns.shape[0] - family.spectrum.size
+        ) * np.log(white)
         if n_column:
-            information = np.eye(n_column) + whole / white[:, None, None] + (gain @ pairs).reshape(-1, n_column, n_column)
+            information = (
+                np.eye(n_column)
+                + whole / white[:, None, None]
+                + (gain @ pairs).reshape(-1, n_column, n_column)
+            )
             explained = along / white[:, None] + (gain * seen) @ turned
-            misfit -= np.einsum("ij,ij->i", explained, np.linalg.solve(information, explained[..., None])[..., 0])
+            misfit -= np.einsum(
+                "ij,ij->i", explained, np.linalg.solve(information, explained[..., None])[..., 0]
+            )
             volume += np.linalg.slogdet(information)[1]
         each.append(log_prior - 0.5 * misfit - 0.5 * volume)
     return np.array(each).T

@@ -1,4 +1,5 @@
-"""Noise with what the curve lacks beside it: first a free start alone, then, made at the fit with that, an unmodelled force.
+"""Noise with what the curve lacks beside it: first a free start alone, then, made at the fit with
+that, an unmodelled force.
 
 Everything that concerns readings is asked of the noise that was stated, `base`.
 """
@@ -70,16 +71,24 @@ class Stated:
     def x_gain(self) -> FloatArray:
         return self.base.x_gain()
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return self.base.true_x(x, gain, named, rng)
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return self.base.read_x(x, gain, named, rng)
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return self.base.read(true, gain, named, rng)
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
         return self.base.carried(by_x, by_y, named)
 
     def reading_gain(self) -> FloatArray:
@@ -94,7 +103,8 @@ class Stated:
 
 @dataclass(frozen=True, eq=False)
 class FreeStart(Stated):
-    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the covariance, and one for each bad frame.
+    """Stated noise, and an energy at release that is not quite 0: one more term of rank one in the
+    covariance, and one for each bad frame.
 
     bad : the frames.
     """
@@ -106,7 +116,12 @@ class FreeStart(Stated):
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
         about = formed_about(self.course, self.base, points, named, scale=1.0)[0].speed
-        columns = np.column_stack([self.course.along(points, named, self.base, about=about).push, self.bad.columns(points.x.size)])
+        columns = np.column_stack(
+            [
+                self.course.along(points, named, self.base, about=about).push,
+                self.bad.columns(points.x.size),
+            ]
+        )
         return GaussianErrors.rooted(points, with_columns(stated.root, columns), stated.shift)
 
     def for_search(self) -> FreeStart:
@@ -143,7 +158,10 @@ class WithForce(WithMixture):
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         stated = self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
-        return phrase("{stated}; in addition, an unmodelled force along the track and a free start", stated=stated)
+        return phrase(
+            "{stated}; in addition, an unmodelled force along the track and a free start",
+            stated=stated,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,21 +178,37 @@ class StatedErrors:
 
 
 def formed_about(
-    course: Trajectory, base: Noise, points: Points, named: Named, *, scale: float, speed: FloatArray | None = None
+    course: Trajectory,
+    base: Noise,
+    points: Points,
+    named: Named,
+    *,
+    scale: float,
+    speed: FloatArray | None = None,
 ) -> tuple[Residuals, StatedErrors]:
-    """How residuals are formed for a fit with the values `named`, and the stated errors of such residuals.
+    """How residuals are formed for a fit with the values `named`, and the stated errors of such
+    residuals.
 
-    scale : of the prior of the force.  speed : (n_obs,) where more is known of the speeds than the curve says.
+    scale : of the prior of the force.
+    speed : (n_obs,) where more is known of the speeds than the curve says.
     """
     here = course.speed(points, named, base)
     if here is None:
         stated = normal_covariance(base, points, named)
         return Residuals(stated.shift), stated
-    slow = normal_covariance(base, points_about(points, np.maximum(here, _REST * np.max(here))), named)
+    slow = normal_covariance(
+        base, points_about(points, np.maximum(here, _REST * np.max(here))), named
+    )
     known = here if speed is None else np.maximum(speed, 0.0)
     about = np.maximum(known, LEAST_SPEED * np.sqrt(slow.root.variances))
     stated = normal_covariance(base, points_about(points, about), named)
-    return Residuals(stated.shift, about, known, (Inertia.of(course.motion, points.x, points.bind(named)),), scale), stated
+    return Residuals(
+        stated.shift,
+        about,
+        known,
+        (Inertia.of(course.motion, points.x, points.bind(named)),),
+        scale,
+    ), stated
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:

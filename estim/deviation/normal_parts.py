@@ -1,7 +1,9 @@
-"""The linearised posterior of runs with unmodelled forces as a few normal distributions: whether each force is there, and how large it may be.
+"""The linearised posterior of runs with unmodelled forces as a few normal distributions: whether
+each force is there, and how large it may be.
 
-Each force that may be absent gives a narrow posterior without it and wide ones with it; the posterior of all is a sum over their combinations.
-One normal distribution, however adapted, is too wide where most of the probability lies and too narrow in the tails.
+Each force that may be absent gives a narrow posterior without it and wide ones with it; the
+posterior of all is a sum over their combinations.  One normal distribution, however adapted, is too
+wide where most of the probability lies and too narrow in the tails.
 """
 
 from __future__ import annotations
@@ -28,14 +30,22 @@ class NormalParts:
     covs: FloatArray
 
 
-def normal_parts(groups: Sequence[tuple[Linearised, TrialInformation]], known: TrialInformation, values: FloatArray) -> NormalParts:
+def normal_parts(
+    groups: Sequence[tuple[Linearised, TrialInformation]],
+    known: TrialInformation,
+    values: FloatArray,
+) -> NormalParts:
     """The most probable combinations of the components of each group, about `values` (n_par,).
 
-    groups : each linearised beside what is known of the parameters without it, which goes with it.  known : what no group says.
+    groups : each linearised beside what is known of the parameters without it, which goes with it.
+    known : what no group says.
     """
     combined = [(1.0, *known)]
     for linear, beside in groups:
-        parts = [(weight, *likelihood_of_normal(mean, cov, beside)) for weight, mean, cov in _parts(linear, values.size)]
+        parts = [
+            (weight, *likelihood_of_normal(mean, cov, beside))
+            for weight, mean, cov in _parts(linear, values.size)
+        ]
         combined = [
             (weight * own, information + own_information, score + own_score)
             for weight, information, score in combined
@@ -49,20 +59,31 @@ def normal_parts(groups: Sequence[tuple[Linearised, TrialInformation]], known: T
 
 
 def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, FloatArray]]:
-    """Probability, step and covariance of the first parameters: without the force, and with it in a few groups."""
+    """Probability, step and covariance of the first parameters: without the force, and with it in a
+    few groups.
+    """
     steps, covs = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
     order = np.argsort(np.linalg.slogdet(covs)[1])
     absent = linear.deviation.column("amplitude")[order] == 0.0
     there = order[~absent]
     below = np.cumsum(linear.weights[there])
     found = []
-    for group in (order[absent], *np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))):
+    for group in (
+        order[absent],
+        *np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE)),
+    ):
         probability = float(linear.weights[group].sum())
         if probability > 0.0:
             shares = linear.weights[group] / probability
             mean = shares @ steps[group]
             off = steps[group] - mean
-            found.append((probability, mean, np.einsum("k,kij->ij", shares, covs[group]) + (shares[:, None] * off).T @ off))
+            found.append(
+                (
+                    probability,
+                    mean,
+                    np.einsum("k,kij->ij", shares, covs[group]) + (shares[:, None] * off).T @ off,
+                )
+            )
     return found
 
 

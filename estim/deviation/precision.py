@@ -1,4 +1,6 @@
-"""The precision that the components of a mixture have together at a point: that of white noise, changed in a few directions."""
+"""The precision that the components of a mixture have together at a point: that of white noise,
+changed in a few directions.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ from estim.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Precision:
-    """Q = white I + span core span^T of whitened observations; span : (n_obs, n) orthonormal columns."""
+    """Q = white I + span core span^T of whitened observations; span : (n_obs, n) orthonormal
+    columns.
+    """
 
     white: float
     span: FloatArray

@@ -1,11 +1,14 @@
-"""What would have been measured, had the readings been made again: data sets drawn from the posterior of a run with what its curve lacks.
+"""What would have been measured, had the readings been made again: data sets drawn from the
+posterior of a run with what its curve lacks.
 
-The same body, track and start: of each draw of the parameters comes a component of the mixture with its probability, then what the curve lacks
-(force, start, shifts of bad frames; u below) from what the residuals z leave possible, then new errors of the readings:
+The same body, track and start: of each draw of the parameters comes a component of the mixture with
+its probability, then what the curve lacks (force, start, shifts of bad frames; u below) from what
+the residuals z leave possible, then new errors of the readings:
 
     z = B u + s e,    u ~ N(0, 1),    E(u | z) = B^T (B B^T + s^2)^-1 z
 
-by an unconditional draw (u0, z0) moved by what z - z0 says (Journel and Huijbregts, Mining Geostatistics (1978) VII.A.1), all in units of the noise.
+by an unconditional draw (u0, z0) moved by what z - z0 says (Journel and Huijbregts, Mining
+Geostatistics (1978) VII.A.1), all in units of the noise.
 """
 
 from __future__ import annotations
@@ -29,10 +32,14 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
             if own.size == 0:
                 continue
             scale = float(family.scale[k])
-            causes = np.hstack([family.amplitude[k] * np.sqrt(family.spectrum) * family.basis, mixture.columns])
+            causes = np.hstack(
+                [family.amplitude[k] * np.sqrt(family.spectrum) * family.basis, mixture.columns]
+            )
             latent = rng.standard_normal((own.size, causes.shape[1]))
             off = z[own] - latent @ causes.T - scale * rng.standard_normal((own.size, z.shape[1]))
-            latent += np.linalg.solve(causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T).T
+            latent += np.linalg.solve(
+                causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T
+            ).T
             again[own] = latent @ causes.T + scale * rng.standard_normal((own.size, z.shape[1]))
         start += family.amplitude.size
     return errors.formed.readings(errors.points, named, mixture.deviation.root.coloured(again))

@@ -1,10 +1,14 @@
-"""How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in which a force along the track is linear.
+"""How residuals of a curve that lacks something are formed: as y - f, or for speeds as energies, in
+which a force along the track is linear.
 
-    rho = y - u + (u^2 - f^2)/(2 v),    u: what the speeds are, as far as the data tell;    v = u, where u is larger than errors of the readings
+    rho = y - u + (u^2 - f^2)/(2 v),    u: what the speeds are, as far as the data tell;    v = u,
+    where u is larger than errors of the readings
 
-A force and an energy at release add to the square of the speed whatever the parameters are, so their response in rho is the same at all draws: also
-beside a turning point, where that of the speed diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors of the readings
-stay as they are.  Where the true speed is u', rho = (u'^2 - f^2)/(2 v) - (u' - u)^2/(2 v) + error: u must be near u', not f.
+A force and an energy at release add to the square of the speed whatever the parameters are, so
+their response in rho is the same at all draws: also beside a turning point, where that of the speed
+diverges, and beyond the place where the curve without them ends (f^2 < 0).  Errors of the readings
+stay as they are.  Where the true speed is u', rho = (u'^2 - f^2)/(2 v) - (u' - u)^2/(2 v) + error:
+u must be near u', not f.
 """
 
 from __future__ import annotations
@@ -18,7 +22,16 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.deviation.terms import Weight
-from estim.problem import Curve, LocalCurve, Motion, Named, Points, SpeedCurve, SquaredCurve, StackedPoints
+from estim.problem import (
+    Curve,
+    LocalCurve,
+    Motion,
+    Named,
+    Points,
+    SpeedCurve,
+    SquaredCurve,
+    StackedPoints,
+)
 
 LEAST_SPEED = 1.5  # standard deviations of a reading: slower than this a point counts as so fast
 
@@ -50,7 +63,9 @@ def _inertias(motion: Motion, x: FloatArray, arguments: Mapping[str, ArrayLike])
 
 @dataclass(frozen=True, eq=False)
 class _About:
-    """A curve of speeds with the derivatives that its energies have about speeds (n_obs,): those of f^2/(2 v)."""
+    """A curve of speeds with the derivatives that its energies have about speeds (n_obs,): those of
+    f^2/(2 v).
+    """
 
     curve: Curve
     speed: FloatArray
@@ -60,14 +75,22 @@ class _About:
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         square, double = cast(SquaredCurve, self.curve).local_square(x, arguments), 2.0 * self.speed
-        return LocalCurve(self.curve.value(x, arguments), square.slope / double, {name: d / double for name, d in square.gradient.items()})
+        return LocalCurve(
+            self.curve.value(x, arguments),
+            square.slope / double,
+            {name: d / double for name, d in square.gradient.items()},
+        )
 
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+    def time_derivative(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+    ) -> FloatArray:
         return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
 
 
 def points_about(points: Points, speed: FloatArray) -> Points:
-    """Points that are speeds, whose errors in the position count as they do in energies about `speed` (n_obs,)."""
+    """Points that are speeds, whose errors in the position count as they do in energies about
+    `speed` (n_obs,).
+    """
     return replace(points, curve=_About(points.curve, speed))
 
 
@@ -75,8 +98,10 @@ def points_about(points: Points, speed: FloatArray) -> Points:
 class Residuals:
     """shift : (n_obs,) mean of the errors of the readings, unit of y.
 
-    speed : (n_obs,) v where they are energies; None where they are y - f.  known : (n_obs,) u.
-    inertias : of each run, where they are energies of bodies with a force.  scale : of the prior of the force.
+    speed : (n_obs,) v where they are energies; None where they are y - f.
+    known : (n_obs,) u.
+    inertias : of each run, where they are energies of bodies with a force.
+    scale : of the prior of the force.
     """
 
     shift: FloatArray
@@ -86,11 +111,15 @@ class Residuals:
     scale: float = 1.0
 
     def weight(self, points: AnyPoints, named: Named) -> Weight | None:
-        """How a force counts at draws, against how it counts at the fit; None where it counts alike."""
+        """How a force counts at draws, against how it counts at the fit; None where it counts
+        alike.
+        """
         if not self.inertias:
             return None
         runs = points.runs if isinstance(points, StackedPoints) else (points,)
-        ratios = [inertia.ratio(run.bind(named)) for inertia, run in zip(self.inertias, runs, strict=True)]
+        ratios = [
+            inertia.ratio(run.bind(named)) for inertia, run in zip(self.inertias, runs, strict=True)
+        ]
         return Weight(np.mean(np.broadcast_arrays(*ratios), axis=0), self.scale, len(runs))
 
     def at(self, points: AnyPoints, named: Named) -> FloatArray:
@@ -98,10 +127,14 @@ class Residuals:
         y = points.y - self.shift
         if self.speed is None:
             return np.atleast_2d(y - points.value(named))
-        return np.atleast_2d(y - self.known + (np.square(self.known) - points.square(named)) / (2.0 * self.speed))
+        return np.atleast_2d(
+            y - self.known + (np.square(self.known) - points.square(named)) / (2.0 * self.speed)
+        )
 
     def gradient(self, points: AnyPoints, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of the curve, where they are y - f."""
+        """(n_obs, n) minus their derivatives in the parameters `names`, for single values: those of
+        the curve, where they are y - f.
+        """
         if self.speed is None:
             return points.gradient(named, names)
         return points.square_gradient(named, names) / (2.0 * self.speed[:, None])
@@ -110,7 +143,12 @@ class Residuals:
         """(n_draw, n_obs) the ordinates that have these residuals."""
         if self.speed is None:
             return np.asarray(points.value(named) + self.shift + residuals)
-        return np.asarray(residuals + self.shift + self.known - (np.square(self.known) - points.square(named)) / (2.0 * self.speed))
+        return np.asarray(
+            residuals
+            + self.shift
+            + self.known
+            - (np.square(self.known) - points.square(named)) / (2.0 * self.speed)
+        )
 
 
 def stacked(each: Sequence[Residuals]) -> Residuals:
@@ -120,4 +158,10 @@ def stacked(each: Sequence[Residuals]) -> Residuals:
     if len(speeds) < len(each):
         return Residuals(shift)
     known = np.concatenate([np.broadcast_to(one.known, one.shift.shape) for one in each])
-    return Residuals(shift, np.concatenate(speeds), known, tuple(inertia for one in each for inertia in one.inertias), each[0].scale)
+    return Residuals(
+        shift,
+        np.concatenate(speeds),
+        known,
+        tuple(inertia for one in each for inertia in one.inertias),
+        each[0].scale,
+    )

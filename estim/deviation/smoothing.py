@@ -1,9 +1,12 @@
-"""Where a body was read, without most of the errors of the readings, for what is asked of a curve at a place that must not know these errors.
+"""Where a body was read, without most of the errors of the readings, for what is asked of a curve
+at a place that must not know these errors.
 
-A column of a linear model that is evaluated at the readings has their errors e in it: d(column)/dx times e.  Where frames are so dense that a body
-moves less than e between them this is no longer small beside the column, and it is not independent of the residuals, which are made of the same
-e: whitened residuals of a run that lacks nothing lean on the column (on a shift of the clock, beside the release, by 9 standard deviations with 1,400
-frames in 3 s, where the body moves by a fifth of e from one frame to the next).
+A column of a linear model that is evaluated at the readings has their errors e in it: d(column)/dx
+times e.  Where frames are so dense that a body moves less than e between them this is no longer
+small beside the column, and it is not independent of the residuals, which are made of the same e:
+whitened residuals of a run that lacks nothing lean on the column (on a shift of the clock, beside
+the release, by 9 standard deviations with 1,400 frames in 3 s, where the body moves by a fifth of e
+from one frame to the next).
 """
 
 from __future__ import annotations
@@ -13,16 +16,20 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 
-_REACH, _FEW = 2.0, 5  # sds of a reading, by which the body moves to either side; readings for a line
+# sds of a reading, by which the body moves to either side; readings for a line
+_REACH, _FEW = 2.0, 5
 _GUARD = 5.0  # sds from the release or from a turning point
 
 
 def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
-    """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more) between which the body moves 2 `sd` either way.
+    """(n_row,) by straight lines through the readings x (n_row,) at t (n_row,) s (five or more)
+    between which the body moves 2 `sd` either way.
 
-    In such a window +-w a path of acceleration a lies on average a w^2/6 above its middle: by sd/15 at most where it is as fast as it gets from rest
-    within five sds, v^2 = 10 a sd. Slower than this, beside a turning point, it counts as so fast, a being (largest speed)^2/(length of the way).
-    Readings that are farther apart stay as they are.  speed : (n_row,) of the curve, unit of x per s.
+    In such a window +-w a path of acceleration a lies on average a w^2/6 above its middle: by sd/15
+    at most where it is as fast as it gets from rest within five sds, v^2 = 10 a sd. Slower than
+    this, beside a turning point, it counts as so fast, a being (largest speed)^2/(length of the
+    way).  Readings that are farther apart stay as they are.
+    speed : (n_row,) of the curve, unit of x per s.
     """
     least = float(np.max(speed)) * np.sqrt(_GUARD * 2.0 * sd / np.ptp(x))
     if not least > 0.0:  # a curve that never moves, which is said elsewhere

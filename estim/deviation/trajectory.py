@@ -37,7 +37,9 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the file.  kept : (n_obs,) those of the points."""
+    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the
+    file.  kept : (n_obs,) those of the points.
+    """
 
     t: FloatArray
     lines: NDArray[np.int64]
@@ -48,8 +50,10 @@ class Rows:
 class Trajectory:
     """A motion that was measured.
 
-    positions : (n_row,) all that were read, where the points are speeds made of them; else None, and the points are what was read.
-    rows : of the readings, known wherever `positions` are; else None where nobody asks which of them are bad.
+    positions : (n_row,) all that were read, where the points are speeds made of them; else None,
+        and the points are what was read.
+    rows : of the readings, known wherever `positions` are; else None where nobody asks which of
+        them are bad.
     """
 
     motion: Motion
@@ -57,13 +61,17 @@ class Trajectory:
     rows: Rows | None = None
 
     def speed(self, points: Points, named: Named, noise: Noise) -> FloatArray | None:
-        """(n_obs,) speeds of the curve at the points, where the readings have little of their errors; None for positions."""
+        """(n_obs,) speeds of the curve at the points, where the readings have little of their
+        errors; None for positions.
+        """
         here = _Here(self.motion, points, points.bind(named))
         if isinstance(points.curve, PositionCurve):
             return None
         return here.speed(self._places(here, noise, named))
 
-    def along(self, points: Points, named: Named, noise: Noise, *, about: FloatArray | None) -> Along:
+    def along(
+        self, points: Points, named: Named, noise: Noise, *, about: FloatArray | None
+    ) -> Along:
         """The responses at `named`.
 
         about : (n_obs,) the speeds of `Residuals` for points that are speeds, None for positions.
@@ -76,25 +84,37 @@ class Trajectory:
             assert about is not None, "known of points that are speeds"
             x = self._places(here, noise, named)
             along = track(float(np.max(points.x)), start=here.start)
-            response = speed_response(along, x, about, here.inertia(x), acceleration=here.acceleration)
+            response = speed_response(
+                along, x, about, here.inertia(x), acceleration=here.acceleration
+            )
         push = START_SD * here.scalar(self.motion.radian) * response.start
-        return Along(along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright))
+        return Along(
+            along, response, push, here.scalar(self.motion.radian), here.scalar(self.motion.upright)
+        )
 
     def _places(self, here: _Here, noise: Noise, named: Named) -> FloatArray:
-        """(n_obs,) positions of points that are speeds, with little of the errors of the readings that these speeds are made of."""
+        """(n_obs,) positions of points that are speeds, with little of the errors of the readings
+        that these speeds are made of.
+        """
         if self.positions is None or noise.of_positions(here.points, named) is None:
             return here.points.x
         assert self.rows is not None, "known where positions are"
         return here.points.x + (self._settled(here, noise, named) - self.positions)[self.rows.kept]
 
     def _settled(self, here: _Here, noise: Noise, named: Named) -> FloatArray:
-        """(n_row,) the readings, for every place at which something is asked of the curve that must not know their errors."""
+        """(n_row,) the readings, for every place at which something is asked of the curve that must
+        not know their errors.
+        """
         assert self.positions is not None, "asked where speeds are made of positions"
         assert self.rows is not None, "known where positions are"
-        return settled(self.rows.t, self.positions, here.speed(self.positions), _reading(noise, named))
+        return settled(
+            self.rows.t, self.positions, here.speed(self.positions), _reading(noise, named)
+        )
 
     def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
-        """The readings of which some may be bad, and what each does to the points; None where they are not known."""
+        """The readings of which some may be bad, and what each does to the points; None where they
+        are not known.
+        """
         if self.rows is None:
             return None
         here = _Here(self.motion, points, points.bind(named))
@@ -102,13 +122,29 @@ class Trajectory:
         if matrix is not None and self.positions is not None:
             slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
             velocity = here.speed(self._settled(here, noise, named))
-            return Frames(self.rows.t, self.positions, self.rows.lines, matrix, velocity, reading, True, self.rows.kept, slope)
-        sd = float(np.hypot(reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]))
+            return Frames(
+                self.rows.t,
+                self.positions,
+                self.rows.lines,
+                matrix,
+                velocity,
+                reading,
+                True,
+                self.rows.kept,
+                slope,
+            )
+        sd = float(
+            np.hypot(
+                reading * np.median(noise.reading_gain()), np.ravel(noise.size.scatter.at(named))[0]
+            )
+        )
         alone = Differences.of_single(points.x.size)
         if isinstance(points.curve, PositionCurve):
             velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
             return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
-        return Frames(self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False)
+        return Frames(
+            self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False
+        )
 
 
 def _reading(noise: Noise, named: Named) -> float:
@@ -146,7 +182,11 @@ class _Here:
         return self.row(2.0 * kinetic / self.scalar(self.motion.metres) ** 2, x.size)
 
     def potential(self, x: FloatArray) -> FloatArray:
-        return self.row(self.motion.energies(x, np.zeros(x.size), self.arguments)[1] / self.scalar(self.motion.metres) ** 2, x.size)
+        return self.row(
+            self.motion.energies(x, np.zeros(x.size), self.arguments)[1]
+            / self.scalar(self.motion.metres) ** 2,
+            x.size,
+        )
 
 
 def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
@@ -158,5 +198,7 @@ def _in_time(here: _Here, curve: PositionCurve) -> tuple[Track, Response]:
 
     t, release = here.points.x, float(np.ravel(here.arguments["release_time"])[0])
     step = _STEP * here.scalar(here.motion.radian)
-    moving = Moving(state, release, float(np.max(t)), here.inertia, here.potential, here.acceleration, step)
+    moving = Moving(
+        state, release, float(np.max(t)), here.inertia, here.potential, here.acceleration, step
+    )
     return response_in_time(moving, t)

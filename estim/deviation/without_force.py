@@ -1,7 +1,9 @@
-"""Noise as it stands beside an unmodelled force, without the force: for curves that are to be compared with one that has it.
+"""Noise as it stands beside an unmodelled force, without the force: for curves that are to be
+compared with one that has it.
 
-A force comes with room for the size of the readings' noise (`grid`) and with the shifts of bad frames.  A curve without a force is compared with
-it on the same terms only where it has that room too:
+A force comes with room for the size of the readings' noise (`grid`) and with the shifts of bad
+frames.  A curve without a force is compared with it on the same terms only where it has that room
+too:
 
     L = sum_s w_s N(r | 0, s^2 C0 + H H^T),    H the shifts of bad frames
 
@@ -25,10 +27,25 @@ from estim.deviation.joint import Sharing, Together
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
-from estim.deviation.posing import as_prior, information_of_run, likelihood_information, likely_root, priors_at
+from estim.deviation.posing import (
+    as_prior,
+    information_of_run,
+    likelihood_information,
+    likely_root,
+    priors_at,
+)
 from estim.deviation.residuals import Residuals, stacked
 from estim.deviation.trajectory import Trajectory
-from estim.problem import Named, Noise, Observations, Points, Problem, StackedPoints, Wording, stacked_root
+from estim.problem import (
+    Named,
+    Noise,
+    Observations,
+    Points,
+    Problem,
+    StackedPoints,
+    Wording,
+    stacked_root,
+)
 
 
 class Roomy(WithForce):
@@ -40,7 +57,9 @@ class Roomy(WithForce):
 
 @dataclass(frozen=True, eq=False)
 class _Stacked:
-    """Runs that have one size of the noise, linear about values of the parameters.  columns : (n_obs, n_jump) of bad frames.  """
+    """Runs that have one size of the noise, linear about values of the parameters.  columns :
+    (n_obs, n_jump) of bad frames.
+    """
 
     runs: tuple[Observations, ...]
     bad: BadFrames
@@ -54,54 +73,85 @@ class _Stacked:
         n = self.columns.shape[1]
         every = block_diag(precision, np.eye(n)) if n else precision
         jacobian = np.column_stack([self.jacobian, self.columns])
-        return linearise(self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)])
+        return linearise(
+            self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)]
+        )
 
 
 def pose_without_force(
-    groups: Sequence[Sequence[Observations]], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
+    groups: Sequence[Sequence[Observations]],
+    courses: Mapping[str, Trajectory],
+    problem: Problem,
+    values: FloatArray,
+    *,
+    bad: Mapping[str, BadFrames],
 ) -> tuple[Mapping[str, Noise], tuple[Together, ...]]:
-    """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit with the stated noise.
+    """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit
+    with the stated noise.
 
-    groups : runs that would share a force.  bad : run -> its bad frames, of runs that are fit alone.
+    groups : runs that would share a force.
+    bad : run -> its bad frames, of runs that are fit alone.
     """
     groups_stacked = [_stack(tuple(runs), courses, problem, values, bad) for runs in groups]
     precision, pull = priors_at(problem, values, n_start=0)
     prior = precision, precision @ pull
     posed = {run.name for group in groups_stacked for run in group.runs}
-    others = [information_of_run(run, problem, values) for run in problem.runs if run.name not in posed]
-    told = [likelihood_information(group.beside(precision, pull), prior) for group in groups_stacked]
+    others = [
+        information_of_run(run, problem, values) for run in problem.runs if run.name not in posed
+    ]
+    told = [
+        likelihood_information(group.beside(precision, pull), prior) for group in groups_stacked
+    ]
     noises: dict[str, Noise] = {}
     shared = []
     for i, group in enumerate(groups_stacked):
         linear = group.beside(*as_prior([prior, *others, *told[:i], *told[i + 1 :]]))
-        mixture, white = keep_probable(linear, columns=group.columns), likely_root(linear, group.columns)
+        mixture = keep_probable(linear, columns=group.columns)
+        white = likely_root(linear, group.columns)
         names = tuple(run.name for run in group.runs)
         if len(names) == 1:
             (run,) = group.runs
             noises[run.name] = Roomy(run.noise, mixture, white, group.formed, bad=group.bad)
             continue
-        noises |= {run.name: Sharing(run.noise, tuple(name for name in names if name != run.name)) for run in group.runs}
+        noises |= {
+            run.name: Sharing(run.noise, tuple(name for name in names if name != run.name))
+            for run in group.runs
+        }
         shared.append(Together(names, mixture, white, group.formed))
     return noises, tuple(shared)
 
 
 def _stack(
-    runs: tuple[Observations, ...], courses: Mapping[str, Trajectory], problem: Problem, values: FloatArray, bad: Mapping[str, BadFrames]
+    runs: tuple[Observations, ...],
+    courses: Mapping[str, Trajectory],
+    problem: Problem,
+    values: FloatArray,
+    bad: Mapping[str, BadFrames],
 ) -> _Stacked:
     named = problem.named(values)
     own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(own.moved(run.points) for run in runs))
     n = points.y.size
-    about = [_formed(courses.get(run.name), run.noise, one, named) for run, one in zip(runs, points.runs, strict=True)]
+    about = [
+        _formed(courses.get(run.name), run.noise, one, named)
+        for run, one in zip(runs, points.runs, strict=True)
+    ]
     formed, stated = stacked([of_run for of_run, _ in about]), [errors for _, errors in about]
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
-        runs, own, diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()), formed.at(points, named)[0],
-        formed.gradient(points, named, problem.names), own.columns(n), formed,
+        runs,
+        own,
+        diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()),
+        formed.at(points, named)[0],
+        formed.gradient(points, named, problem.names),
+        own.columns(n),
+        formed,
     )
 
 
-def _formed(course: Trajectory | None, noise: Noise, points: Points, named: Named) -> tuple[Residuals, StatedErrors]:
+def _formed(
+    course: Trajectory | None, noise: Noise, points: Points, named: Named
+) -> tuple[Residuals, StatedErrors]:
     """As beside a force, where the points are a body's."""
     if course is not None:
         return formed_about(course, noise, points, named, scale=1.0)
@@ -110,20 +160,28 @@ def _formed(course: Trajectory | None, noise: Noise, points: Points, named: Name
 
 
 def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: float) -> FloatArray:
-    """(n_draw,) log of the likelihood with a prior of the size of the force `factor` times as wide, over that with the one of `scale`.
+    """(n_draw,) log of the likelihood with a prior of the size of the force `factor` times as wide,
+    over that with the one of `scale`.
 
-    A component of amplitude a > 0 then counts exp{-a^2 (factor^-2 - 1)/(2 scale^2)}/factor times as much.
+    A component of amplitude a > 0 then counts exp{-a^2 (factor^-2 - 1)/(2 scale^2)}/factor times as
+    much.
     """
     logs = errors.mixture.log_components(errors.raw(named))
     size = errors.mixture.deviation.column("amplitude") / scale
-    heavier = np.where(size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0)
-    return np.asarray(np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1))
+    heavier = np.where(
+        size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0
+    )
+    return np.asarray(
+        np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1)
+    )
 
 
 def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: float) -> FloatArray:
-    """(n_draw,) log of the likelihood with free starts whose energies are `factor` times as wide beforehand, over that with them as they are.
+    """(n_draw,) log of the likelihood with free starts whose energies are `factor` times as wide
+    beforehand, over that with them as they are.
 
-    factor : 0 for exactly at rest.  n_run : of the runs below each other, whose starts are the first columns.
+    factor : 0 for exactly at rest.
+    n_run : of the runs below each other, whose starts are the first columns.
     """
     size = np.ones(errors.mixture.columns.shape[1])
     size[:n_run] = factor

@@ -1,12 +1,15 @@
-"""Shifted readings as causes: which one it would be, or from which on all, and the problem in which the shift is an unknown.
+"""Shifted readings as causes: which one it would be, or from which on all, and the problem in which
+the shift is an unknown.
 
-An error e of reading k moves y - f by e q_k, with q_k a column of A = S - diag(f') for speeds made of positions, a unit vector else; a shift of all
-readings from k on by the sum of these columns.  At the mode, with whitened residuals z, whitened derivatives J and P the precision of the priors,
+An error e of reading k moves y - f by e q_k, with q_k a column of A = S - diag(f') for speeds made
+of positions, a unit vector else; a shift of all readings from k on by the sum of these columns.  At
+the mode, with whitened residuals z, whitened derivatives J and P the precision of the priors,
 chi-squared falls by
 
     (q^T z)^2 / (q^T [1 - J (J^T J + P)^-1 J^T] q)
 
-Where only single errors are tried, a shift that stays (counts that an encoder lost, a mark that moved) is blamed on a reading far from it.
+Where only single errors are tried, a shift that stays (counts that an encoder lost, a mark that
+moved) is blamed on a reading far from it.
 """
 
 from __future__ import annotations
@@ -32,20 +35,30 @@ _SEEN = 1e-3  # of its size, what the fit leaves of the error of a reading; less
 
 @dataclass(frozen=True, eq=False)
 class Displaced:
-    """A curve and one further argument, which moves it by `shift` (n_obs,) at the points x, for a value of 1."""
+    """A curve and one further argument, which moves it by `shift` (n_obs,) at the points x, for a
+    value of 1.
+    """
 
     curve: Curve
     x: FloatArray
     shift: FloatArray
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        return np.asarray(self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x))
+        return np.asarray(
+            self.curve.value(x, arguments) + np.asarray(arguments[_ARGUMENT]) * self._at(x)
+        )
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         inner, moved = self.curve.local(x, arguments), self._at(x)
-        return replace(inner, value=inner.value + np.asarray(arguments[_ARGUMENT]) * moved, gradient={**inner.gradient, _ARGUMENT: moved})
+        return replace(
+            inner,
+            value=inner.value + np.asarray(arguments[_ARGUMENT]) * moved,
+            gradient={**inner.gradient, _ARGUMENT: moved},
+        )
 
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
+    def time_derivative(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+    ) -> FloatArray:
         return cast(SpeedCurve, self.curve).time_derivative(x, arguments, order)
 
     def _at(self, x: FloatArray) -> FloatArray:
@@ -56,7 +69,8 @@ class Displaced:
 
 
 def frame_causes(base: Fit) -> tuple[Cause, ...]:
-    """The reading of each run that is most likely off by itself, and that from which on all most likely are, where readings follow each other.
+    """The reading of each run that is most likely off by itself, and that from which on all most
+    likely are, where readings follow each other.
 
     None of a run whose errors are not normal.
     """
@@ -68,7 +82,9 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
             return ()
         root = likelihood.normal.root(named)
         jacobian = root.whiten(run.points.gradient(named, problem.names).T).T
-        z = root.whiten(likelihood.y - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs))))
+        z = root.whiten(
+            likelihood.y - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
+        )
         parts.append((run, root, jacobian, z))
         whole = whole + jacobian.T @ jacobian
     inverse = np.linalg.pinv(whole, hermitian=True)
@@ -77,17 +93,24 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
         matrix = Differences.of_single(run.n_obs) if moved is None else moved
         each = matrix.back(root.turned_back(np.column_stack([jacobian, z]).T).T)
         in_sequence = run.positions or run.noise.made_of_positions
-        patterns = (False, each), *([(True, np.cumsum(each[::-1], axis=0)[::-1])] if in_sequence else [])
+        patterns = (
+            (False, each),
+            *([(True, np.cumsum(each[::-1], axis=0)[::-1])] if in_sequence else []),
+        )
         for stays, back in patterns:
             place, pattern, n_place = _best(matrix, root, back, inverse, stays=stays)
             found.append(_cause(problem, i, place, pattern, len(patterns) * n_place, stays=stays))
     return tuple(found)
 
 
-def _best(matrix: Differences, root: Root, back: FloatArray, inverse: FloatArray, *, stays: bool) -> tuple[int, FloatArray, int]:
-    """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and how many readings were tried.
+def _best(
+    matrix: Differences, root: Root, back: FloatArray, inverse: FloatArray, *, stays: bool
+) -> tuple[int, FloatArray, int]:
+    """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and
+    how many readings were tried.
 
-    back : (n_row, n_par + 1) each pattern times the whitened derivatives and residuals.  stays : whether all later readings are shifted too.
+    back : (n_row, n_par + 1) each pattern times the whitened derivatives and residuals.
+    stays : whether all later readings are shifted too.
     """
     size, along, pulled = _squares(root, matrix, stays), back[:, :-1].T, back[:, -1]
     left = size - np.einsum("pk,pq,qk->k", along, inverse, along)
@@ -110,25 +133,50 @@ def _squares(root: Root, matrix: Differences, stays: bool) -> FloatArray:
     """(n_row,) squares of what a shift does to the whitened points."""
     some = max(1, _AT_ONCE // root.n_obs)
     starts = range(0, matrix.n_row, some)
-    parts = [matrix @ _shifts(matrix.n_row, start, min(start + some, matrix.n_row), stays) for start in starts]
+    parts = [
+        matrix @ _shifts(matrix.n_row, start, min(start + some, matrix.n_row), stays)
+        for start in starts
+    ]
     return np.concatenate([np.sum(root.whiten(part.T) ** 2, axis=1) for part in parts])
 
 
-def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_tried: int, *, stays: bool) -> Cause:
+def _cause(
+    problem: Problem, index: int, frame: int, pattern: FloatArray, n_tried: int, *, stays: bool
+) -> Cause:
     run, n = problem.runs[index], frame + 1
     name = f"{'shift_from' if stays else 'reading'}_{n}[{run.name}]"
     of_positions = run.noise.made_of_positions or run.positions
     unit = run.y_unit if run.positions or not of_positions else run.x_unit
-    meaning = phrase("a shift of all readings after a certain point") if stays else phrase("error of one reading")
-    unknown = Parameter(name, unit, Flat(-math.inf, math.inf, 0.0), meaning, Notation(f"{'s' if stays else 'e'}_{n}"))
-    displaced = replace(run, curve=Displaced(run.curve, run.x, pattern), arguments={**run.arguments, _ARGUMENT: name})
+    meaning = (
+        phrase("a shift of all readings after a certain point")
+        if stays
+        else phrase("error of one reading")
+    )
+    unknown = Parameter(
+        name,
+        unit,
+        Flat(-math.inf, math.inf, 0.0),
+        meaning,
+        Notation(f"{'s' if stays else 'e'}_{n}"),
+    )
+    displaced = replace(
+        run,
+        curve=Displaced(run.curve, run.x, pattern),
+        arguments={**run.arguments, _ARGUMENT: name},
+    )
     runs = (*problem.runs[:index], displaced, *problem.runs[index + 1 :])
     with_error = Problem((*problem.parameters, unknown), runs)
     rows = run.noise.made_of_positions
     if stays:
-        words = phrase("a shift of all readings from fitted point {n} onwards (lost counts, a mark that moved)", n=n)
+        words = phrase(
+            "a shift of all readings from fitted point {n} onwards (lost counts, a mark "
+            "that moved)",
+            n=n,
+        )
         if rows:
-            words = phrase("a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n)
+            words = phrase(
+                "a shift of all readings from row {n} onwards (lost counts, a mark that moved)", n=n
+            )
         remark = phrase("fit the readings before and after that one separately (window)")
     else:
         words = phrase("one bad reading, number {n} of the fitted points", n=n)
@@ -136,4 +184,12 @@ def _cause(problem: Problem, index: int, frame: int, pattern: FloatArray, n_trie
             words = phrase("one bad reading, in row {n}", n=n)
         remark = phrase("look at that frame, and put # before its line if it is bad")
     words += phrase(" of run {run}", run=run.name) if len(problem.runs) > 1 else ""
-    return Cause(f"bad_frame[{run.name}]", words, with_error, (name,), (), remark, searched=2.0 * math.log(n_tried))
+    return Cause(
+        f"bad_frame[{run.name}]",
+        words,
+        with_error,
+        (name,),
+        (),
+        remark,
+        searched=2.0 * math.log(n_tried),
+    )

@@ -30,12 +30,18 @@ class Scanned:
 class Cause:
     """Something that the curve or the noise of a campaign lacks.
 
-    name : short, for files; several of one name are values of what is `scanned`, and the best of them counts.  words : what it is.
-    problem : with it.  parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where no line says it.
+    name : short, for files; several of one name are values of what is `scanned`, and the best of
+        them counts.
+    words : what it is.
+    problem : with it.
+    parameters : its own.  lines : to be added to the campaign, the first a table.  remark : where
+        no line says it.
     begin : value of its parameters at which a search starts, where 0 is possible.
     searched : how much a gain is less because the best of many places was looked for.
-    posed : makes the problem of the campaign with its lines, with all that a fit of the campaign has room for; None where no lines say it.
-    slip : whether it is no physics, but another reading of what was stated: told only where it is found, and then before others that do as well.
+    posed : makes the problem of the campaign with its lines, with all that a fit of the campaign
+        has room for; None where no lines say it.
+    slip : whether it is no physics, but another reading of what was stated: told only where it is
+        found, and then before others that do as well.
     """
 
     name: str
@@ -56,19 +62,27 @@ class Cause:
         return max(len(self.parameters), 1)
 
     def starting(self, base: Fit, share: float) -> FloatArray:
-        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`, or at `share` of their sd where 0 is an edge.
+        """(n_par,) where a search starts: the mode without it, and its own parameters at `begin`,
+        or at `share` of their sd where 0 is an edge.
 
-        A slip starts afresh, from the centres of the priors: what was fitted under a wrong number is far off.
+        A slip starts afresh, from the centres of the priors: what was fitted under a wrong number
+        is far off.
         """
         if self.slip:
             return self.problem.start()
         known = dict(zip(base.names, base.values, strict=True))
-        return np.array([known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin) for p in self.problem.parameters])
+        return np.array(
+            [
+                known.get(p.name, share * p.prior.sd if p.prior.low == 0.0 else self.begin)
+                for p in self.problem.parameters
+            ]
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Suspects:
-    """plain : runs with their stated noise, and nothing that a curve may lack.  causes : the same with one thing more each.
+    """plain : runs with their stated noise, and nothing that a curve may lack.  causes : the same
+    with one thing more each.
 
     room : what of a campaign has room for a smooth disturbance that has no key.
     """

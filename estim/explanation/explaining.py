@@ -1,15 +1,21 @@
-"""What may be missing where a curve does not explain the data: each candidate refit by least squares, the one that gains most first.
+"""What may be missing where a curve does not explain the data: each candidate refit by least
+squares, the one that gains most first.
 
-    gain = AIC of the fit as stated - AIC with the candidate,    AIC = -2 log L + sum of squared pulls of the priors + 2 (numbers that it adds)
+    gain = AIC of the fit as stated - AIC with the candidate,    AIC = -2 log L + sum of squared
+    pulls of the priors + 2 (numbers that it adds)
 
-L at its largest over a size of the noise that is at least the stated one, so that no candidate is paid for taking up noise that was stated too
-small.  A candidate has a prior as wide as such a thing may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of
-100 clean recordings has one, with all candidates tried); candidates whose gains differ by less than 10 (odds of 150) cannot be told apart by
-these data (`TIED`; a true cause was up to 9 behind a smooth alias of it).
+L at its largest over a size of the noise that is at least the stated one, so that no candidate is
+paid for taking up noise that was stated too small.  A candidate has a prior as wide as such a thing
+may be.  How to read it: a gain of 10 or more does not come by chance (`FOUND`; about 1 of 100 clean
+recordings has one, with all candidates tried); candidates whose gains differ by less than 10 (odds
+of 150) cannot be told apart by these data (`TIED`; a true cause was up to 9 behind a smooth alias
+of it).
 
-With white noise a candidate takes up all that is left, also what is none of it: its number is not what a fit of the campaign with it gives, where
-an unmodelled force stands beside it.  So the first ones are fit again as the campaign would be (`Outcome`), and one is an answer only where that
-ends well and leaves no force to be explained; one that no line says, where the residuals are random with it.
+With white noise a candidate takes up all that is left, also what is none of it: its number is not
+what a fit of the campaign with it gives, where an unmodelled force stands beside it.  So the first
+ones are fit again as the campaign would be (`Outcome`), and one is an answer only where that ends
+well and leaves no force to be explained; one that no line says, where the residuals are random with
+it.
 """
 
 from __future__ import annotations
@@ -32,16 +38,23 @@ from estim.problem import Problem
 FOUND = 10.0  # gain
 TIED = 10.0  # difference of gains
 _CORRELATIONS = (0.3, 0.5, 0.7, 0.85, 0.95)
-_UMBRELLA = later("a smooth disturbance without a key of its own (an uneven track, correlated errors of successive readings)")
+_UMBRELLA = later(
+    "a smooth disturbance without a key of its own (an uneven track, correlated errors of "
+    "successive readings)"
+)
 _MOST_POSED = 6  # candidates with which the campaign is fit again
 _MOST_TESTED = 8  # candidates whose residuals are tested
 _SIZE = "chi2"  # the one test that is not of order
-_START, _NEAR = 0.1, 1e-2  # standard deviations of the prior of what cannot be negative: where a search starts, and where its direction is asked
+# standard deviations of the prior of what cannot be negative: where a search starts, and where its
+# direction is asked
+_START, _NEAR = 0.1, 1e-2
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """A number of a candidate in SI units, how it is shown, and its standard deviation (nan at the edge of what is possible)."""
+    """A number of a candidate in SI units, how it is shown, and its standard deviation (nan at the
+    edge of what is possible).
+    """
 
     name: str
     value: float
@@ -53,7 +66,8 @@ class Estimated:
 class Outcome:
     """What a fit of the campaign gives where the lines of a candidate are added to it.
 
-    numbers : its parameters, none where the status is not ok or one lies on its edge.  lacking : whether the curve surely lacks a force all the same.
+    numbers : its parameters, none where the status is not ok or one lies on its edge.
+    lacking : whether the curve surely lacks a force all the same.
     """
 
     status: Status
@@ -69,9 +83,11 @@ class Outcome:
 class Candidate:
     """One thing that may be missing, refit.
 
-    name, words, lines, remark, slip, posed : of its `Cause`.  gain : see above.  numbers : what was found of it, beside white noise.
+    name, words, lines, remark, slip, posed : of its `Cause`.
+    gain : see above.  numbers : what was found of it, beside white noise.
     outcome : of the campaign with it; None where that was not asked.
-    p_order : probability of the residuals with it, by the worst of the tests of order; nan where that was not asked.
+    p_order : probability of the residuals with it, by the worst of the tests of order; nan where
+        that was not asked.
     p_size : the same by chi-squared; nan where the size of the noise is inferred.
     """
 
@@ -89,7 +105,9 @@ class Candidate:
 
     @property
     def explains(self) -> bool:
-        """Whether it is an answer: where the campaign was fit with it, by what that gave, else by the order of the residuals."""
+        """Whether it is an answer: where the campaign was fit with it, by what that gave, else by
+        the order of the residuals.
+        """
         return self.random if self.outcome is None else self.outcome.cures
 
     @property
@@ -109,7 +127,9 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What may be missing of runs fit together, the strongest first.  plain : the fit without any of them, "" its name."""
+    """What may be missing of runs fit together, the strongest first.  plain : the fit without any
+    of them, "" its name.
+    """
 
     runs: tuple[str, ...]
     plain: Candidate
@@ -121,7 +141,9 @@ class Explanation:
 
     @property
     def slip(self) -> Candidate | None:
-        """A slip in what was stated that explains what is left as well as anything, if there is one."""
+        """A slip in what was stated that explains what is left as well as anything, if there is
+        one.
+        """
         first = next(iter(self.found), None)
         return first if first is not None and first.slip and first.random else None
 
@@ -139,39 +161,74 @@ class Explanation:
     def with_outcomes(self, outcome: Callable[[Candidate], Outcome]) -> Explanation:
         """The same with what fits of the campaign with the first of these give."""
         asked = [one for one in self.tied if one.posed is not None][:_MOST_POSED]
-        return replace(self, candidates=tuple(replace(one, outcome=outcome(one)) if one in asked else one for one in self.candidates))
+        return replace(
+            self,
+            candidates=tuple(
+                replace(one, outcome=outcome(one)) if one in asked else one
+                for one in self.candidates
+            ),
+        )
 
 
 def explain(
-    suspects: Suspects, *, rng: np.random.Generator, values: FloatArray | None = None, progress: Callable[[int, int], None] | None = None
+    suspects: Suspects,
+    *,
+    rng: np.random.Generator,
+    values: FloatArray | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Explanation:
-    """The candidates for what runs lack: those of `suspects`, readings that are alike in time, one bad frame.
+    """The candidates for what runs lack: those of `suspects`, readings that are alike in time, one
+    bad frame.
 
-    values : (n_par,) where the fit without any of them may start.  progress : told how many of how many are done.
+    values : (n_par,) where the fit without any of them may start.
+    progress : told how many of how many are done.
     """
     plain = suspects.plain
     base = fit_least_squares(plain, rng=rng, n_start=1 if values is not None else 4, start=values)
-    every = [*(cause for cause in suspects.causes if not _pushed_below(cause, base)), *_alike(suspects), *frame_causes(base)]
+    every = [
+        *(cause for cause in suspects.causes if not _pushed_below(cause, base)),
+        *_alike(suspects),
+        *frame_causes(base),
+    ]
     fits: dict[str, tuple[Candidate, Fit]] = {}
     lowest = badness(base)
     for done, cause in enumerate(every, start=1):
         fit = _with(cause, base)
         if fit is not None:
             gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
-            candidate = Candidate(cause.name, cause.words, cause.lines, cause.remark, gain, _numbers(cause, fit), cause.slip, posed=cause.posed)
-            if (candidate.found or not cause.slip) and (cause.name not in fits or candidate.gain > fits[cause.name][0].gain):
+            candidate = Candidate(
+                cause.name,
+                cause.words,
+                cause.lines,
+                cause.remark,
+                gain,
+                _numbers(cause, fit),
+                cause.slip,
+                posed=cause.posed,
+            )
+            if (candidate.found or not cause.slip) and (
+                cause.name not in fits or candidate.gain > fits[cause.name][0].gain
+            ):
                 fits[cause.name] = candidate, fit
         if progress is not None:
             progress(done, len(every))
     best = max((one.gain for one, _ in fits.values()), default=0.0)
-    ordered = sorted(fits.values(), key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain))
-    tested = [_tested(one, fit, rng) if i < _MOST_TESTED and one.found else one for i, (one, fit) in enumerate(ordered)]
+    ordered = sorted(
+        fits.values(),
+        key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain),
+    )
+    tested = [
+        _tested(one, fit, rng) if i < _MOST_TESTED and one.found else one
+        for i, (one, fit) in enumerate(ordered)
+    ]
     names = tuple(run.name for run in plain.runs)
     return Explanation(names, _tested(Candidate("", "", (), "", 0.0, ()), base, rng), tuple(tested))
 
 
 def badness(fit: Fit) -> float:
-    """-2 log L + sum of squared pulls of the priors, the noise of each run scaled up where it was stated too small."""
+    """-2 log L + sum of squared pulls of the priors, the noise of each run scaled up where it was
+    stated too small.
+    """
     named = fit.problem.named(fit.values[None, :])
     total = float(np.sum(fit.posterior.prior_residuals(fit.values) ** 2))
     for run, likelihood in zip(fit.problem.runs, fit.posterior.likelihoods, strict=True):
@@ -188,13 +245,25 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
     plain = suspects.plain
     if any(run.noise.counted is not None for run in plain.runs):
         return
-    if any(run.noise.robust or run.noise.x_gain().any() or not run.noise.size.reading_variance(_ones(plain)).any() for run in plain.runs):
+    if any(
+        run.noise.robust
+        or run.noise.x_gain().any()
+        or not run.noise.size.reading_variance(_ones(plain)).any()
+        for run in plain.runs
+    ):
         return
     for correlation in _CORRELATIONS:
-        runs = tuple(replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs)
+        runs = tuple(
+            replace(run, noise=AutoCorrelated(run.noise, correlation)) for run in plain.runs
+        )
         yield Cause(
-            "correlated_errors", phrase(_UMBRELLA), Problem(plain.parameters, runs), (),
-            (), suspects.room, scanned=Scanned("correlation", correlation),
+            "correlated_errors",
+            phrase(_UMBRELLA),
+            Problem(plain.parameters, runs),
+            (),
+            (),
+            suspects.room,
+            scanned=Scanned("correlation", correlation),
         )
 
 
@@ -203,7 +272,9 @@ def _ones(plain: Problem) -> dict[str, float]:
 
 
 def _pushed_below(cause: Cause, base: Fit) -> bool:
-    """Whether the data would have a number that cannot be negative below 0: then it explains nothing, and a search would end slowly on its edge."""
+    """Whether the data would have a number that cannot be negative below 0: then it explains
+    nothing, and a search would end slowly on its edge.
+    """
     if len(cause.parameters) != 1 or cause.slip:
         return False
     i = cause.problem.names.index(cause.parameters[0])
@@ -235,7 +306,11 @@ def _numbers(cause: Cause, fit: Fit) -> tuple[Estimated, ...]:
     found = []
     for name in cause.parameters:
         i = fit.names.index(name)
-        found.append(Estimated(name, float(fit.values[i]), float(fit.sds[i]) * _larger(fit), parameters[name].label))
+        found.append(
+            Estimated(
+                name, float(fit.values[i]), float(fit.sds[i]) * _larger(fit), parameters[name].label
+            )
+        )
     return tuple(found)
 
 
@@ -250,4 +325,6 @@ def _tested(candidate: Candidate, fit: Fit, rng: np.random.Generator) -> Candida
     checks = [good.checks for good in check_goodness(fit, rng=rng)]
     order = [check.p_value for of_run in checks for name, check in of_run.items() if name != _SIZE]
     size = [of_run[_SIZE].p_value for of_run in checks if _SIZE in of_run]
-    return replace(candidate, p_order=min(order, default=math.nan), p_size=min(size, default=math.nan))
+    return replace(
+        candidate, p_order=min(order, default=math.nan), p_size=min(size, default=math.nan)
+    )

@@ -1,17 +1,23 @@
-"""Does the model bring back what matters?  Data sets drawn from the posterior beside the one that was measured (posterior predictive checks).
+"""Does the model bring back what matters?  Data sets drawn from the posterior beside the one that
+was measured (posterior predictive checks).
 
-For each draw of the parameters the readings are made again, with what the curve lacks as the data leave it and with new noise
-(`estim.deviation.repetition`); each statistic T of them is compared with T of the data:
+For each draw of the parameters the readings are made again, with what the curve lacks as the data
+leave it and with new noise (`estim.deviation.repetition`); each statistic T of them is compared
+with T of the data:
 
-    p = 2 min{P(T_again >= T), P(T_again <= T)},    ties shared evenly                    Gelman, Meng, Stern, Stat. Sinica 6 (1996) 733
+    p = 2 min{P(T_again >= T), P(T_again <= T)},    ties shared evenly                    Gelman,
+    Meng, Stern, Stat. Sinica 6 (1996) 733
 
-What was measured is used twice, for the fit and for the test, so that p is conservative: where the model is right it is nearer to 1/2 than a
-uniform number would be, and small values are rarer than they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
+What was measured is used twice, for the fit and for the test, so that p is conservative: where the
+model is right it is nearer to 1/2 than a uniform number would be, and small values are rarer than
+they say (Bayarri, Berger, J. Am. Stat. Assoc. 95 (2000) 1127).  A small one counts.
 
     largest_speed, its_place    of the speeds as measured
-    turning_point               where the straight line through v^2 of the last speeds ends, of a body that slows down
+    turning_point               where the straight line through v^2 of the last speeds ends, of a
+    body that slows down
     farthest                    of positions in time: the largest
-    energy                      kinetic and potential, last readings less first ones, in units of the largest kinetic energy of the curve
+    energy                      kinetic and potential, last readings less first ones, in units of
+    the largest kinetic energy of the curve
 """
 
 from __future__ import annotations
@@ -30,16 +36,20 @@ from estim.problem import Likelihood, Named, Observations, Points, Posterior, St
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
 _PART, _LEAST = 8, 4  # the last and first eighth of the readings, four at least
-_SLOWED = 0.7  # of the largest speed: a body that is slower at the end is on its way to a turning point
-_SPEED_OVER, _LEAST_OVER = 12, 5  # speeds of positions: slopes over a twelfth of the frames, five at least
+# of the largest speed: a body that is slower at the end is on its way to a turning point
+_SLOWED = 0.7
+# speeds of positions: slopes over a twelfth of the frames, five at least
+_SPEED_OVER, _LEAST_OVER = 12, 5
 
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
     """One statistic of one run.
 
-    name : short.  words : what it is.  label : how it is shown.  observed, again : (n_draw,) of the data and of the data sets, in SI units;
-    observed is one number where the parameters do not enter.  p : two-sided.
+    name : short.
+    words : what it is.  label : how it is shown.  observed, again : (n_draw,) of the data and of
+        the data sets, in SI units; observed is one number where the parameters do not enter.
+    p : two-sided.
     """
 
     run: str
@@ -64,8 +74,12 @@ class Predicted:
 _Statistic = Callable[[FloatArray], FloatArray]
 
 
-def predictive_checks(posterior: Posterior, draws: FloatArray, *, rng: np.random.Generator) -> tuple[Predicted, ...]:
-    """The statistics of every run of a body from posterior draws (n, n_par), at most 1000 of them; none of runs whose errors are not normal."""
+def predictive_checks(
+    posterior: Posterior, draws: FloatArray, *, rng: np.random.Generator
+) -> tuple[Predicted, ...]:
+    """The statistics of every run of a body from posterior draws (n, n_par), at most 1000 of them;
+    none of runs whose errors are not normal.
+    """
     problem = posterior.problem
     found: dict[str, tuple[Predicted, ...]] = {}
     for group, likelihood in zip(problem.groups, posterior.likelihoods, strict=True):
@@ -77,7 +91,12 @@ def predictive_checks(posterior: Posterior, draws: FloatArray, *, rng: np.random
             continue
         again, used = drawn
         points = _points(likelihood, group.runs)
-        for run, own, y in zip(group.runs, points, np.split(again, np.cumsum([run.n_obs for run in group.runs])[:-1], axis=1), strict=True):
+        for run, own, y in zip(
+            group.runs,
+            points,
+            np.split(again, np.cumsum([run.n_obs for run in group.runs])[:-1], axis=1),
+            strict=True,
+        ):
             found[run.name] = _of_run(run, own, y, own.bind(problem.named(used)))
     return tuple(one for run in problem.runs for one in found.get(run.name, ()))
 
@@ -85,14 +104,23 @@ def predictive_checks(posterior: Posterior, draws: FloatArray, *, rng: np.random
 def _points(likelihood: Likelihood, runs: tuple[Observations, ...]) -> tuple[Points, ...]:
     """The points of each run as the likelihood has them: without the shifts of bad frames."""
     if isinstance(likelihood, MixtureErrors):
-        return likelihood.points.runs if isinstance(likelihood.points, StackedPoints) else (likelihood.points,)
+        return (
+            likelihood.points.runs
+            if isinstance(likelihood.points, StackedPoints)
+            else (likelihood.points,)
+        )
     return tuple(run.points for run in runs)
 
 
 def _again(
-    likelihood: Likelihood, named: Callable[[FloatArray], Named], draws: FloatArray, rng: np.random.Generator
+    likelihood: Likelihood,
+    named: Callable[[FloatArray], Named],
+    draws: FloatArray,
+    rng: np.random.Generator,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Data sets (n_set, n_obs) and the draws (n_set, n_par) that they belong to; None where errors are not normal."""
+    """Data sets (n_set, n_obs) and the draws (n_set, n_par) that they belong to; None where errors
+    are not normal.
+    """
     if isinstance(likelihood, MixtureErrors):
         return replicas(likelihood, named(draws), rng=rng), draws
     normal, points = likelihood.normal, getattr(likelihood, "points", None)
@@ -104,43 +132,107 @@ def _again(
     sets = []
     for one, values in zip(curve, few, strict=True):
         root = normal.root(named(values))
-        sets.append(one + points.y - likelihood.y + root.coloured(rng.standard_normal((each, one.size))))
+        sets.append(
+            one + points.y - likelihood.y + root.coloured(rng.standard_normal((each, one.size)))
+        )
     return np.vstack(sets), np.repeat(few, each, axis=0)
 
 
-def _of_run(run: Observations, points: Points, again: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[Predicted, ...]:
+def _of_run(
+    run: Observations, points: Points, again: FloatArray, arguments: Mapping[str, ArrayLike]
+) -> tuple[Predicted, ...]:
     if run.positions:
         order = np.argsort(points.x)
         x, measured, again = points.x[order], points.y[order], again[:, order]
         over = min(max(_LEAST_OVER, x.size // _SPEED_OVER), x.size)
         slope, mean = _sliding(x, over)
-        statistics = _of_motion(run, mean @ measured, slope @ measured, again @ mean.T, again @ slope.T, arguments, run.y_unit)
+        statistics = _of_motion(
+            run,
+            mean @ measured,
+            slope @ measured,
+            again @ mean.T,
+            again @ slope.T,
+            arguments,
+            run.y_unit,
+        )
         position = Notation("x").label(run.y_unit)
-        return (_compared(run, "farthest", phrase("farthest reading"), position, measured[None, :], again, lambda y: np.max(y, axis=1)), *statistics)
+        return (
+            _compared(
+                run,
+                "farthest",
+                phrase("farthest reading"),
+                position,
+                measured[None, :],
+                again,
+                lambda y: np.max(y, axis=1),
+            ),
+            *statistics,
+        )
     order = np.argsort(points.x, kind="stable")
     return _of_motion(
-        run, points.x[order], points.y[order], np.broadcast_to(points.x[order], again.shape), again[:, order], arguments, run.x_unit
+        run,
+        points.x[order],
+        points.y[order],
+        np.broadcast_to(points.x[order], again.shape),
+        again[:, order],
+        arguments,
+        run.x_unit,
     )
 
 
 def _of_motion(
-    run: Observations, x: FloatArray, v: FloatArray, xs: FloatArray, vs: FloatArray, arguments: Mapping[str, ArrayLike], unit: str
+    run: Observations,
+    x: FloatArray,
+    v: FloatArray,
+    xs: FloatArray,
+    vs: FloatArray,
+    arguments: Mapping[str, ArrayLike],
+    unit: str,
 ) -> tuple[Predicted, ...]:
     """Of a motion x, v (n,) and those again (n_set, n), in the order of the motion."""
     here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
     first, last = _ends(x.size)
-    found = [_compared(run, "largest_speed", phrase("largest speed"), speed, v[None, :], vs, lambda y: np.max(np.abs(y), axis=1))]
+    found = [
+        _compared(
+            run,
+            "largest_speed",
+            phrase("largest speed"),
+            speed,
+            v[None, :],
+            vs,
+            lambda y: np.max(np.abs(y), axis=1),
+        )
+    ]
     top = int(np.argmax(np.abs(v)))
     if first.stop <= top < x.size - (last.stop - last.start):
-        observed, again = x[[top]], np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
-        found.append(_predicted(run, "its_place", phrase("position of the largest speed"), here, observed, again))
+        observed = x[[top]]
+        again = np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
+        found.append(
+            _predicted(
+                run, "its_place", phrase("position of the largest speed"), here, observed, again
+            )
+        )
         if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
             end = x[last]
-            found.append(_compared(run, "turning_point", phrase("turning point"), here, v[None, last], vs[:, last], lambda y: _zero_of(end, y)))
+            found.append(
+                _compared(
+                    run,
+                    "turning_point",
+                    phrase("turning point"),
+                    here,
+                    v[None, last],
+                    vs[:, last],
+                    lambda y: _zero_of(end, y),
+                )
+            )
     scale = np.max(_energy(run, x, v, arguments)[0], axis=1, keepdims=True)
-    lost = [_change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))]
+    lost = [
+        _change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))
+    ]
     percent = Notation("ΔE/T", "%", 100.0).label("1")
-    words = phrase("energy at the end minus energy at the start, relative to the largest kinetic energy")
+    words = phrase(
+        "energy at the end minus energy at the start, relative to the largest kinetic energy"
+    )
     return (*found, _predicted(run, "energy", words, percent, lost[0], lost[1]))
 
 
@@ -149,20 +241,33 @@ def _ends(n: int) -> tuple[slice, slice]:
     return slice(0, some), slice(n - some, n)
 
 
-def _energy(run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+def _energy(
+    run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
+) -> tuple[FloatArray, FloatArray]:
     kinetic, potential = run.body.energies(x, v, arguments)
-    n_set = max((np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1)
+    n_set = max(
+        (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
+    )
     shape = (max(n_set, *(np.atleast_2d(part).shape[0] for part in (x, v))), x.shape[-1])
     return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
 
 
-def _change(run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike], first: slice, last: slice) -> FloatArray:
+def _change(
+    run: Observations,
+    x: FloatArray,
+    v: FloatArray,
+    arguments: Mapping[str, ArrayLike],
+    first: slice,
+    last: slice,
+) -> FloatArray:
     total = np.add(*_energy(run, x, v, arguments))
     return np.asarray(total[:, last].mean(axis=1) - total[:, first].mean(axis=1))
 
 
 def _zero_of(x: FloatArray, v: FloatArray) -> FloatArray:
-    """(n_set,) where the straight line through v^2 (n_set, n) at x (n,) is 0; inf where it does not fall."""
+    """(n_set,) where the straight line through v^2 (n_set, n) at x (n,) is 0; inf where it does not
+    fall.
+    """
     off = x - x.mean()
     square = np.square(v)
     slope = square @ off / (off @ off)
@@ -171,7 +276,9 @@ def _zero_of(x: FloatArray, v: FloatArray) -> FloatArray:
 
 
 def _sliding(t: FloatArray, over: int) -> tuple[FloatArray, FloatArray]:
-    """(n - over + 1, n) slopes of straight lines through `over` neighbours in t (n,), and their means."""
+    """(n - over + 1, n) slopes of straight lines through `over` neighbours in t (n,), and their
+    means.
+    """
     n = t.size - over + 1
     slope, mean = np.zeros((n, t.size)), np.zeros((n, t.size))
     for i in range(n):
@@ -182,12 +289,20 @@ def _sliding(t: FloatArray, over: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _compared(
-    run: Observations, name: str, words: str, label: Label, measured: FloatArray, again: FloatArray, statistic: _Statistic
+    run: Observations,
+    name: str,
+    words: str,
+    label: Label,
+    measured: FloatArray,
+    again: FloatArray,
+    statistic: _Statistic,
 ) -> Predicted:
     return _predicted(run, name, words, label, statistic(measured), statistic(again))
 
 
-def _predicted(run: Observations, name: str, words: str, label: Label, observed: FloatArray, again: FloatArray) -> Predicted:
+def _predicted(
+    run: Observations, name: str, words: str, label: Label, observed: FloatArray, again: FloatArray
+) -> Predicted:
     above, same = np.mean(again > observed), np.mean(again == observed)
     p = 2.0 * float(min(above + 0.5 * same, 1.0 - above - 0.5 * same))
     return Predicted(run.name, name, words, label, observed, again, max(p, 1.0 / again.size))

@@ -1,4 +1,6 @@
-"""Which runs ask for the same cause, and whether they agree about its size: a slip of one run is no law of the apparatus."""
+"""Which runs ask for the same cause, and whether they agree about its size: a slip of one run is no
+law of the apparatus.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,11 @@ class Mean:
 class CauseOfRuns:
     """A candidate in runs fit one by one.
 
-    found_in : the runs that show it by themselves.  n_run : of how many.  gain : the sum of all.
-    means : of its numbers.  p : probability of values that differ as much if all runs have the same; nan where no two can be compared.
+    found_in : the runs that show it by themselves.
+    n_run : of how many.  gain : the sum of all.
+    means : of its numbers.
+    p : probability of values that differ as much if all runs have the same; nan where no two can be
+        compared.
     """
 
     name: str
@@ -40,7 +45,9 @@ class CauseOfRuns:
 
 
 def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
-    """The candidates that two runs or more show together, the strongest first; `explanations` are of single runs."""
+    """The candidates that two runs or more show together, the strongest first; `explanations` are
+    of single runs.
+    """
     by_name: dict[str, list[tuple[str, Candidate]]] = {}
     for explanation in explanations:
         for one in (candidate for candidate in explanation.candidates if not candidate.slip):
@@ -48,10 +55,17 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     found = []
     for name, entries in by_name.items():
         gain = sum(one.gain for _, one in entries)
-        if len(entries) > 1 and gain >= FOUND and entries[0][1].numbers and math.isfinite(entries[0][1].numbers[0].sd):
+        if (
+            len(entries) > 1
+            and gain >= FOUND
+            and entries[0][1].numbers
+            and math.isfinite(entries[0][1].numbers[0].sd)
+        ):
             means, p = _together([one for _, one in entries])
             showing = tuple(run for run, one in entries if one.found)
-            found.append(CauseOfRuns(name, entries[0][1].words, showing, len(explanations), gain, means, p))
+            found.append(
+                CauseOfRuns(name, entries[0][1].words, showing, len(explanations), gain, means, p)
+            )
     return tuple(sorted(found, key=lambda one: -one.gain))
 
 
@@ -61,7 +75,8 @@ def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]
         told = [one for one in numbers if one.sd > 0.0]  # nan: on an edge
         if not told:
             continue
-        values, weights = np.array([one.value for one in told]), np.array([one.sd for one in told]) ** -2.0
+        values = np.array([one.value for one in told])
+        weights = np.array([one.sd for one in told]) ** -2.0
         mean = float(np.sum(weights * values) / np.sum(weights))
         means.append(Mean(mean, float(np.sum(weights) ** -0.5), numbers[0].label))
         chi2, dof = chi2 + float(np.sum(weights * (values - mean) ** 2)), dof + len(told) - 1
@@ -75,6 +90,13 @@ def verdict(explanation: Explanation) -> Finding:
     first = next(iter(answers or tied), None)
     kind = Kind.CAUSE_UNKNOWN
     if first is not None:
-        kind = Kind.CAUSE_IN_PART if not answers else Kind.CAUSES_ALIKE if len(answers) > 1 else Kind.CAUSE_NAMED
-    names, gain = tuple(one.words for one in answers or tied), math.nan if first is None else first.gain
+        kind = (
+            Kind.CAUSE_IN_PART
+            if not answers
+            else Kind.CAUSES_ALIKE
+            if len(answers) > 1
+            else Kind.CAUSE_NAMED
+        )
+    names = tuple(one.words for one in answers or tied)
+    gain = math.nan if first is None else first.gain
     return Finding(kind, size=gain, names=names, numbers={"tried": len(explanation.candidates)})

@@ -1,14 +1,36 @@
-"""The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher information.  Read `least_squares` first."""
+"""The posterior mode: least squares (the only file that knows lmfit), far optima, profiles, Fisher
+information.  Read `least_squares` first.
+"""
 
 from estim.fitting.arrow import MANY, descend_by_runs, linear_response, spreads_by_runs
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
-from estim.fitting.edges import PRESSED_BELOW, Limit, around, curve_indices, edge_amount, edge_of, limit_cell, limit_found, limit_of, pressed
+from estim.fitting.edges import (
+    PRESSED_BELOW,
+    Limit,
+    around,
+    curve_indices,
+    edge_amount,
+    edge_of,
+    limit_cell,
+    limit_found,
+    limit_of,
+    pressed,
+)
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, prior_sds
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
-from estim.fitting.optimum import N_START, Optimum, find_optimum, refit_with_noise, fit_optimum, is_resolved, scanned_fit, with_other_modes
+from estim.fitting.optimum import (
+    N_START,
+    Optimum,
+    find_optimum,
+    refit_with_noise,
+    fit_optimum,
+    is_resolved,
+    scanned_fit,
+    with_other_modes,
+)
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals
 from estim.fitting.descent import Start, minima
 from estim.fitting.profile_search import ProfileSearch, search_of

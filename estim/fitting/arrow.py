@@ -1,13 +1,16 @@
-"""Least squares of many runs: each depends on a few parameters that runs share and on a few of its own.
+"""Least squares of many runs: each depends on a few parameters that runs share and on a few of its
+own.
 
-With the own parameters of run r in o_r and the shared ones in s, the information is an arrow head: blocks of each run's own parameters on the
-diagonal, and a border of the shared ones.  Each run is turned into a triangle (QR) by itself; what is left below it speaks of s alone.  Those rows
-of all runs together give s, and each triangle then the run's own parameters.  The cost grows with the number of runs, not with its cube, and no
-precision is lost to normal equations.
+With the own parameters of run r in o_r and the shared ones in s, the information is an arrow head:
+blocks of each run's own parameters on the diagonal, and a border of the shared ones.  Each run is
+turned into a triangle (QR) by itself; what is left below it speaks of s alone.  Those rows of all
+runs together give s, and each triangle then the run's own parameters.  The cost grows with the
+number of runs, not with its cube, and no precision is lost to normal equations.
 
 Use it for more than `MANY` independent groups of runs; fewer are fit by lmfit.
 
-Source: Golub and Plemmons, Linear Algebra Appl. 34 (1980) 3 (dissection of adjustments); Nielsen, IMM-REP-1999-05 (damping).
+Source: Golub and Plemmons, Linear Algebra Appl. 34 (1980) 3 (dissection of adjustments); Nielsen,
+IMM-REP-1999-05 (damping).
 """
 
 from __future__ import annotations
@@ -35,7 +38,9 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What one group of runs asks: jacobian (n, n_used) times the parameters in `columns` (n_used,) shall be target (n, n_target)."""
+    """What one group of runs asks: jacobian (n, n_used) times the parameters in `columns` (n_used,)
+    shall be target (n, n_target).
+    """
 
     columns: Indices
     jacobian: FloatArray
@@ -44,11 +49,13 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One group of runs in triangles: basis triangle own + rest wide shared, and `along` of the shared parameters in the basis of its own.
+    """One group of runs in triangles: basis triangle own + rest wide shared, and `along` of the
+    shared parameters in the basis of its own.
 
-    mine, shared : (n_own,), (n_shared,) columns of the parameters.  basis (n + n_own, n_own), triangle (n_own, n_own), along (n_own, n_shared),
-    rest (n + n_own, n_shared or fewer), wide (n_shared or fewer, n_shared); the last n_own rows are those of the priors.  An own parameter of which
-    nothing is said is left out.
+    mine, shared : (n_own,), (n_shared,) columns of the parameters.  basis (n + n_own, n_own),
+        triangle (n_own, n_own), along (n_own, n_shared), rest (n + n_own, n_shared or fewer), wide
+        (n_shared or fewer, n_shared); the last n_own rows are those of the priors.  An own
+        parameter of which nothing is said is left out.
     """
 
     mine: Indices
@@ -78,7 +85,9 @@ class _Part:
 
 
 def many(problem: Problem) -> bool:
-    """Whether the problem has so many independent groups of runs that its least squares are solved run by run."""
+    """Whether the problem has so many independent groups of runs that its least squares are solved
+    run by run.
+    """
     return len(problem.groups) > MANY
 
 
@@ -116,18 +125,27 @@ def solve_by_runs(rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray) -
     return found
 
 
-def spreads_by_runs(roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray) -> list[FloatArray]:
-    """For each group the covariance (n_used, n_used), between the parameters `columns` that it uses, of the least squares of `solve_by_runs`.
+def spreads_by_runs(
+    roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray
+) -> list[FloatArray]:
+    """For each group the covariance (n_used, n_used), between the parameters `columns` that it
+    uses, of the least squares of `solve_by_runs`.
 
-    roots : of each group (n, n_used), in units of the standard deviation.  A parameter of which nothing is said has none.
+    roots : of each group (n, n_used), in units of the standard deviation.  A parameter of which
+        nothing is said has none.
     """
     n_par = slopes.size
     own = own_columns(columns, n_par)
     border = np.setdiff1d(np.arange(n_par), np.concatenate([np.zeros(0, dtype=np.int64), *own]))
     place = np.full(n_par, -1)
     place[border] = np.arange(border.size)
-    parts = [_Part.of(used, root, mine, slopes) for used, root, mine in zip(columns, roots, own, strict=True)]
-    design = np.vstack([np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)])
+    parts = [
+        _Part.of(used, root, mine, slopes)
+        for used, root, mine in zip(columns, roots, own, strict=True)
+    ]
+    design = np.vstack(
+        [np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)]
+    )
     root_of_shared = _inverted(design)
     found = []
     for part, used in zip(parts, columns, strict=True):
@@ -141,13 +159,17 @@ def spreads_by_runs(roots: Sequence[FloatArray], columns: Sequence[Indices], slo
 
 
 def _solved(design: FloatArray, aims: FloatArray) -> FloatArray:
-    """(n_column, n_target) least squares of a design (n_row, n_column), whatever the units of its columns; 0 where nothing is said."""
+    """(n_column, n_target) least squares of a design (n_row, n_column), whatever the units of its
+    columns; 0 where nothing is said.
+    """
     scale = _lengths(design)
     return np.asarray(np.linalg.lstsq(design / scale, aims, rcond=None)[0] / scale[:, None])
 
 
 def _inverted(design: FloatArray) -> FloatArray:
-    """(n_column, n_row) pseudo-inverse of a design (n_row, n_column), whatever the units of its columns."""
+    """(n_column, n_row) pseudo-inverse of a design (n_row, n_column), whatever the units of its
+    columns.
+    """
     scale = _lengths(design)
     return np.asarray(np.linalg.pinv(design / scale, rcond=_NOTHING) / scale[:, None])
 
@@ -159,7 +181,9 @@ def _lengths(design: FloatArray) -> FloatArray:
 
 
 def inverse_by_runs(matrix: FloatArray, problem: Problem) -> FloatArray | None:
-    """(n_par, n_par) inverse of an information matrix (n_par, n_par) of the problem, None where it is not positive."""
+    """(n_par, n_par) inverse of an information matrix (n_par, n_par) of the problem, None where it
+    is not positive.
+    """
     n_par = len(matrix)
     own = [mine for mine in own_columns(problem.columns, n_par) if mine.size]
     border = np.setdiff1d(np.arange(n_par), np.concatenate([np.zeros(0, dtype=np.int64), *own]))
@@ -181,17 +205,23 @@ def inverse_by_runs(matrix: FloatArray, problem: Problem) -> FloatArray | None:
     return inverse + turned @ turned.T
 
 
-def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = _MOST_STEPS) -> FloatArray:
-    """`values` (n_par,) with the parameters `free` where the squared residuals are least, between the limits of their priors; after `most` steps.
+def descend_by_runs(
+    posterior: Posterior, values: FloatArray, free: Sequence[int], *, most: int = _MOST_STEPS
+) -> FloatArray:
+    """`values` (n_par,) with the parameters `free` where the squared residuals are least, between
+    the limits of their priors; after `most` steps.
 
-    Damped Gauss-Newton steps (Levenberg and Marquardt); a parameter that a step would take beyond a limit goes to the limit, and the others make
-    the best of it.
+    Damped Gauss-Newton steps (Levenberg and Marquardt); a parameter that a step would take beyond a
+    limit goes to the limit, and the others make the best of it.
     """
     problem = posterior.problem
     low, high = problem.support()
     moving = np.isin(np.arange(problem.n_par), list(free))
     values = np.where(moving, np.clip(values, low, high), values)
-    height, damping, scale, before = _height(posterior, values), 0.0, np.zeros(problem.n_par), math.inf
+    height = _height(posterior, values)
+    damping = 0.0
+    scale = np.zeros(problem.n_par)
+    before = math.inf
     for _ in range(most):
         with np.errstate(all="ignore"):
             pairs = posterior.narrow_scoring(values)
@@ -202,7 +232,9 @@ def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int
         slopes, pulls = posterior.prior_slopes(values), posterior.prior_residuals(values)
         scale = np.maximum(scale, _norms(rows, slopes))
         while True:
-            step, promise = _step(rows, slopes, pulls, np.sqrt(damping) * scale, low - values, high - values, moving)
+            step, promise = _step(
+                rows, slopes, pulls, np.sqrt(damping) * scale, low - values, high - values, moving
+            )
             trial = np.where(moving, np.clip(values + step, low, high), values)
             reached = _height(posterior, trial)
             if reached < height or promise < _ROUNDING * height:
@@ -210,7 +242,8 @@ def descend_by_runs(posterior: Posterior, values: FloatArray, free: Sequence[int
             damping = max(_FACTOR * damping, _LEAST_DAMPING)
             if damping > _MOST_DAMPING:
                 return values
-        if promise < _ROUNDING * height:  # the sum of squares has no say any more: on while the steps get shorter
+        # the sum of squares has no say any more: on while the steps get shorter
+        if promise < _ROUNDING * height:
             if not (promise < _SHORTER * before and math.isfinite(reached)):
                 break
             before = promise
@@ -223,7 +256,9 @@ def _height(posterior: Posterior, values: FloatArray) -> float:
     """Sum of squared residuals, inf where it is not a number."""
     with np.errstate(all="ignore"):
         named = posterior.problem.named(values[None, :])
-        total = sum(float(np.sum(likelihood.residuals(named) ** 2)) for likelihood in posterior.likelihoods)
+        total = sum(
+            float(np.sum(likelihood.residuals(named) ** 2)) for likelihood in posterior.likelihoods
+        )
         total += float(np.sum(posterior.prior_residuals(values) ** 2))
     return total if math.isfinite(total) else math.inf
 
@@ -237,9 +272,17 @@ def _norms(rows: Sequence[Rows], slopes: FloatArray) -> FloatArray:
 
 
 def _step(
-    rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray, damping: FloatArray, low: FloatArray, high: FloatArray, moving: NDArray[np.bool_]
+    rows: Sequence[Rows],
+    slopes: FloatArray,
+    pulls: FloatArray,
+    damping: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    moving: NDArray[np.bool_],
 ) -> tuple[FloatArray, float]:
-    """The step (n_par,) between `low` and `high`, and by how much it promises to lower the sum of squares."""
+    """The step (n_par,) between `low` and `high`, and by how much it promises to lower the sum of
+    squares.
+    """
     slope = np.hypot(slopes, damping)
     # one row for the prior and the damping of a parameter: the same minimum
     pull = np.divide(-slopes * pulls, slope, out=np.zeros_like(slope), where=slope > 0.0)
@@ -251,16 +294,35 @@ def _step(
     for _ in range(_HELD_ROUNDS):
         held = np.where(free, 0.0, step)
         kept = [
-            Rows(one.columns, one.jacobian * free[one.columns], one.target - one.jacobian @ held[one.columns][:, None]) for one in rows
+            Rows(
+                one.columns,
+                one.jacobian * free[one.columns],
+                one.target - one.jacobian @ held[one.columns][:, None],
+            )
+            for one in rows
         ]
-        step = np.where(free, solve_by_runs(kept, np.where(free, slope, 0.0), np.where(free, pull, 0.0)[:, None])[:, 0], held)
+        step = np.where(
+            free,
+            solve_by_runs(kept, np.where(free, slope, 0.0), np.where(free, pull, 0.0)[:, None])[
+                :, 0
+            ],
+            held,
+        )
         beyond = free & ((step < low) | (step > high))
         if not np.any(beyond):
             break
         step = np.clip(step, low, high)
         free &= ~beyond
     step = np.clip(step, low, high)
-    after = sum(float(np.sum((one.jacobian @ step[one.columns] - one.target[:, 0]) * (one.jacobian @ step[one.columns]))) for one in rows)
+    after = sum(
+        float(
+            np.sum(
+                (one.jacobian @ step[one.columns] - one.target[:, 0])
+                * (one.jacobian @ step[one.columns])
+            )
+        )
+        for one in rows
+    )
     before = -sum(float(one.target[:, 0] @ (one.jacobian @ step[one.columns])) for one in rows)
     after += float(np.sum((slopes * step + pulls) * slopes * step))
     before += float(np.sum(pulls * slopes * step))
@@ -270,13 +332,20 @@ def _step(
 def linear_response(
     roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray
 ) -> Callable[[Sequence[FloatArray], FloatArray], FloatArray]:
-    """What turns errors of all groups, (n, n_error) each, and of the priors (n_par, n_error) into how far least squares move (n_par, n_error).
+    """What turns errors of all groups, (n, n_error) each, and of the priors (n_par, n_error) into
+    how far least squares move (n_par, n_error).
 
-    roots : of each group (n, n_used), the derivatives in the parameters `columns`.  slopes : (n_par,) of the residuals of the priors.
+    roots : of each group (n, n_used), the derivatives in the parameters `columns`.
+    slopes : (n_par,) of the residuals of the priors.
     """
     if len(roots) > MANY:
         return lambda errors, of_priors: solve_by_runs(
-            [Rows(used, root, error) for used, root, error in zip(columns, roots, errors, strict=True)], slopes, of_priors
+            [
+                Rows(used, root, error)
+                for used, root, error in zip(columns, roots, errors, strict=True)
+            ],
+            slopes,
+            of_priors,
         )
     design = np.zeros((sum(map(len, roots)) + slopes.size, slopes.size))
     above = 0

@@ -1,15 +1,18 @@
 """Intervals of a fitted curve's parameters that hold their level.
 
 - Where the size of the errors was stated: value ± z s, with z of the normal distribution.
-- Where it was estimated from the residuals: value ± t s with Student's t.  For one degree of freedom value ± s holds the true value
-  in 50 % of all experiments, and ± 1.82 s in 68 %.  A prior shares the work with the data, so that s is known better than they alone
-  say: the degrees of freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance (Welch-Satterthwaite,
-  JCGM 100:2008, G.4.1).
+- Where it was estimated from the residuals: value ± t s with Student's t.  For one degree of
+  freedom value ± s holds the true value in 50 % of all experiments, and ± 1.82 s in 68 %.  A prior
+  shares the work with the data, so that s is known better than they alone say: the degrees of
+  freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance
+  (Welch-Satterthwaite, JCGM 100:2008, G.4.1).
 - Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
-- Where an edge (of bounds or of a prior) is within reach of any interval: profiles (`estim.fitting.profile`) with the same quantiles.  An
-  interval then ends at the edge.  A side without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves the
-  posterior improper (`estim.fitting.open_ends`).  The quantile stays the two-sided one there, so that intervals hold at least what they say wherever
-  the truth lies (a one-sided one beside edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
+- Where an edge (of bounds or of a prior) is within reach of any interval: profiles
+  (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
+  without an edge that nothing closes has no end, and the parameter no interval: a flat prior leaves
+  the posterior improper (`estim.fitting.open_ends`).  The quantile stays the two-sided one there,
+  so that intervals hold at least what they say wherever the truth lies (a one-sided one beside
+  edges only would cover less: Feldman and Cousins, Phys. Rev. D 57 (1998) 3873).
 """
 
 from __future__ import annotations
@@ -39,7 +42,8 @@ _SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals, and why some are missing.
+    """How far the values of a fit may be off: covariance, standard deviations (n_par,), intervals,
+    and why some are missing.
 
     open : the parameters that nothing holds on a side.
     """
@@ -52,17 +56,29 @@ class Spread:
 
 
 def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool) -> Spread:
-    """fixed : the fit with errors of a fixed size.  scale : of its covariance.  unknown : whether nothing tells that size."""
+    """fixed : the fit with errors of a fixed size.  scale : of its covariance.  unknown : whether
+    nothing tells that size.
+    """
     cov, names, nothing = best.cov * scale**2, fixed.names, (math.nan, math.nan)
     missing = {name: dict.fromkeys(PROBABILITIES, nothing) for name in names}
     if best.singular:
         return Spread(cov, np.full(len(names), np.nan), missing, (), ())
     if unknown:
-        return Spread(np.full_like(cov, np.nan), np.full(len(names), np.nan), missing, (Finding(Kind.NO_SCATTER),), ())
+        return Spread(
+            np.full_like(cov, np.nan),
+            np.full(len(names), np.nan),
+            missing,
+            (Finding(Kind.NO_SCATTER),),
+            (),
+        )
     free = np.sqrt(np.diag(fixed.cov))  # of a parameter on its edge too
     sds = np.where(best.at_bound, np.nan, np.sqrt(np.diag(cov)))
     informed = np.square(fixed.posterior.prior_slopes(best.values))
-    dofs = _degrees_of_freedom(cov, informed, dof) if math.isfinite(dof) else np.full(len(names), np.inf)
+    dofs = (
+        _degrees_of_freedom(cov, informed, dof)
+        if math.isfinite(dof)
+        else np.full(len(names), np.inf)
+    )
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
@@ -79,16 +95,31 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         distance = min(best.values[i] - parameter.prior.low, parameter.prior.high - best.values[i])
         edge = edge_of(parameter.prior, float(best.values[i]))
         if best.at_bound[i] or distance < sds[i]:
-            notes.append(Finding(Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT, parameters=(Amount(name, edge),)))
+            notes.append(
+                Finding(
+                    Kind.AT_LIMIT if best.at_bound[i] else Kind.NEAR_LIMIT,
+                    parameters=(Amount(name, edge),),
+                )
+            )
             sds[i] = np.nan
-        elif np.any(beside) and _lopsided(intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])):
-            notes.append(Finding(Kind.CUT_BY_LIMIT, parameters=(Amount(name),), names=tuple(np.array(names)[beside].tolist())))
+        elif np.any(beside) and _lopsided(
+            intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])
+        ):
+            notes.append(
+                Finding(
+                    Kind.CUT_BY_LIMIT,
+                    parameters=(Amount(name),),
+                    names=tuple(np.array(names)[beside].tolist()),
+                )
+            )
             sds[i] = np.nan
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 
 
 def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:
-    """(n_par,) of the estimated standard deviations; cov (n_par, n_par), pulls (n_par,) information of the priors."""
+    """(n_par,) of the estimated standard deviations; cov (n_par, n_par), pulls (n_par,) information
+    of the priors.
+    """
     size = np.diag(cov)
     share = 1.0 - np.einsum("ij,j,ij->i", cov, pulls, cov) / np.where(size > 0.0, size, 1.0)
     return dof / np.clip(share, 1e-3, 1.0) ** 2
@@ -98,27 +129,47 @@ def _within_reach(fit: Fit, sds: FloatArray, dofs: FloatArray) -> NDArray[np.boo
     """(n_par,) whether an edge of a parameter's prior lies inside its 95 % interval."""
     half = _quantile(PROBABILITIES[-1], dofs) * sds
     priors = [p.prior for p in fit.problem.parameters]
-    room = [min(value - prior.low, prior.high - value) for prior, value in zip(priors, fit.values, strict=True)]
+    room = [
+        min(value - prior.low, prior.high - value)
+        for prior, value in zip(priors, fit.values, strict=True)
+    ]
     return np.array(room) < half
 
 
-def _symmetric(names: tuple[str, ...], values: FloatArray, sds: FloatArray, dofs: FloatArray) -> dict[str, Ends]:
+def _symmetric(
+    names: tuple[str, ...], values: FloatArray, sds: FloatArray, dofs: FloatArray
+) -> dict[str, Ends]:
     """name -> probability -> value ± t s."""
     halves = {p: _quantile(p, dofs) * sds for p in PROBABILITIES}
-    return {name: {p: (float(values[i] - half[i]), float(values[i] + half[i])) for p, half in halves.items()} for i, name in enumerate(names)}
+    return {
+        name: {
+            p: (float(values[i] - half[i]), float(values[i] + half[i]))
+            for p, half in halves.items()
+        }
+        for i, name in enumerate(names)
+    }
 
 
 def _profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
-    """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a parameter that has a side without any end.
+    """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
+    parameter that has a side without any end.
 
-    fit : with errors of a fixed size.  dof : degrees of freedom of that size, infinite where it was stated.
+    fit : with errors of a fixed size.
+    dof : degrees of freedom of that size, infinite where it was stated.
     """
     found: dict[str, Ends] = {}
     left_open: list[Finding] = []
-    for interval, parameter in zip(profile_intervals(fit, probabilities=PROBABILITIES, dof=dof), fit.problem.parameters, strict=True):
+    for interval, parameter in zip(
+        profile_intervals(fit, probabilities=PROBABILITIES, dof=dof),
+        fit.problem.parameters,
+        strict=True,
+    ):
         unheld = side_left_open(interval, parameter)
         left_open += unheld
-        found[parameter.name] = {p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p]) for p in PROBABILITIES}
+        found[parameter.name] = {
+            p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
+            for p in PROBABILITIES
+        }
     return found, left_open
 
 
@@ -129,10 +180,21 @@ def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
 
 
-def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float], *, unit: str, few: bool, ok: bool) -> tuple[str, str]:
-    """What a reader sees behind a parameter's name: ("=", '2.03 ± 0.05 s, ...') or ("=", '2 (no uncertainty)'), a limit as ("", '< 0.3 (95 %)').
+def shown_value(
+    value: float,
+    sd: float,
+    ends: Ends,
+    edges: tuple[float, float],
+    *,
+    unit: str,
+    few: bool,
+    ok: bool,
+) -> tuple[str, str]:
+    """What a reader sees behind a parameter's name: ("=", '2.03 ± 0.05 s, ...') or ("=", '2 (no
+    uncertainty)'), a limit as ("", '< 0.3 (95 %)').
 
-    few : whether sd has so few degrees of freedom that ± misleads.  ok : whether the status allows a value with an uncertainty.
+    few : whether sd has so few degrees of freedom that ± misleads.
+    ok : whether the status allows a value with an uncertainty.
     """
     low, high = ends[PROBABILITIES[-1]]
     behind = f" {unit}" if unit else ""
@@ -142,17 +204,37 @@ def shown_value(value: float, sd: float, ends: Ends, edges: tuple[float, float],
     if not any(closed):
         return "", phrase("anywhere in {range}", range=f"[{low:.6g}, {high:.6g}]{behind}")
     level = "95 %" if ok else phrase("95 %, if the curve and the errors were right")
-    size = sd if math.isfinite(sd) else 0.25 * (high - low) if all(closed) else 0.25 * abs((high if closed[1] else low) - value)
+    size = (
+        sd
+        if math.isfinite(sd)
+        else 0.25 * (high - low)
+        if all(closed)
+        else 0.25 * abs((high if closed[1] else low) - value)
+    )
     if not all(closed):
-        return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[1] else f"> {format_rounded(low, size)}{behind} ({level})"
-    spans = {p: f"[{format_rounded(a, size)}, {format_rounded(b, size)}]" for p, (a, b) in ends.items()}
-    intervals = ", ".join(phrase("{p:.0f} % in {interval}", p=100.0 * p, interval=span) for p, span in spans.items())
+        return "", f"< {format_rounded(high, size)}{behind} ({level})" if closed[
+            1
+        ] else f"> {format_rounded(low, size)}{behind} ({level})"
+    spans = {
+        p: f"[{format_rounded(a, size)}, {format_rounded(b, size)}]" for p, (a, b) in ends.items()
+    }
+    intervals = ", ".join(
+        phrase("{p:.0f} % in {interval}", p=100.0 * p, interval=span) for p, span in spans.items()
+    )
     if not ok:
-        return "", phrase("in {interval} ({level})", interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{behind}", level=level)
+        return "", phrase(
+            "in {interval} ({level})",
+            interval=f"[{format_rounded(low, size)}, {format_rounded(high, size)}]{behind}",
+            level=level,
+        )
     if not math.isfinite(sd):
         return "=", f"{format_rounded(value, size)}{behind}, {intervals}"
     if few:
-        return "=", f"{format_rounded(value, sd)}{behind} ({phrase('standard error')} {format_rounded(sd, sd)}), {intervals}"
+        return (
+            "=",
+            f"{format_rounded(value, sd)}{behind} ({phrase('standard error')} "
+            f"{format_rounded(sd, sd)}), {intervals}",
+        )
     return "=", f"{format_quantity(value, sd)}{behind}, {intervals}"
 
 

@@ -1,9 +1,11 @@
-"""What follows from the parameters, linear about a fit: values, standard deviations and intervals without any draw.
+"""What follows from the parameters, linear about a fit: values, standard deviations and intervals
+without any draw.
 
     u^2(q) = g^T S g,    g = dq/dp        JCGM 100:2008, 5.2.2
 
-An interval is q at p + k S g / sqrt(g^T S g) for k = ± a quantile: along the direction in which q changes most for its probability.  For
-a q that is monotonic in one combination of the parameters it is exact, however bent q is; where q is linear it is q ± k u(q).
+An interval is q at p + k S g / sqrt(g^T S g) for k = ± a quantile: along the direction in which q
+changes most for its probability.  For a q that is monotonic in one combination of the parameters it
+is exact, however bent q is; where q is linear it is q ± k u(q).
 """
 
 from __future__ import annotations
@@ -20,14 +22,17 @@ from estim.problem import Derived, Observations
 
 PROBABILITIES = (0.68, 0.95)
 _STEP = 0.01  # standard deviations, of differences
-_BENT = 0.2  # relative difference of a half interval from a standard deviation beyond which ± misleads
+# relative difference of a half interval from a standard deviation beyond which ± misleads
+_BENT = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class LinearDerived:
     """One quantity.
 
-    gradient : (n_par,).  sd : nan where ± would mislead, or there is none; `interval` then says more, if it is not nan itself.
+    gradient : (n_par,).
+    sd : nan where ± would mislead, or there is none; `interval` then says more, if it is not nan
+        itself.
     interval : probability (0.68, 0.95) -> its ends.
     """
 
@@ -42,20 +47,40 @@ class LinearDerived:
 
 
 def linear_derived(
-    run: Observations, names: Sequence[str], values: FloatArray, cov: FloatArray, *, dof: float = np.inf, unknown: Sequence[str] = ()
+    run: Observations,
+    names: Sequence[str],
+    values: FloatArray,
+    cov: FloatArray,
+    *,
+    dof: float = np.inf,
+    unknown: Sequence[str] = (),
 ) -> tuple[LinearDerived, ...]:
-    """What follows from the parameters `names` of a run at values (n_par,) with covariance cov (n_par, n_par), but for what is exact.
+    """What follows from the parameters `names` of a run at values (n_par,) with covariance cov
+    (n_par, n_par), but for what is exact.
 
-    dof : degrees of freedom of the size of the errors.  unknown : parameters without a standard deviation; what depends on one has none either.
+    dof : degrees of freedom of the size of the errors.
+    unknown : parameters without a standard deviation; what depends on one has none either.
     """
-    n, factors = values.size, {p: float(student_quantile(0.5 + 0.5 * p, np.array(dof))) for p in PROBABILITIES}
+    n = values.size
+    factors = {p: float(student_quantile(0.5 + 0.5 * p, np.array(dof))) for p in PROBABILITIES}
     sds = np.sqrt(np.diag(cov))
-    steps = _STEP * np.where(np.isfinite(sds) & (sds > 0.0), sds, 1e-4 * np.maximum(np.abs(values), 1e-4))
-    varying = {q: d for q, d in _at(run, names, np.vstack([values, values + np.diag(steps), values - np.diag(steps)])).items() if d.values.size > 1}
+    steps = _STEP * np.where(
+        np.isfinite(sds) & (sds > 0.0), sds, 1e-4 * np.maximum(np.abs(values), 1e-4)
+    )
+    varying = {
+        q: d
+        for q, d in _at(
+            run, names, np.vstack([values, values + np.diag(steps), values - np.diag(steps)])
+        ).items()
+        if d.values.size > 1
+    }
     if not varying:
         return ()
     with np.errstate(invalid="ignore"):
-        gradients: dict[str, FloatArray] = {q: (d.values[1 : n + 1, 0] - d.values[n + 1 :, 0]) / (2.0 * steps) for q, d in varying.items()}
+        gradients: dict[str, FloatArray] = {
+            q: (d.values[1 : n + 1, 0] - d.values[n + 1 :, 0]) / (2.0 * steps)
+            for q, d in varying.items()
+        }
     reach = np.array([*(-k for k in reversed(factors.values())), -1.0, 1.0, *factors.values()])
     found = []
     for q, derived in varying.items():
@@ -63,11 +88,29 @@ def linear_derived(
         sd = float(np.sqrt(max(float(gradients[q] @ along), 0.0)))
         interval, plain = dict.fromkeys(PROBABILITIES, (np.nan, np.nan)), np.nan
         if np.isfinite(sd) and sd > 0.0 and not np.any(gradients[q][np.isin(names, list(unknown))]):
-            low95, low68, below, above, high68, high95 = _at(run, names, values + reach[:, None] * along / sd)[q].values[:, 0].tolist()
-            if low95 <= low68 <= centre <= high68 <= high95:  # else it has no value there, or turns back
+            low95, low68, below, above, high68, high95 = (
+                _at(run, names, values + reach[:, None] * along / sd)[q].values[:, 0].tolist()
+            )
+            # else it has no value there, or turns back
+            if low95 <= low68 <= centre <= high68 <= high95:
                 interval = dict(zip(PROBABILITIES, ((low68, high68), (low95, high95)), strict=True))
-                plain = sd if max(abs(above - centre - sd), abs(centre - below - sd)) <= _BENT * sd else np.nan
-        found.append(LinearDerived(q, derived.unit, derived.meaning, derived.label, centre, gradients[q], plain, interval))
+                plain = (
+                    sd
+                    if max(abs(above - centre - sd), abs(centre - below - sd)) <= _BENT * sd
+                    else np.nan
+                )
+        found.append(
+            LinearDerived(
+                q,
+                derived.unit,
+                derived.meaning,
+                derived.label,
+                centre,
+                gradients[q],
+                plain,
+                interval,
+            )
+        )
     return tuple(found)
 
 

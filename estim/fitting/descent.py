@@ -1,10 +1,13 @@
-"""One descent for all that goes down: many points at once, between limits, by Levenberg-Marquardt steps.
+"""One descent for all that goes down: many points at once, between limits, by Levenberg-Marquardt
+steps.
 
-What they go down is a `Hill`, which says how high points lie, and which slope and curvature it has there: J^T r and J^T J of least squares, or
-those of the logarithm of a density.  Each question is asked once for all points that are on their way.  A limit that a step would cross takes
-its parameter out, and the others make the best of it.
+What they go down is a `Hill`, which says how high points lie, and which slope and curvature it has
+there: J^T r and J^T J of least squares, or those of the logarithm of a density.  Each question is
+asked once for all points that are on their way.  A limit that a step would cross takes its
+parameter out, and the others make the best of it.
 
-`descend` leads points down.  `together` runs tasks that ask for one descent after the other (a walk, whose next point depends on the last).
+`descend` leads points down.  `together` runs tasks that ask for one descent after the other (a
+walk, whose next point depends on the last).
 
 Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431.
 """
@@ -35,8 +38,10 @@ T = TypeVar("T")
 class Hill(Protocol):
     """What descents go down.
 
-    low, high : (n_par,) limits.  reach : (n_par,) the longest step.  lasting : whether a curvature, which costs more than a slope, is kept on the
-    way, where it learns from every slope (BFGS), until it leads no further down.
+    low, high : (n_par,) limits.
+    reach : (n_par,) the longest step.  lasting : whether a curvature, which costs more than a
+        slope, is kept on the way, where it learns from every slope (BFGS), until it leads no
+        further down.
     """
 
     @property
@@ -52,18 +57,24 @@ class Hill(Protocol):
     def lasting(self) -> bool: ...
 
     def looked_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (n, n_par) with what follows from the other parameters put in, and their heights (n,), inf where there is none."""
+        """Points (n, n_par) with what follows from the other parameters put in, and their heights
+        (n,), inf where there is none.
+        """
 
     def shape(self, points: FloatArray, curved: Flags) -> tuple[FloatArray, FloatArray]:
-        """Slopes (n, n_par) at points, and curvatures (n, n_par, n_par), positive, of which those at `curved` (n,) are wanted."""
+        """Slopes (n, n_par) at points, and curvatures (n, n_par, n_par), positive, of which those
+        at `curved` (n,) are wanted.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Start:
     """Where a descent starts.
 
-    values : (n_par,).  held : parameters that stay.  near : an end whose curvature is known.
-    instead : (n_par,) where to start if there is no height at `values`.  settled : promised fall at which the descent ends.
+    values : (n_par,).
+    held : parameters that stay.  near : an end whose curvature is known.
+    instead : (n_par,) where to start if there is no height at `values`.
+    settled : promised fall at which the descent ends.
     """
 
     values: FloatArray
@@ -77,7 +88,8 @@ class Start:
 class End:
     """Where a descent ended.
 
-    values : (n_par,).  objective : the height there, inf where there is none.  settled : whether it is a minimum.
+    values : (n_par,).
+    objective : the height there, inf where there is none.  settled : whether it is a minimum.
     slope, curvature : (n_par,), (n_par, n_par), as they were used last.
     """
 
@@ -92,7 +104,9 @@ Task = Generator[Start, End, T]
 
 
 def together(hill: Hill, tasks: Sequence[Task[T]]) -> list[T]:
-    """What the tasks return, in their order; each is sent the end of the descent from every start that it yields."""
+    """What the tasks return, in their order; each is sent the end of the descent from every start
+    that it yields.
+    """
     results: dict[int, T] = {}
     on_their_way = _Descents(hill, len(tasks))
 
@@ -121,10 +135,15 @@ def minima(hill: Hill, starts: Sequence[Start]) -> list[End]:
     return together(hill, [one(start) for start in starts])
 
 
-def descend(hill: Hill, points: FloatArray, *, held: Flags, share: float, most: int) -> tuple[FloatArray, FloatArray]:
-    """Where points (n, n_par) come to lie, each in its place, and their heights (n,), inf where there is none: such a point stays.
+def descend(
+    hill: Hill, points: FloatArray, *, held: Flags, share: float, most: int
+) -> tuple[FloatArray, FloatArray]:
+    """Where points (n, n_par) come to lie, each in its place, and their heights (n,), inf where
+    there is none: such a point stays.
 
-    held : (n_par,) parameters that stay.  share : of the height, the promised fall at which a descent ends; after `most` steps in any case.
+    held : (n_par,) parameters that stay.
+    share : of the height, the promised fall at which a descent ends; after `most` steps in any
+        case.
     """
     descents = _Descents(hill, len(points), share=share, most=most)
     descents.points[:], descents.held[:], descents.going[:] = points, held, True
@@ -134,11 +153,15 @@ def descend(hill: Hill, points: FloatArray, *, held: Flags, share: float, most: 
 
 
 class _Descents:
-    """Descents, a row each: points (n, n_par), heights (n,), inf before the first look, and what else is known of each.
+    """Descents, a row each: points (n, n_par), heights (n,), inf before the first look, and what
+    else is known of each.
 
-    instead : where to look if there is no height at the first point, nan for nowhere.  slopes, curvatures : at the points unless `stale`.
-    known : where the slope was taken last.  learned : whether the curvature is from elsewhere.  doubted : whether it is to be taken anew.
-    least, share : the promised fall at which one ends, and as a share of its height.  promise : of the step with next to no damping.
+    instead : where to look if there is no height at the first point, nan for nowhere.
+    slopes, curvatures : at the points unless `stale`.
+    known : where the slope was taken last.
+    learned : whether the curvature is from elsewhere.  doubted : whether it is to be taken anew.
+    least, share : the promised fall at which one ends, and as a share of its height.
+    promise : of the step with next to no damping.
     """
 
     def __init__(self, hill: Hill, n: int, *, share: float = 0.0, most: int = _MOST_STEPS) -> None:
@@ -148,46 +171,88 @@ class _Descents:
         self.instead, self.known = np.full((2, n, n_par), np.nan)
         self.curvatures, self.held = np.zeros((n, n_par, n_par)), np.zeros((n, n_par), dtype=bool)
         self.heights, self.promise = np.full((2, n), np.inf)
-        self.damping, self.least, self.steps = np.full(n, _FIRST_DAMPING), np.zeros(n), np.zeros(n, dtype=np.int64)
+        self.damping, self.least, self.steps = (
+            np.full(n, _FIRST_DAMPING),
+            np.zeros(n),
+            np.zeros(n, dtype=np.int64),
+        )
         self.stale, self.doubted = np.ones((2, n), dtype=bool)
         self.going, self.settled, self.learned = np.zeros((3, n), dtype=bool)
 
     def begin(self, k: int, start: Start) -> None:
-        low, high, held = self.hill.low, self.hill.high, np.isin(np.arange(self.hill.low.size), start.held)
+        low = self.hill.low
+        high = self.hill.high
+        held = np.isin(np.arange(self.hill.low.size), start.held)
         self.points[k] = np.where(held, start.values, np.clip(start.values, low, high))
-        self.instead[k] = np.nan if start.instead is None else np.where(held, start.instead, np.clip(start.instead, low, high))
+        self.instead[k] = (
+            np.nan
+            if start.instead is None
+            else np.where(held, start.instead, np.clip(start.instead, low, high))
+        )
         self.heights[k] = self.promise[k] = np.inf
-        self.held[k], self.least[k], self.steps[k], self.damping[k] = held, start.settled, 0, _LEAST_DAMPING
-        self.stale[k], self.doubted[k], self.going[k], self.settled[k] = True, start.near is None, True, False
+        self.held[k], self.least[k], self.steps[k], self.damping[k] = (
+            held,
+            start.settled,
+            0,
+            _LEAST_DAMPING,
+        )
+        self.stale[k], self.doubted[k], self.going[k], self.settled[k] = (
+            True,
+            start.near is None,
+            True,
+            False,
+        )
         if start.near is not None:
-            self.known[k], self.slopes[k], self.curvatures[k] = start.near.values, start.near.slope, start.near.curvature
+            self.known[k], self.slopes[k], self.curvatures[k] = (
+                start.near.values,
+                start.near.slope,
+                start.near.curvature,
+            )
 
     def end(self, k: int) -> End:
-        return End(self.points[k].copy(), float(self.heights[k]), bool(self.settled[k]), self.slopes[k].copy(), self.curvatures[k].copy())
+        return End(
+            self.points[k].copy(),
+            float(self.heights[k]),
+            bool(self.settled[k]),
+            self.slopes[k].copy(),
+            self.curvatures[k].copy(),
+        )
 
     def advance(self) -> None:
-        """One step of all that are going: look at the next point of each, and go there if it is lower."""
+        """One step of all that are going: look at the next point of each, and go there if it is
+        lower.
+        """
         going = np.flatnonzero(self.going)
         begun = going[np.isfinite(self.heights[going])]
         self._surveyed(begun[self.stale[begun]])
         begun = begun[self.going[begun]]
         trials = self.points.copy()
         step, _ = self._steps(begun, self.damping[begun])
-        trials[begun] = np.where(self.held[begun], self.points[begun], np.clip(self.points[begun] + step, self.hill.low, self.hill.high))
+        trials[begun] = np.where(
+            self.held[begun],
+            self.points[begun],
+            np.clip(self.points[begun] + step, self.hill.low, self.hill.high),
+        )
         now = np.flatnonzero(self.going)
         if not now.size:
             return
         reached, heights = self.hill.looked_at(trials[now])
         lost = np.flatnonzero(~np.isfinite(heights) & np.isfinite(self.heights[now]))
         if lost.size:
-            reached[lost], heights[lost] = self.hill.looked_at(self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]])
+            reached[lost], heights[lost] = self.hill.looked_at(
+                self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]]
+            )
         self._started(now, heights)
         lower = heights < self.heights[now]
         self.points[now[lower]], self.heights[now[lower]] = reached[lower], heights[lower]
         old = self.learned[now] & ~lower
         self.doubted[now[old]], self.stale[now] = True, lower | old
         raised = np.maximum(self.damping[now] * _FACTOR, _FIRST_DAMPING)
-        self.damping[now] = np.where(lower, np.maximum(self.damping[now] / _FACTOR, _LEAST_DAMPING), np.where(old, self.damping[now], raised))
+        self.damping[now] = np.where(
+            lower,
+            np.maximum(self.damping[now] / _FACTOR, _LEAST_DAMPING),
+            np.where(old, self.damping[now], raised),
+        )
         self.steps[now] += 1
         stuck = now[(self.damping[now] > _MOST_DAMPING) | (self.steps[now] >= self.most)]
         self.settled[stuck], self.going[stuck] = self.promise[stuck] < _ACCEPTABLE, False
@@ -201,46 +266,90 @@ class _Descents:
         self.going[nowhere[~elsewhere]] = False
 
     def _surveyed(self, which: NDArray[np.int64]) -> None:
-        """The slopes and curvatures at `which`, those of which end that are promised next to nothing."""
+        """The slopes and curvatures at `which`, those of which end that are promised next to
+        nothing.
+        """
         if not which.size:
             return
         points, doubted = self.points[which], self.doubted[which]
         slopes, curvatures = self.hill.shape(points, doubted)
-        learned = _learned(self.curvatures[which], points - self.known[which], slopes - self.slopes[which], _TELLING * self.hill.reach)
+        learned = _learned(
+            self.curvatures[which],
+            points - self.known[which],
+            slopes - self.slopes[which],
+            _TELLING * self.hill.reach,
+        )
         self.curvatures[which] = np.where(doubted[:, None, None], curvatures, learned)
-        self.slopes[which], self.known[which], self.learned[which], self.stale[which] = slopes, points, ~doubted, False
+        self.slopes[which], self.known[which], self.learned[which], self.stale[which] = (
+            slopes,
+            points,
+            ~doubted,
+            False,
+        )
         self.doubted[which] = not self.hill.lasting
         _, self.promise[which] = self._steps(which, np.full(which.size, _LEAST_DAMPING))
         ended = self.promise[which] <= self.least[which] + self.share * np.abs(self.heights[which])
         self.settled[which[ended]], self.going[which[ended]] = True, False
 
-    def _steps(self, which: NDArray[np.int64], damping: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _steps(
+        self, which: NDArray[np.int64], damping: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
         points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
         low, high = self.hill.low - points, self.hill.high - points
-        free = ~self.held[which] & ~(((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0)))
+        free = ~self.held[which] & ~(
+            ((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0))
+        )
         step = np.zeros_like(points)
         for _ in range(_HELD_ROUNDS):
-            step = np.where(free, _damped(slopes + np.einsum("kij,kj->ki", curvatures, np.where(free, 0.0, step)), curvatures, damping, free), step)
+            step = np.where(
+                free,
+                _damped(
+                    slopes + np.einsum("kij,kj->ki", curvatures, np.where(free, 0.0, step)),
+                    curvatures,
+                    damping,
+                    free,
+                ),
+                step,
+            )
             beyond = free & ((step < low) | (step > high))
             if not np.any(beyond):
                 break
             step, free = np.where(self.held[which], 0.0, np.clip(step, low, high)), free & ~beyond
         with np.errstate(all="ignore"):
-            step = step * np.minimum(1.0, np.nanmin(self.hill.reach / np.abs(step), axis=1, initial=1.0))[:, None]
-        return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum("ki,kij,kj->k", step, curvatures, step)
+            step = (
+                step
+                * np.minimum(1.0, np.nanmin(self.hill.reach / np.abs(step), axis=1, initial=1.0))[
+                    :, None
+                ]
+            )
+        return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum(
+            "ki,kij,kj->k", step, curvatures, step
+        )
 
 
-def _learned(curvatures: FloatArray, steps: FloatArray, changes: FloatArray, telling: FloatArray) -> FloatArray:
-    """Curvatures (n, n_par, n_par) with what changes of the slope along steps (n, n_par) say of them: BFGS, damped (Powell) to stay positive."""
+def _learned(
+    curvatures: FloatArray, steps: FloatArray, changes: FloatArray, telling: FloatArray
+) -> FloatArray:
+    """Curvatures (n, n_par, n_par) with what changes of the slope along steps (n, n_par) say of
+    them: BFGS, damped (Powell) to stay positive.
+    """
     with np.errstate(all="ignore"):
         before = np.einsum("kij,kj->ki", curvatures, steps)
         expected, told = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
         share = np.where(told < 0.2 * expected, 0.8 * expected / (expected - told), 1.0)[:, None]
         changes = share * changes + (1.0 - share) * before
         told = np.sum(steps * changes, axis=1)
-        updated = curvatures + _squared(changes) / told[:, None, None] - _squared(before) / expected[:, None, None]
-        sound = np.any(np.abs(steps) > telling, axis=1) & (expected > 0.0) & np.all(np.isfinite(updated), axis=(1, 2))
+        updated = (
+            curvatures
+            + _squared(changes) / told[:, None, None]
+            - _squared(before) / expected[:, None, None]
+        )
+        sound = (
+            np.any(np.abs(steps) > telling, axis=1)
+            & (expected > 0.0)
+            & np.all(np.isfinite(updated), axis=(1, 2))
+        )
     return np.where(sound[:, None, None], updated, curvatures)
 
 
@@ -248,12 +357,25 @@ def _squared(vectors: FloatArray) -> FloatArray:
     return vectors[:, :, None] * vectors[:, None, :]
 
 
-def _damped(slopes: FloatArray, curvatures: FloatArray, damping: FloatArray, free: Flags) -> FloatArray:
-    """(n, n_par) steps of the `free` parameters to the minimum of slope.s + s.curvature.s/2, damped in proportion to its diagonal."""
+def _damped(
+    slopes: FloatArray, curvatures: FloatArray, damping: FloatArray, free: Flags
+) -> FloatArray:
+    """(n, n_par) steps of the `free` parameters to the minimum of slope.s + s.curvature.s/2, damped
+    in proportion to its diagonal.
+    """
     scale = np.sqrt(np.maximum(np.diagonal(curvatures, axis1=1, axis2=2), 0.0))
     scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
     one = np.eye(scale.shape[1])
-    unit = np.where(free[:, :, None] & free[:, None, :], curvatures / (scale[:, :, None] * scale[:, None, :]), one)
+    unit = np.where(
+        free[:, :, None] & free[:, None, :],
+        curvatures / (scale[:, :, None] * scale[:, None, :]),
+        one,
+    )
     with np.errstate(all="ignore"):
-        step = -np.linalg.solve(unit + damping[:, None, None] * one, np.where(free, slopes / scale, 0.0)[..., None])[..., 0] / scale
+        step = (
+            -np.linalg.solve(
+                unit + damping[:, None, None] * one, np.where(free, slopes / scale, 0.0)[..., None]
+            )[..., 0]
+            / scale
+        )
     return np.where(free & np.isfinite(step), step, 0.0)

@@ -17,23 +17,45 @@ from estim.problem import Problem
 def fit_discrepancy(white: Fit, *, rng: np.random.Generator) -> Fit:
     """The fit `white`, and then with a deviation in every run that may have one."""
     problem = white.problem
-    posed = {run.name: pose_deviation(run, problem, white.values) for run in problem.runs if run.lacks is not None}
-    runs = tuple(replace(run, noise=posed[run.name].noise) if run.lacks is not None else run for run in problem.runs)
+    posed = {
+        run.name: pose_deviation(run, problem, white.values)
+        for run in problem.runs
+        if run.lacks is not None
+    }
+    runs = tuple(
+        replace(run, noise=posed[run.name].noise) if run.lacks is not None else run
+        for run in problem.runs
+    )
     low, high = problem.support()
     start = np.clip(np.mean([one.found.mean for one in posed.values()], axis=0), low, high)
     fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
     return replace(
-        fit, deviations=tuple(one.found for one in posed.values()), symmetry=white.symmetry, aliases=white.aliases,
-        n_start=white.n_start, n_same=white.n_same,
+        fit,
+        deviations=tuple(one.found for one in posed.values()),
+        symmetry=white.symmetry,
+        aliases=white.aliases,
+        n_start=white.n_start,
+        n_same=white.n_same,
     )
 
 
-def sds_near_limits(found: FoundDeviation, problem: Problem) -> tuple[FloatArray, tuple[Finding, ...]]:
-    """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one from a limit, and why."""
+def sds_near_limits(
+    found: FoundDeviation, problem: Problem
+) -> tuple[FloatArray, tuple[Finding, ...]]:
+    """Standard deviations (n_par,) of the linearised posterior, nan for a parameter less than one
+    from a limit, and why.
+    """
     sds, notes = np.sqrt(np.diag(found.cov)), []
     for i, parameter in enumerate(problem.parameters):
         low, high = parameter.prior.low, parameter.prior.high
         if min(found.mean[i] - low, high - found.mean[i]) < sds[i]:
-            notes.append(Finding(Kind.NEAR_LIMIT, parameters=(Amount(parameter.name, edge_of(parameter.prior, float(found.mean[i]))),)))
+            notes.append(
+                Finding(
+                    Kind.NEAR_LIMIT,
+                    parameters=(
+                        Amount(parameter.name, edge_of(parameter.prior, float(found.mean[i]))),
+                    ),
+                )
+            )
             sds[i] = np.nan
     return sds, tuple(notes)

@@ -1,9 +1,12 @@
-"""Hard edges of priors: least squares around a fit that stay within them, and what to say of a parameter that lies on one.
+"""Hard edges of priors: least squares around a fit that stay within them, and what to say of a
+parameter that lies on one.
 
-A posterior that is highest at an edge is a limit: [edge, limit] holds the true value with its probability, as any interval does
-when truths come from the prior.  Only where the data press *beyond* the edge is something wrong: then chi^2 would fall by more
-than chance allows if the parameter could pass.  That fall is computed from the curvature at the fit (Rao's score statistic,
-Linear Statistical Inference (1973) 6e.2), so nothing is evaluated beyond an edge, where the curve may have no meaning:
+A posterior that is highest at an edge is a limit: [edge, limit] holds the true value with its
+probability, as any interval does when truths come from the prior.  Only where the data press
+*beyond* the edge is something wrong: then chi^2 would fall by more than chance allows if the
+parameter could pass.  That fall is computed from the curvature at the fit (Rao's score statistic,
+Linear Statistical Inference (1973) 6e.2), so nothing is evaluated beyond an edge, where the curve
+may have no meaning:
 
     sqrt(fall)      standard normal, one-sided; Student's t with the noise inferred
 """
@@ -29,13 +32,16 @@ from estim.words import one_sided
 
 Indices = NDArray[np.int64]
 
-PRESSED_BELOW = 0.01  # probability of so much pressure by chance, below which edge and data contradict each other
+# probability of so much pressure by chance, below which edge and data contradict each other
+PRESSED_BELOW = 0.01
 _MANY_COLUMNS = 200
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 
 
 class Limit(msgspec.Struct, frozen=True):
-    """What is known of a quantity whose most probable value is an edge: below (above) `limit_95` with 95 % probability, SI units and radians."""
+    """What is known of a quantity whose most probable value is an edge: below (above) `limit_95`
+    with 95 % probability, SI units and radians.
+    """
 
     side: Literal["upper", "lower"]
     edge: float
@@ -45,9 +51,12 @@ class Limit(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """chi^2 of the data around a fit, |rows . step - aim|^2 up to a constant, and how far a step may go to each side.
+    """chi^2 of the data around a fit, |rows . step - aim|^2 up to a constant, and how far a step
+    may go to each side.
 
-    rows : (n, n_curve).  aim : (n,).  low, high : (n_curve,), in the parameters' units.  scale : (n_curve,) typical steps.
+    rows : (n, n_curve).
+    aim : (n,).  low, high : (n_curve,), in the parameters' units.  scale : (n_curve,) typical
+        steps.
     """
 
     rows: FloatArray
@@ -57,7 +66,9 @@ class Quadratic:
     scale: FloatArray
 
     def least(self, pull_rows: FloatArray, off: FloatArray) -> tuple[FloatArray, float]:
-        """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows . step + off|^2, and that sum."""
+        """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows
+        . step + off|^2, and that sum.
+        """
         from scipy.optimize import lsq_linear
 
         rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.concatenate([self.aim, -off])
@@ -69,7 +80,9 @@ class Quadratic:
 
 
 def _solved(rows: FloatArray, aim: FloatArray) -> FloatArray:
-    """The step of least |rows step - aim|; of very many parameters by their normal equations, where these say enough of each."""
+    """The step of least |rows step - aim|; of very many parameters by their normal equations, where
+    these say enough of each.
+    """
     if rows.shape[1] > _MANY_COLUMNS:
         gram = rows.T @ rows
         try:
@@ -89,8 +102,9 @@ def curve_indices(fit: Fit) -> Indices:
 def around(fit: Fit) -> Quadratic:
     """The data's chi^2 in the parameters of the curve, the noise held at the fit.
 
-    Where what the curve lacks is summed over, that of the linearised posterior as a whole: the curvature at the mode is that of the most probable
-    sizes, and smaller ones than they allow for a good part of the probability.
+    Where what the curve lacks is summed over, that of the linearised posterior as a whole: the
+    curvature at the mode is that of the most probable sizes, and smaller ones than they allow for a
+    good part of the probability.
     """
     problem, posterior, curve = fit.problem, fit.posterior, curve_indices(fit)
     scale = np.sqrt(np.diag(fit.cov))[curve]
@@ -101,11 +115,20 @@ def around(fit: Fit) -> Quadratic:
         gradient = posterior.score(fit.values)[curve] * scale
         spectrum, basis = np.linalg.eigh(told)
     elif not whole:
-        rows = np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
-        gradient = np.sum([jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)], axis=0)[curve] * scale
+        rows = (
+            np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
+        )
+        gradient = (
+            np.sum(
+                [jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)],
+                axis=0,
+            )[curve]
+            * scale
+        )
     else:
         told, score = whole[0].told
-        information, score = told[np.ix_(curve, curve)] * np.outer(scale, scale), score[curve] * scale
+        information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+        score = score[curve] * scale
         spectrum, basis = np.linalg.eigh(information)
         rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
         gradient = information @ ((fit.values - whole[0].about)[curve] / scale) - score
@@ -127,7 +150,8 @@ def edge_of(prior: Prior, value: float) -> float:
 
 
 def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
-    """Parameters of the curve on an edge -> probability that chance presses them against it as much as these data (and priors) do.
+    """Parameters of the curve on an edge -> probability that chance presses them against it as much
+    as these data (and priors) do.
 
     estimated : whether the size of the noise, held here, was taken from the residuals.
     """
@@ -152,7 +176,8 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
             passed.high[k] = math.inf
         fall = max(0.0, here - passed.least(pull_rows, off)[1])
         if inferred:  # the size of the noise was taken from residuals that the edge has made larger
-            fall *= dof / max(squares - fall, 1e-9 * squares) if fall > 0.0 else 0.0  # no squares, nothing to fall
+            # no squares, nothing to fall
+            fall *= dof / max(squares - fall, 1e-9 * squares) if fall > 0.0 else 0.0
             found[parameter.name] = float(student_tail(math.sqrt(fall), dof))
         else:
             found[parameter.name] = float(normal_tail(math.sqrt(fall)))
@@ -160,7 +185,9 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
 
 
 def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
-    """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one that does not."""
+    """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one
+    that does not.
+    """
     if name not in fit.at_bound:
         return None
     i = fit.names.index(name)
@@ -173,14 +200,27 @@ def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
 
 def limit_cell(limit: Limit, factor: float, unit: str = "1") -> str:
     """'< 0.31 (95 %)', in units of which one SI unit has `factor`."""
-    return one_sided(limit.side, limit.limit_95, limit.edge, factor=factor, unit=unit if unit == "°" else "" if unit == "1" else f" {unit}")
+    return one_sided(
+        limit.side,
+        limit.limit_95,
+        limit.edge,
+        factor=factor,
+        unit=unit if unit == "°" else "" if unit == "1" else f" {unit}",
+    )
 
 
 def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:
-    """The limit of a parameter at an edge (`fit.at_bound`) as a note: its most probable value is the edge."""
+    """The limit of a parameter at an edge (`fit.at_bound`) as a note: its most probable value is
+    the edge.
+    """
     limit = limit_of(fit, name, draws)
     assert limit is not None
-    return Finding(Kind.LIMIT, test=limit.side, size=limit.limit_95, parameters=(edge_amount(fit, name, limit.edge),))
+    return Finding(
+        Kind.LIMIT,
+        test=limit.side,
+        size=limit.limit_95,
+        parameters=(edge_amount(fit, name, limit.edge),),
+    )
 
 
 def edge_amount(fit: Fit, name: str, value: float) -> Amount:

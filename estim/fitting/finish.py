@@ -1,4 +1,6 @@
-"""The end of a search that creeps (`Likelihood.creeps`): steps by the Fisher information, between the limits of the parameters."""
+"""The end of a search that creeps (`Likelihood.creeps`): steps by the Fisher information, between
+the limits of the parameters.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,21 @@ _N_FINISH = 20
 _SILENT = 1e-11  # ratio of singular values
 
 
-def finished(posterior: Posterior, values: FloatArray, free: list[int], *, tolerance: float) -> FloatArray:
-    """`values` (n_par,) after steps in the parameters `free` as long as they help, until one is shorter than `tolerance` standard deviations."""
+def finished(
+    posterior: Posterior, values: FloatArray, free: list[int], *, tolerance: float
+) -> FloatArray:
+    """`values` (n_par,) after steps in the parameters `free` as long as they help, until one is
+    shorter than `tolerance` standard deviations.
+    """
     priors = posterior.problem.parameters
-    low, high = np.array([priors[i].prior.low for i in free]), np.array([priors[i].prior.high for i in free])
+    low = np.array([priors[i].prior.low for i in free])
+    high = np.array([priors[i].prior.high for i in free])
     height = float(np.sum(posterior.residuals(values) ** 2))
     for _ in range(_N_FINISH):
         slopes = np.diag(posterior.prior_slopes(values))
         pairs = [*posterior.scoring(values), (slopes, posterior.prior_residuals(values))]
-        rows, aim = np.vstack([pair[0] for pair in pairs])[:, free], np.concatenate([pair[1] for pair in pairs])
+        rows = np.vstack([pair[0] for pair in pairs])[:, free]
+        aim = np.concatenate([pair[1] for pair in pairs])
         if not (np.all(np.isfinite(rows)) and np.all(np.isfinite(aim))):
             break
         step = step_between(rows, aim, low - values[free], high - values[free])
@@ -38,13 +46,16 @@ def finished(posterior: Posterior, values: FloatArray, free: list[int], *, toler
     return values
 
 
-def step_between(rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = _SILENT) -> FloatArray:
+def step_between(
+    rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = _SILENT
+) -> FloatArray:
     """(n_par,) step s of least |rows s + aim| with low <= s <= high; low <= 0 <= high.
 
-    The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what the others do for the one that is held
-    must be taken back.
+    The free step, merely cut off at a limit, leads nowhere where parameters are correlated: what
+    the others do for the one that is held must be taken back.
 
-    rows : (n, n_par).  aim : (n,).  silent : ratio of singular values of unit columns that counts as 0.
+    rows : (n, n_par).
+    aim : (n,).  silent : ratio of singular values of unit columns that counts as 0.
     """
     from scipy.optimize import lsq_linear
 
@@ -56,5 +67,10 @@ def step_between(rows: FloatArray, aim: FloatArray, low: FloatArray, high: Float
         return step
     # what the data are silent about stays where it is
     still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
-    found = lsq_linear(np.vstack([scaled, still]), np.append(-aim, np.zeros(scale.size)), bounds=(low * scale, high * scale), method="bvls")
+    found = lsq_linear(
+        np.vstack([scaled, still]),
+        np.append(-aim, np.zeros(scale.size)),
+        bounds=(low * scale, high * scale),
+        method="bvls",
+    )
     return np.clip(found.x / scale, low, high)

@@ -1,4 +1,5 @@
-"""One descent of a search: least squares with the linear parameters solved for at each step, and what a Jacobian says.
+"""One descent of a search: least squares with the linear parameters solved for at each step, and
+what a Jacobian says.
 
 Variable projection (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413) with Kaufman's Jacobian.
 """
@@ -29,7 +30,8 @@ def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
     first = _inside(start[bent], low, high)
     unit = np.where(first != 0.0, np.abs(first), 1.0)
 
-    last: tuple[FloatArray, FloatArray] | None = None  # least_squares asks for residuals and Jacobian at the same point
+    # least_squares asks for residuals and Jacobian at the same point
+    last: tuple[FloatArray, FloatArray] | None = None
 
     def filled(shape: FloatArray) -> FloatArray:
         nonlocal last
@@ -57,17 +59,33 @@ def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
 
     tolerance = 1e-3 if search.creeps else 1e-11  # steps by the information finish
     result = least_squares(
-        residuals, first / unit, jac=jacobian, bounds=(low / unit, high / unit), x_scale="jac", ftol=tolerance, xtol=tolerance, gtol=None,
+        residuals,
+        first / unit,
+        jac=jacobian,
+        bounds=(low / unit, high / unit),
+        x_scale="jac",
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=None,
         max_nfev=200,
     )
-    found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)  # nan: no parameter changes the residuals here
-    return stepped(search, found, most=_N_FINISH)[0] if search.creeps and math.isfinite(search.chi2(found)) else found
+    # nan: no parameter changes the residuals here
+    found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)
+    return (
+        stepped(search, found, most=_N_FINISH)[0]
+        if search.creeps and math.isfinite(search.chi2(found))
+        else found
+    )
 
 
-def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> tuple[FloatArray, float, float, int]:
-    """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross stay there.
+def stepped(
+    search: SeparableSearch, values: FloatArray, *, most: int = 100
+) -> tuple[FloatArray, float, float, int]:
+    """Gauss-Newton steps from `values` while they help; parameters on a bound that they would cross
+    stay there.
 
-    Returns where they end, the sum of squares there, the last step in standard deviations, and the parameter that it moved most.
+    Returns where they end, the sum of squares there, the last step in standard deviations, and the
+    parameter that it moved most.
     """
     step_size, chi2 = math.inf, search.chi2(values)
     free, resolved = search.free, search.resolved
@@ -85,13 +103,17 @@ def stepped(search: SeparableSearch, values: FloatArray, *, most: int = 100) -> 
         low, high = search.low[moving] - values[moving], search.high[moving] - values[moving]
         if np.any((step < low) | (step > high)):
             step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
-        noise = math.sqrt(max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size))
+        noise = math.sqrt(
+            max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size)
+        )
         moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
         size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])
         length, better = 1.0, False
         while length > 1e-4 and not better:
             trial = values.copy()
-            trial[moving] = np.clip(values[moving] + length * step, search.low[moving], search.high[moving])
+            trial[moving] = np.clip(
+                values[moving] + length * step, search.low[moving], search.high[moving]
+            )
             reached = search.chi2(trial)
             better = reached < chi2 or (reached <= chi2 * (1.0 + 1e-9) and size < 0.9 * step_size)
             length *= 0.5
@@ -111,21 +133,39 @@ def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
 def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
     """`values` moved strictly between the limits."""
     unit = np.where(values != 0.0, np.minimum(np.abs(values), 1.0), 1.0)
-    inner = [edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0))) for edge, sign in ((low, 1.0), (high, -1.0))]
+    inner = [
+        edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0)))
+        for edge, sign in ((low, 1.0), (high, -1.0))
+    ]
     return np.clip(values, *inner)
 
 
-def near_bound(search: SeparableSearch, values: FloatArray, jacobian: FloatArray, residual: FloatArray, chi2: float) -> NDArray[np.bool_]:
-    """Which parameters lie on a bound that the descent would push them across, or from which it would move them next to nothing.
+def near_bound(
+    search: SeparableSearch,
+    values: FloatArray,
+    jacobian: FloatArray,
+    residual: FloatArray,
+    chi2: float,
+) -> NDArray[np.bool_]:
+    """Which parameters lie on a bound that the descent would push them across, or from which it
+    would move them next to nothing.
 
-    Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and its sign is rounding.
+    Where two parameters do the same at a bound, the gradient in one is that in the other, 0, and
+    its sign is rounding.
     """
     gradient = jacobian.T @ residual
-    slack = _NO_STEP * np.linalg.norm(jacobian, axis=0) * math.sqrt(chi2 / max(1, residual.size - search.free.size))
-    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)  # nanometres may be written in metres
+    slack = (
+        _NO_STEP
+        * np.linalg.norm(jacobian, axis=0)
+        * math.sqrt(chi2 / max(1, residual.size - search.free.size))
+    )
+    # nanometres may be written in metres
+    unit = np.where(search.held != 0.0, np.minimum(np.abs(search.held), 1.0), 1.0)
     margin = 1e-8 * (unit + np.abs(values))
     with np.errstate(invalid="ignore"):
-        return ((values - search.low < margin) & (gradient > -slack)) | ((search.high - values < margin) & (gradient < slack))
+        return ((values - search.low < margin) & (gradient > -slack)) | (
+            (search.high - values < margin) & (gradient < slack)
+        )
 
 
 def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,8 +174,12 @@ def _scaled(jacobian: FloatArray) -> tuple[FloatArray, FloatArray]:
     return jacobian / scale, scale
 
 
-def gauss_newton(jacobian: FloatArray, residual: FloatArray, resolved: float) -> tuple[FloatArray, FloatArray]:
-    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition of scaled columns."""
+def gauss_newton(
+    jacobian: FloatArray, residual: FloatArray, resolved: float
+) -> tuple[FloatArray, FloatArray]:
+    """Step (n,) and standard deviations (n,) for unit residuals, by a singular value decomposition
+    of scaled columns.
+    """
     scaled, scale = _scaled(jacobian)
     left, singular, right = np.linalg.svd(scaled, full_matrices=False)
     inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
@@ -143,12 +187,20 @@ def gauss_newton(jacobian: FloatArray, residual: FloatArray, resolved: float) ->
     return step, np.sqrt(np.sum((right.T * inverse) ** 2, axis=1)) / scale
 
 
-def inverse_information(jacobian: FloatArray, resolved: float = RESOLVED) -> tuple[FloatArray, float]:
-    """(J^T J)^-1 and the ratio of the smallest to the largest singular value of J with unit columns."""
+def inverse_information(
+    jacobian: FloatArray, resolved: float = RESOLVED
+) -> tuple[FloatArray, float]:
+    """(J^T J)^-1 and the ratio of the smallest to the largest singular value of J with unit
+    columns.
+    """
     if not jacobian.shape[1]:
         return np.zeros((0, 0)), 1.0
     scaled, scale = _scaled(jacobian)
     _, singular, right = np.linalg.svd(scaled, full_matrices=False)
-    condition = float(singular[-1] / singular[0]) if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1] else 0.0
+    condition = (
+        float(singular[-1] / singular[0])
+        if singular[0] > 0.0 and jacobian.shape[0] >= jacobian.shape[1]
+        else 0.0
+    )
     inverse = np.where(singular > resolved * singular[0], 1.0 / np.maximum(singular, 1e-300), 0.0)
     return (right.T * inverse**2) @ right / np.outer(scale, scale), condition

@@ -1,15 +1,16 @@
 """The posterior mode by least squares.  The only file that knows lmfit.
 
-Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and the search starts
-from several points.  The covariance of the noise depends weakly on the curve, so the fit is repeated with it taken at
-the last result until nothing moves (iteratively reweighted least squares); inferred noise parameters are updated in
-turn by maximising the same posterior.  More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by lmfit.
+Priors enter as residuals, sigmas are absolute (`scale_covar=False`), the Jacobian is analytic, and
+the search starts from several points.  The covariance of the noise depends weakly on the curve, so
+the fit is repeated with it taken at the last result until nothing moves (iteratively reweighted
+least squares); inferred noise parameters are updated in turn by maximising the same posterior.
+More than 16 independent runs are fit run by run (`estim.fitting.arrow`), not by lmfit.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,7 +37,8 @@ _SAME_OPTIMUM = 0.5  # in minus log density
 _SAME_PLACE = 1.5  # standard deviations
 _TWINS = 0.2  # the same, after one round: nearer ends go on as one
 _ROUGH_ROUNDS = 4
-_EXACT, _ROUGH = 1e-12, 1e-6  # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
+# relative steps at which a search of the curve ends: at the mode, and to see where a start leads
+_EXACT, _ROUGH = 1e-12, 1e-6
 _LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
@@ -52,24 +54,33 @@ _End = tuple[FloatArray, Posterior, float]
 class Fit:
     """The posterior mode and the Gaussian approximation around it.
 
-    names : (n_par,).  values : (n_par,) the mode.
+    names : (n_par,).
+    values : (n_par,) the mode.
     cov : (n_par, n_par) inverse of the information (curvature) there, priors included.
-    sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where a symmetric standard
-        deviation would be wrong.
+    sds : (n_par,) square roots of its diagonal; nan for a parameter within one sd of a bound, where
+        a symmetric standard deviation would be wrong.
     at_bound : names of parameters whose mode lies on a bound of their prior.
     posterior : the density with covariances at the mode.
-    chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative priors.  dof : their number minus the fitted
-        parameters of the curve.  p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are heavy (it proves
-        nothing), or y was counted (simulations say it).
+    chi2 : whitened squares of the data (of normal scores, with errors of x) and of informative
+        priors.
+    dof : their number minus the fitted parameters of the curve.
+        p_value : P(chi2 or more); nan where the size of the noise was inferred or its tails are
+            heavy (it proves nothing), or y was counted (simulations say it).
     n_start, n_same : starts tried, and how many of them led to the best optimum.
-    others : (n_other, n_par) other optima not much worse than the best, far from it and from each other.
-    symmetry : what else draws the same curves, None where that was not asked.  aliases : other curves through the same points.
-    singular : whether some combination of parameters is not determined at all, not even by the priors.
+    others : (n_other, n_par) other optima not much worse than the best, far from it and from each
+        other.
+    symmetry : what else draws the same curves, None where that was not asked.
+    aliases : other curves through the same points.
+    singular : whether some combination of parameters is not determined at all, not even by the
+        priors.
     forces, deviations : what the curve of each run lacks, where that was asked (`estim.deviation`).
-    success, message : whether the search settled, in words.  moved : standard deviations that its last round still moved a parameter.
-    parts : of a joint fit with forces, the normal distributions that the linearised posterior is made of.
+    success, message : whether the search settled, in words.
+    moved : standard deviations that its last round still moved a parameter.
+    parts : of a joint fit with forces, the normal distributions that the linearised posterior is
+        made of.
     mover : the parameter that a search which did not settle still moved most, where that is known.
-    unheld : a parameter that the data hardly keep from infinity, where that was asked and there is one.
+    unheld : a parameter that the data hardly keep from infinity, where that was asked and there is
+        one.
     held : of many runs, those whose covariance was not taken at the mode (`estim.fitting.rounds`).
     """
 
@@ -104,65 +115,110 @@ class Fit:
 
     @cached_property
     def sampled(self) -> Posterior:
-        """`posterior` as it is sampled: in a joint fit with the measure of readings (`estim.fitting.readings`)."""
-        return self.posterior if self.singular else replace(self.posterior, measure=measure_of(self.posterior, self.values, self.cov))
+        """`posterior` as it is sampled: in a joint fit with the measure of readings
+        (`estim.fitting.readings`).
+        """
+        return (
+            self.posterior
+            if self.singular
+            else replace(self.posterior, measure=measure_of(self.posterior, self.values, self.cov))
+        )
 
     @property
     def further_starts(self) -> tuple[FloatArray, ...]:
-        """(n_par,) each, the centres of normal distributions that make up the posterior where a curve lacks something."""
-        return tuple(mean for force in self.forces for mean in force.means) + tuple(mean for lack in self.deviations for mean in lack.means)
+        """(n_par,) each, the centres of normal distributions that make up the posterior where a
+        curve lacks something.
+        """
+        return tuple(mean for force in self.forces for mean in force.means) + tuple(
+            mean for lack in self.deviations for mean in lack.means
+        )
 
     @property
     def further_covs(self) -> tuple[FloatArray, ...]:
         """(n_par, n_par) each, their covariances."""
-        return tuple(cov for force in self.forces for cov in force.covs) + tuple(cov for lack in self.deviations for cov in lack.covs)
+        return tuple(cov for force in self.forces for cov in force.covs) + tuple(
+            cov for lack in self.deviations for cov in lack.covs
+        )
 
 
 def fit_least_squares(
-    problem: Problem, *, rng: np.random.Generator, n_start: int = 8, start: FloatArray | None = None, further: Sequence[FloatArray] = (),
+    problem: Problem,
+    *,
+    rng: np.random.Generator,
+    n_start: int = 8,
+    start: FloatArray | None = None,
+    further: Sequence[FloatArray] = (),
     hopeless: float = math.inf,
 ) -> Fit:
     """The posterior mode of `problem`, from the best of `n_start` starts.
 
-    start : (n_par,) where to start first; the centre of the priors if None.  The other starts are draws of the priors.
+    start : (n_par,) where to start first; the centre of the priors if None.  The other starts are
+        draws of the priors.
     further : (n_par,) each, starts beside these.
-    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest of the search is not worth its time.
+    hopeless : mean square of the whitened residuals after the first rounds, beyond which the rest
+        of the search is not worth its time.
 
-    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined at no start, has no finite
-    derivatives where the search ends, or stays beyond `hopeless`.
+    Raises InputError where the problem has no unknowns, NumericalError where the curve is defined
+    at no start, has no finite derivatives where the search ends, or stays beyond `hopeless`.
     """
     if problem.n_par == 0:
-        raise InputError("contain no free parameter: every quantity is exact; give at least one an uncertainty or a prior", field="parameters")
-    drawn = ([float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1))
+        raise InputError(
+            "contain no free parameter: every quantity is exact; give at least one an "
+            "uncertainty or a prior",
+            field="parameters",
+        )
+    drawn = (
+        [float(p.prior.draw(rng, 1)[0]) for p in problem.parameters] for _ in range(n_start - 1)
+    )
     starts = np.vstack([problem.start() if start is None else start, *drawn, *further])
     begun = [(start, problem.linearised(start)) for start in starts]
-    begun = [(start, posterior) for start, posterior in begun if np.all(np.isfinite(posterior.residuals(start)))]
+    begun = [
+        (start, posterior)
+        for start, posterior in begun
+        if np.all(np.isfinite(posterior.residuals(start)))
+    ]
     if not begun:
-        raise NumericalError("the fit cannot start: the curve is not defined at the starting values, nor at draws of the priors")
+        raise NumericalError(
+            "the fit cannot start: the curve is not defined at the starting values, nor at "
+            "draws of the priors"
+        )
     rough = _rough_ends(begun)
     if not rough:
         raise _no_curvature(*begun[0])
-    objective = np.array([-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough])
+    objective = np.array(
+        [-float(posterior.log_density(values[None, :])[0]) for values, posterior, _ in rough]
+    )
     best = int(np.nanargmin(objective))
     values, posterior, _ = rough[best]
     if float(np.mean(posterior.size_residuals(values) ** 2)) > hopeless:
-        raise NumericalError(f"the curve stays far from the data: the mean square of the whitened residuals is above {hopeless:g}")
+        raise NumericalError(
+            "the curve stays far from the data: the mean square of the whitened residuals "
+            f"is above {hopeless:g}"
+        )
     held: tuple[Held, ...] = ()
     if many(problem):
-        end = settle_by_runs(values, posterior, most=_MAX_ROUNDS, tolerance=_SETTLED, best=_best, spread=_curved)
+        end = settle_by_runs(
+            values, posterior, most=_MAX_ROUNDS, tolerance=_SETTLED, best=_best, spread=_curved
+        )
         values, posterior, moved, held = end.values, end.posterior, end.moved, end.held
     else:
         values, posterior, moved = _settle(values, posterior, max_rounds=_MAX_ROUNDS)
     if math.isnan(moved):
         raise _no_curvature(values, posterior)
     level = objective <= objective[best] + _SAME_OPTIMUM
-    ends = [rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH]
+    ends = [
+        rough[i][0] for i in np.argsort(objective) if objective[i] <= objective[best] + WITHIN_REACH
+    ]
     same = [end for (end, _, _), equal in zip(rough, level, strict=True) if equal]
-    return replace(_describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same), held=held)
+    return replace(
+        _describe(problem, posterior, values, moved, ends, n_start=len(rough), same=same), held=held
+    )
 
 
 def refit(problem: Problem, start: FloatArray) -> Fit:
-    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises NumericalError."""
+    """The nearest mode of `problem` to `start` (n_par,), where that is known to be near.  Raises
+    NumericalError.
+    """
     posterior = problem.linearised(start)
     if not np.all(np.isfinite(posterior.residuals(start))):
         raise NumericalError("the fit cannot start: the curve is not defined there")
@@ -174,49 +230,90 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
 
 def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
     own = np.diag(information(posterior, values))
-    where = " and ".join(name for name, one in zip(posterior.problem.names, own, strict=True) if not math.isfinite(one)) or "its parameters"
-    return NumericalError(f"the fit ends where the curve has no finite derivatives in {where}: are units, stated values and limits right?")
+    where = (
+        " and ".join(
+            name
+            for name, one in zip(posterior.problem.names, own, strict=True)
+            if not math.isfinite(one)
+        )
+        or "its parameters"
+    )
+    return NumericalError(
+        f"the fit ends where the curve has no finite derivatives in {where}: are units, "
+        "stated values and limits right?"
+    )
 
 
 def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
-    """Where each start leads in a few rounds, without those that meet no curvature; starts that the first round leads together go on as one."""
+    """Where each start leads in a few rounds, without those that meet no curvature; starts that the
+    first round leads together go on as one.
+    """
     places: list[tuple[FloatArray, FloatArray, _End]] = []
     ends = []
-    for (start, begun), led in zip(starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True):
-        near = (end for place, scale, end in places if float(np.max(np.abs(led - place) / scale)) < _TWINS)
+    for (start, begun), led in zip(
+        starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True
+    ):
+        near = (
+            end
+            for place, scale, end in places
+            if float(np.max(np.abs(led - place) / scale)) < _TWINS
+        )
         twin = next((end for end in near if stands_for(end[1], end[0], led)), None)
         if twin is None:
             values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
             if math.isnan(moved):
                 continue
             scale = _spread(information(posterior, values), posterior.problem)
-            twin = next((end for place, _, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS), None)
+            twin = next(
+                (
+                    end
+                    for place, _, end in places
+                    if float(np.max(np.abs(values - place) / scale)) < _TWINS
+                ),
+                None,
+            )
             if twin is None:
                 twin = (values, posterior, moved)
                 if moved >= _SETTLED:
-                    twin = _settle(values, posterior, max_rounds=_ROUGH_ROUNDS - 1, hasty=True, tolerance=_ROUGH)
+                    twin = _settle(
+                        values,
+                        posterior,
+                        max_rounds=_ROUGH_ROUNDS - 1,
+                        hasty=True,
+                        tolerance=_ROUGH,
+                    )
                 places.append((values, scale, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 
 
 def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
-    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of, whatever the units of its parameters."""
+    """(n_par, n_par) inverse of an information matrix of the problem, of what it says something of,
+    whatever the units of its parameters.
+    """
     units = _units(matrix)
     scaled = matrix / np.outer(units, units)
     found = inverse_by_runs(scaled, problem) if many(problem) else None
-    return (np.asarray(np.linalg.pinv(scaled, hermitian=True)) if found is None else found) / np.outer(units, units)
+    return (
+        np.asarray(np.linalg.pinv(scaled, hermitian=True)) if found is None else found
+    ) / np.outer(units, units)
 
 
 def _units(matrix: FloatArray) -> FloatArray:
-    """(n_par,) in which the diagonal of an information matrix is 1; 1 for what it says next to nothing of."""
+    """(n_par,) in which the diagonal of an information matrix is 1; 1 for what it says next to
+    nothing of.
+    """
     own = np.diag(matrix)
     return np.sqrt(np.where(own > _NOTHING, own, 1.0))
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
-    """Ratio of the largest to the smallest eigenvalue of an information matrix; of that of many runs a bound, where it is no large one."""
-    bound = float(np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)) if many(problem) else math.inf
+    """Ratio of the largest to the smallest eigenvalue of an information matrix; of that of many
+    runs a bound, where it is no large one.
+    """
+    bound = (
+        float(np.linalg.norm(matrix, 1) * np.linalg.norm(inverse, 1)) if many(problem) else math.inf
+    )
     return bound if bound < _ILL else float(np.linalg.cond(matrix))
 
 
@@ -226,21 +323,37 @@ def _spread(matrix: FloatArray, problem: Problem) -> FloatArray:
     return np.where(scale > 0.0, scale, np.inf)
 
 
-def _best(posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT) -> FloatArray:
-    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty : of many runs, a few steps towards it."""
+def _best(
+    posterior: Posterior, values: FloatArray, *, hasty: bool = True, tolerance: float = _EXACT
+) -> FloatArray:
+    """Values of the highest density from `values` (n_par,): of the curve, then of the noise; hasty
+    : of many runs, a few steps towards it.
+    """
     return fit_noise(posterior, _fit_curve(posterior, values, hasty=hasty, tolerance=tolerance))
 
 
 def _curved(posterior: Posterior, values: FloatArray) -> FloatArray | None:
-    """(n_par,) standard deviations at the values, None where the curve has no finite derivatives."""
+    """(n_par,) standard deviations at the values, None where the curve has no finite
+    derivatives.
+    """
     matrix = information(posterior, values)
     return _spread(matrix, posterior.problem) if np.all(np.isfinite(matrix)) else None
 
 
-def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty: bool = False, tolerance: float = _EXACT) -> _End:
-    """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until they settle; moved is nan without curvature.
+def _settle(
+    values: FloatArray,
+    posterior: Posterior,
+    *,
+    max_rounds: int,
+    hasty: bool = False,
+    tolerance: float = _EXACT,
+) -> _End:
+    """Rounds of (curve; noise; covariance at the values) from a posterior linearised there until
+    they settle; moved is nan without curvature.
 
-    Where a covariance that follows the curve sends the rounds to and fro, they go part of the way: to the same place."""
+    Where a covariance that follows the curve sends the rounds to and fro, they go part of the way:
+    to the same place.
+    """
     moved, share, step = math.inf, 1.0, np.zeros_like(values)
     for n_round in range(max_rounds):
         before, step_before, moved_before = values, step, moved
@@ -251,48 +364,82 @@ def _settle(values: FloatArray, posterior: Posterior, *, max_rounds: int, hasty:
         if scale is None:
             return values, posterior, math.nan
         moved = float(np.max(np.abs(step) / scale, initial=0.0))
-        if n_round >= _FEW_ROUNDS and moved > 0.5 * moved_before and (step / scale) @ (step_before / scale) < 0.0:
+        if (
+            n_round >= _FEW_ROUNDS
+            and moved > 0.5 * moved_before
+            and (step / scale) @ (step_before / scale) < 0.0
+        ):
             share *= 0.5
-        if moved < _SETTLED or share < _LEAST_SHARE:  # there, or beside a jump of the covariance: no place where it stays
+        # there, or beside a jump of the covariance: no place where it stays
+        if moved < _SETTLED or share < _LEAST_SHARE:
             break
     return values, posterior, moved
 
 
-def _fit_curve(posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT) -> FloatArray:
+def _fit_curve(
+    posterior: Posterior, values: FloatArray, *, hasty: bool = False, tolerance: float = _EXACT
+) -> FloatArray:
     """The parameters of the curve that minimise the squared residuals, noise parameters held."""
     problem = posterior.problem
     free = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
     if not free:
         return values
     if many(problem):
-        return descend_by_runs(posterior, values, free, most=_FEW_STEPS) if hasty else descend_by_runs(posterior, values, free)
+        return (
+            descend_by_runs(posterior, values, free, most=_FEW_STEPS)
+            if hasty
+            else descend_by_runs(posterior, values, free)
+        )
     from lmfit.minimizer import minimize
     from lmfit.parameter import Parameters
 
     table = Parameters()
     for i in free:
         prior = problem.parameters[i].prior
-        table.add(f"p{i}", value=_inside(float(values[i]), prior.low, prior.high), min=prior.low, max=prior.high)
+        table.add(
+            f"p{i}",
+            value=_inside(float(values[i]), prior.low, prior.high),
+            min=prior.low,
+            max=prior.high,
+        )
 
     def filled(parameters: Parameters) -> FloatArray:
         full = values.copy()
         full[free] = [parameters[f"p{i}"].value for i in free]
         return full
 
-    residual: Callable[[Parameters], FloatArray] = lambda parameters: posterior.residuals(filled(parameters))  # noqa: E731
+    def residual(parameters: Parameters) -> FloatArray:
+        return posterior.residuals(filled(parameters))
 
     def jacobian(parameters: Parameters) -> FloatArray:
         columns = posterior.jacobian(filled(parameters))[:, free]
-        return np.where(np.isfinite(columns), columns, 0.0)  # a point beside the edge of where the curve is defined has no say in the step
+        # a point beside the edge of where the curve is defined has no say in the step
+        return np.where(np.isfinite(columns), columns, 0.0)
 
     creeps = any(run.creeps for run in posterior.likelihoods)
     tolerance = 1e-5 if creeps else tolerance  # steps by the information finish
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # lmfit inverts the Hessian too, singular where the data are silent; not used
+    # lmfit inverts the Hessian too, singular where the data are silent; not used
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         result = minimize(
-            residual, table, method="least_squares", scale_covar=False, calc_covar=False, jac=jacobian, x_scale="jac",
-            ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=400, nan_policy="propagate",  # scipy steps back from where the curve is not defined
+            residual,
+            table,
+            method="least_squares",
+            scale_covar=False,
+            calc_covar=False,
+            jac=jacobian,
+            x_scale="jac",
+            # scipy steps back from where the curve is not defined
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-12,
+            max_nfev=400,
+            nan_policy="propagate",
         )
-    return finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED) if creeps else filled(result.params)
+    return (
+        finished(posterior, filled(result.params), free, tolerance=_FINE * _SETTLED)
+        if creeps
+        else filled(result.params)
+    )
 
 
 def _inside(value: float, low: float, high: float) -> float:
@@ -305,7 +452,11 @@ def led_here(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
     if n_same:
         return phrase("{n} of {of} starting points led to this optimum", n=n_same, of=n_start)
-    return phrase("none of the {of} starting points led to this optimum; it was found by a scan of the parameters", of=n_start)
+    return phrase(
+        "none of the {of} starting points led to this optimum; it was found by a scan of "
+        "the parameters",
+        of=n_start,
+    )
 
 
 def settled(led: str) -> str:
@@ -314,7 +465,9 @@ def settled(led: str) -> str:
 
 
 def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> FloatArray:
-    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values` and from each other."""
+    """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values`
+    and from each other.
+    """
     kept = [values]
     for end in ends:
         if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in kept):
@@ -323,7 +476,14 @@ def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> 
 
 
 def _describe(
-    problem: Problem, posterior: Posterior, values: FloatArray, moved: float, ends: list[FloatArray], *, n_start: int, same: list[FloatArray]
+    problem: Problem,
+    posterior: Posterior,
+    values: FloatArray,
+    moved: float,
+    ends: list[FloatArray],
+    *,
+    n_start: int,
+    same: list[FloatArray],
 ) -> Fit:
     matrix = information(posterior, values)
     spread = _units(matrix)
@@ -342,21 +502,49 @@ def _describe(
             at_bound.append(parameter.name)
     curve = [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names]
     pulls = [i for i in curve if problem.parameters[i].prior.informative]
-    chi2 = float(np.sum(posterior.size_residuals(values) ** 2) + np.sum(posterior.prior_residuals(values)[pulls] ** 2))
+    chi2 = float(
+        np.sum(posterior.size_residuals(values) ** 2)
+        + np.sum(posterior.prior_residuals(values)[pulls] ** 2)
+    )
     dof = problem.n_obs + len(pulls) - len(curve)
     unlike = any(run.noise.robust or run.noise.counted is not None for run in problem.runs)
     place = np.where(curvature > 0.0, curvature, np.inf)
-    n_same = len(same) if singular else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
+    n_same = (
+        len(same)
+        if singular
+        else sum(bool(np.max(np.abs(end - values) / place) < _SAME_PLACE) for end in same)
+    )
     message = settled(led_here(n_same, n_start))
     if moved >= _SETTLED:
-        message = phrase("did not converge: its last iteration still shifted a parameter by {sds:.2g} standard deviations", sds=moved)
+        message = phrase(
+            "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
+            "standard deviations",
+            sds=moved,
+        )
     elif singular:
-        message = phrase("converged, but some combination of the parameters is not determined, so there are no standard deviations")
+        message = phrase(
+            "converged, but some combination of the parameters is not determined, so there "
+            "are no standard deviations"
+        )
     return Fit(
-        names=problem.names, values=values, cov=cov, sds=sds, at_bound=tuple(at_bound), posterior=posterior, chi2=chi2, dof=dof,
-        p_value=chi2_p(chi2, dof) if dof > 0 and all(run.stated for run in problem.runs) and not unlike else math.nan,
-        n_start=n_start, n_same=n_same, others=far_apart(values, ends, place),
-        singular=singular, success=moved < _SETTLED, moved=moved, message=message,
+        names=problem.names,
+        values=values,
+        cov=cov,
+        sds=sds,
+        at_bound=tuple(at_bound),
+        posterior=posterior,
+        chi2=chi2,
+        dof=dof,
+        p_value=chi2_p(chi2, dof)
+        if dof > 0 and all(run.stated for run in problem.runs) and not unlike
+        else math.nan,
+        n_start=n_start,
+        n_same=n_same,
+        others=far_apart(values, ends, place),
+        singular=singular,
+        success=moved < _SETTLED,
+        moved=moved,
+        message=message,
     )
 
 

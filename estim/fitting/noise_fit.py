@@ -1,4 +1,6 @@
-"""The noise parameters of the posterior mode, those of the curve held: one of the two halves of a round of `estim.fitting.least_squares`."""
+"""The noise parameters of the posterior mode, those of the curve held: one of the two halves of a
+round of `estim.fitting.least_squares`.
+"""
 
 from __future__ import annotations
 
@@ -28,9 +30,22 @@ def fit_noise(posterior: Posterior, values: FloatArray) -> FloatArray:
         full = filled(scaled)
         off = posterior.prior_residuals(full)[free]
         minus = 0.5 * float(off @ off) - float(posterior.log_likelihood(full[None, :])[0])
-        return minus, (off * posterior.prior_slopes(full)[free] - posterior.log_density_noise_gradient(full)[free]) * scale
+        return minus, (
+            off * posterior.prior_slopes(full)[free]
+            - posterior.log_density_noise_gradient(full)[free]
+        ) * scale
 
-    bounds = [(max(prior.low, 1e-6 * prior.sd) / s, prior.high / s) for prior, s in zip(priors, scale, strict=True)]
+    bounds = [
+        (max(prior.low, 1e-6 * prior.sd) / s, prior.high / s)
+        for prior, s in zip(priors, scale, strict=True)
+    ]
     start = np.clip(values[free] / scale, [low for low, _ in bounds], [high for _, high in bounds])
-    result = minimize(objective, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500})
+    result = minimize(
+        objective,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=bounds,
+        options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 500},
+    )
     return filled(result.x)

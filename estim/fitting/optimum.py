@@ -1,13 +1,16 @@
 """The best point of a problem whose starting values may be far off.
 
-Parameters that the curve is linear in need no start: they are solved for at every step (variable projection; Golub and
-Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian), so the search runs in the others alone.  It starts
-from the user's values and from the best of many points around them, because a frequency or a rate has many local optima.
-The winner is polished by Gauss-Newton steps with a QR decomposition until they are at rounding error.
+Parameters that the curve is linear in need no start: they are solved for at every step (variable
+projection; Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian), so the
+search runs in the others alone.  It starts from the user's values and from the best of many points
+around them, because a frequency or a rate has many local optima.  The winner is polished by
+Gauss-Newton steps with a QR decomposition until they are at rounding error.
 
-From the best point every nonlinear parameter is then led through its whole range (`estim.fitting.screen`), so that other optima are
-met, better ones or equal ones.  Values that draw the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`)
-are one optimum, given with the labels closest to the user's start.  All else that is not much worse is another solution.
+From the best point every nonlinear parameter is then led through its whole range
+(`estim.fitting.screen`), so that other optima are met, better ones or equal ones.  Values that draw
+the same curve everywhere (two exponentials can change places, `estim.problem.symmetry`) are one
+optimum, given with the labels closest to the user's start.  All else that is not much worse is
+another solution.
 """
 
 from __future__ import annotations
@@ -22,10 +25,29 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, InputError, Kind, phrase
 from estim.fitting.gauss_newton import all_finite, descend, inverse_information, near_bound, stepped
-from estim.fitting.least_squares import WITHIN_REACH, Fit, far_apart, fit_least_squares, led_here, settled
+from estim.fitting.least_squares import (
+    WITHIN_REACH,
+    Fit,
+    far_apart,
+    fit_least_squares,
+    led_here,
+    settled,
+)
 from estim.fitting.screen import chi2_at, far_squares, further_optima, solved_at
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
-from estim.fitting.solutions import MOST_OTHERS, PLACE, SAME, End, chi2_limit, choose, distance, distinct_ends, is_at, is_close, spread_at
+from estim.fitting.solutions import (
+    MOST_OTHERS,
+    PLACE,
+    SAME,
+    End,
+    chi2_limit,
+    choose,
+    distance,
+    distinct_ends,
+    is_at,
+    is_close,
+    spread_at,
+)
 from estim.fitting.symmetry_search import find_symmetry
 from estim.problem import Problem, Symmetry, no_symmetry
 
@@ -38,7 +60,9 @@ _EXPLAINED = 0.01  # p-value from which a fit explains its points
 _SETTLED = 1e-7  # last step, in standard deviations
 _MOST_REFITTED = 6  # of them by full fits, where the curve is a model of the study
 _MOST_DESCENTS = 24  # from the dips of one round of scans
-_HELD = 18.0  # of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that there
+# of -2 log density: far from the mode the density per standard deviation is below 1e-4 of that
+# there
+_HELD = 18.0
 _ROUNDS = 3  # of scans, each from a better point
 
 
@@ -46,15 +70,22 @@ _ROUNDS = 3  # of scans, each from a better point
 class Optimum:
     """The best point found.
 
-    values : (n_par,).  cov : (n_par, n_par) inverse information in the whitened residuals' units; `free` parameters only,
-    zero elsewhere (noise parameters, parameters on a bound).  chi2 : sum of squares, priors included.
+    values : (n_par,).
+    cov : (n_par, n_par) inverse information in the whitened residuals' units; `free` parameters
+        only, zero elsewhere (noise parameters, parameters on a bound).  chi2 : sum of squares,
+        priors included.
     rounding : what rounding errors may leave of chi2.
-    step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding errors may leave of it.
+    step : size of the last Gauss-Newton step in standard deviations; tolerance : what rounding
+        errors may leave of it.
     mover : the parameter that it moved most.
-    condition : smallest / largest singular value, columns of unit length; resolved : what it must exceed to be told from zero.
-    at_bound : (n_par,) which parameters lie on a bound.  n_start, n_same : searches run, and how many ended here.
-    others : (n_other, n_par) other optima that are not much worse, best first; not those that only change labels.
-    symmetry : what else draws the same curve.  aliases : other curves through the same points.
+    condition : smallest / largest singular value, columns of unit length; resolved : what it must
+        exceed to be told from zero.
+    at_bound : (n_par,) which parameters lie on a bound.
+    n_start, n_same : searches run, and how many ended here.
+    others : (n_other, n_par) other optima that are not much worse, best first; not those that only
+        change labels.
+    symmetry : what else draws the same curve.
+    aliases : other curves through the same points.
     unheld : a parameter that the data hardly keep from infinity, if there is one.
     """
 
@@ -81,7 +112,9 @@ class Optimum:
 
     @property
     def frail(self) -> bool:
-        """Whether the covariance matrix is beyond what further computation with it (sampling) can bear."""
+        """Whether the covariance matrix is beyond what further computation with it (sampling) can
+        bear.
+        """
         return not self.condition > _FRAIL
 
     @property
@@ -90,11 +123,18 @@ class Optimum:
 
 
 def find_optimum(
-    problem: Problem, start: FloatArray, *, rng: np.random.Generator, n_start: int = N_START, unstated: bool = False
+    problem: Problem,
+    start: FloatArray,
+    *,
+    rng: np.random.Generator,
+    n_start: int = N_START,
+    unstated: bool = False,
 ) -> Optimum:
-    """The best point of `problem` in its curve parameters; noise parameters stay at `start` (n_par,).
+    """The best point of `problem` in its curve parameters; noise parameters stay at `start`
+    (n_par,).
 
-    n_start : 1 goes down from `start` alone and looks for nothing else.  unstated : whether only the residuals say how large the errors are.
+    n_start : 1 goes down from `start` alone and looks for nothing else.
+    unstated : whether only the residuals say how large the errors are.
 
     Raises InputError where the curve is not finite at the start nor at any point around it.
     """
@@ -106,7 +146,9 @@ def find_optimum(
         return _found(set_apart(problem, start, rng, unstated=unstated), start, rng, n_start)
 
 
-def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int) -> Optimum:
+def _found(
+    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
+) -> Optimum:
     ends = [descend(search, start)]
     searched = bool(search.bent.size) and n_start > 1
     if searched:
@@ -124,24 +166,37 @@ def _found(search: SeparableSearch, start: FloatArray, rng: np.random.Generator,
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
     found = _polished(search, values, n_start=len(tried), n_same=n_same)
-    return replace(found, others=others, symmetry=symmetry, aliases=aliases, unheld=_unheld(search, found, symmetry.period))
+    return replace(
+        found,
+        others=others,
+        symmetry=symmetry,
+        aliases=aliases,
+        unheld=_unheld(search, found, symmetry.period),
+    )
 
 
 def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:
-    """The parameter without a limit, if any, far along which the posterior density is no longer negligible: no integral over it exists.
+    """The parameter without a limit, if any, far along which the posterior density is no longer
+    negligible: no integral over it exists.
 
-    Its rise there, in -2 log, is that of the density over all linear parameters and an unknown size of the errors.
+    Its rise there, in -2 log, is that of the density over all linear parameters and an unknown size
+    of the errors.
     """
     if found.singular or found.chi2 <= found.rounding:
         return None
-    best, dof = found.chi2 + found.rounding, max(1, search.posterior.problem.n_obs - search.free.size)
+    best = found.chi2 + found.rounding
+    dof = max(1, search.posterior.problem.n_obs - search.free.size)
     rises = [
         (dof * math.log(max(far / best, 1.0)) if search.unstated else far - best, i)
-        for i, far in far_squares(search, found.values, spread_at(search, (found.values, found.chi2)), period).items()
+        for i, far in far_squares(
+            search, found.values, spread_at(search, (found.values, found.chi2)), period
+        ).items()
     ]
     rise, i = min(rises, default=(math.inf, 0))
     name = search.posterior.problem.names[i]
-    return Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
+    return (
+        Finding(Kind.HARDLY_HELD, size=rise, parameters=(Amount(name),)) if rise < _HELD else None
+    )
 
 
 def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
@@ -149,13 +204,23 @@ def _nowhere_finite(problem: Problem, start: FloatArray) -> InputError:
     for run in problem.runs:
         look = getattr(run.curve, "without_integral", None)  # of a density (`estim.curves.binned`)
         if look is not None and (ends := look(run.points.bind(named))) is not None:
-            rule = f"must have a finite integral over its bins or the range of the events: from {ends[0]:.6g} to {ends[1]:.6g} there is none"
-            return InputError(f"{rule}; another curve or range, or other starting values, may have one", field="curve")
-    return InputError("gives a curve that is not finite at the data, there and around", field="start")
+            rule = (
+                "must have a finite integral over its bins or the range of the events: from "
+                f"{ends[0]:.6g} to {ends[1]:.6g} there is none"
+            )
+            return InputError(
+                f"{rule}; another curve or range, or other starting values, may have one",
+                field="curve",
+            )
+    return InputError(
+        "gives a curve that is not finite at the data, there and around", field="start"
+    )
 
 
 def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Optimum:
-    """The best point of a problem from the optima of the simpler one that a search from afar takes (`Problem.for_search`)."""
+    """The best point of a problem from the optima of the simpler one that a search from afar takes
+    (`Problem.for_search`).
+    """
     starts = [start]
     for point in (afar.values, *afar.others):
         if all(distance(search, point, other) > _ALIKE for other in starts):
@@ -169,10 +234,17 @@ def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Op
     distinct = distinct_ends(search, best, tried, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    return replace(_polished(search, values, n_start=len(tried), n_same=n_same), others=others, symmetry=symmetry, aliases=aliases)
+    return replace(
+        _polished(search, values, n_start=len(tried), n_same=n_same),
+        others=others,
+        symmetry=symmetry,
+        aliases=aliases,
+    )
 
 
-def _scanned(search: SeparableSearch, best: End, tried: list[End], symmetry: Symmetry) -> tuple[End, list[End]]:
+def _scanned(
+    search: SeparableSearch, best: End, tried: list[End], symmetry: Symmetry
+) -> tuple[End, list[End]]:
     """The best point after scans from ever better ones, and all ends of descents."""
     ends = list(tried)
     for _ in range(_ROUNDS):
@@ -182,9 +254,16 @@ def _scanned(search: SeparableSearch, best: End, tried: list[End], symmetry: Sym
         for point, chi2 in zip(found, chi2_at(search, found), strict=True):
             if chi2 > 1.5 * limit or len(fresh) == _MOST_DESCENTS:
                 break
-            if not any(is_close(point, other, spread, PLACE) for other in (*fresh, *(end for end, _ in ends))):
+            if not any(
+                is_close(point, other, spread, PLACE)
+                for other in (*fresh, *(end for end, _ in ends))
+            ):
                 fresh.append(point)
-        ends += [(values, chi2) for values in (descend(search, point) for point in fresh) if math.isfinite(chi2 := search.chi2(values))]
+        ends += [
+            (values, chi2)
+            for values in (descend(search, point) for point in fresh)
+            if math.isfinite(chi2 := search.chi2(values))
+        ]
         best = min(ends, key=lambda end: end[1])
         if not best[1] < before[1] * (1.0 - SAME) - rounding(search):
             break
@@ -192,34 +271,54 @@ def _scanned(search: SeparableSearch, best: End, tried: list[End], symmetry: Sym
 
 
 def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
-    """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it, but found from afar."""
+    """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it,
+    but found from afar.
+    """
     best = find_optimum(problem, problem.start(), rng=rng)
-    fit = with_other_modes(fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng)
+    fit = with_other_modes(
+        fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng
+    )
     if not problem.noise_names and not np.any(best.at_bound):
         sds = np.where(np.isfinite(fit.sds), np.sqrt(np.diag(best.cov)), np.nan)
         fit = replace(fit, values=best.values, cov=best.cov, sds=sds, singular=best.frail)
-    words = fit.message if fit.singular or not fit.success else settled(led_here(best.n_same, best.n_start))
+    words = (
+        fit.message
+        if fit.singular or not fit.success
+        else settled(led_here(best.n_same, best.n_start))
+    )
     fit = replace(fit, n_start=best.n_start, n_same=best.n_same, message=words)
     if best.settled or best.singular or fit.singular:
         return fit
-    words = phrase("did not converge: its last iteration still shifted a parameter by {sds:.2g} standard deviations", sds=best.step)
+    words = phrase(
+        "did not converge: its last iteration still shifted a parameter by {sds:.2g} "
+        "standard deviations",
+        sds=best.step,
+    )
     return replace(fit, success=False, moved=best.step, mover=best.mover, message=words)
 
 
 def is_resolved(fit: Fit) -> bool:
-    """Whether the data (and priors) determine every parameter of the curve as far as rounding errors let one see, even where `fit.singular`."""
+    """Whether the data (and priors) determine every parameter of the curve as far as rounding
+    errors let one see, even where `fit.singular`.
+    """
     curve = [i for i, name in enumerate(fit.names) if name not in fit.problem.noise_names]
     return inverse_information(fit.posterior.jacobian(fit.values)[:, curve])[1] > RESOLVED
 
 
 def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
-    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`); the best of all becomes the fit."""
+    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`); the
+    best of all becomes the fit.
+    """
     if fit.singular:
         return fit
     with np.errstate(all="ignore"):
         simpler = fit.problem.for_search()
         search = set_apart(simpler, fit.values, rng, unstated=simpler is not fit.problem)
-        found = further_optima(search, fit.values) if search.bent.size else np.zeros((0, fit.values.size))
+        found = (
+            further_optima(search, fit.values)
+            if search.bent.size
+            else np.zeros((0, fit.values.size))
+        )
         here = fit.values, search.chi2(fit.values)
         near, limit = [fit.values, *fit.others], chi2_limit(search, here)
         spread = np.sqrt(np.diag(fit.cov))
@@ -230,26 +329,54 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
     refitted = [fit_least_squares(fit.problem, rng=rng, n_start=1, start=point) for point in fresh]
-    ends = [(one.values, float(fit.posterior.log_density(one.values[None, :])[0])) for one in (fit, *refitted) if one.success]
+    ends = [
+        (one.values, float(fit.posterior.log_density(one.values[None, :])[0]))
+        for one in (fit, *refitted)
+        if one.success
+    ]
     ends += [(other, float(fit.posterior.log_density(other[None, :])[0])) for other in fit.others]
     highest = max((height for _, height in ends), default=-math.inf)
-    better = [one for one in refitted if one.success and float(fit.posterior.log_density(np.vstack([one.values, fit.values])) @ [1.0, -1.0]) > 0.5]
+    better = [
+        one
+        for one in refitted
+        if one.success
+        and float(fit.posterior.log_density(np.vstack([one.values, fit.values])) @ [1.0, -1.0])
+        > 0.5
+    ]
     if better:
         best = max(better, key=lambda one: float(fit.posterior.log_density(one.values[None, :])[0]))
-        fit = replace(best, n_start=fit.n_start, n_same=0, message=settled(led_here(0, fit.n_start)))
-    ranked = [values for values, height in sorted(ends, key=lambda end: -end[1]) if height > highest - WITHIN_REACH]
+        fit = replace(
+            best, n_start=fit.n_start, n_same=0, message=settled(led_here(0, fit.n_start))
+        )
+    ranked = [
+        values
+        for values, height in sorted(ends, key=lambda end: -end[1])
+        if height > highest - WITHIN_REACH
+    ]
     scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))
 
 
-def refit_with_noise(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True) -> Fit | None:
-    """The mode of a problem with another noise than that of a fit to the same points: nothing has to be sought from afar again.
+def refit_with_noise(
+    problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True
+) -> Fit | None:
+    """The mode of a problem with another noise than that of a fit to the same points: nothing has
+    to be sought from afar again.
 
-    It is sought from all optima of that of `fits` which has the points and the curve of `problem`.  Where that fit has one optimum, and explains
-    the points by the noise that was stated, another noise has no other; elsewhere the centre of the priors is a start too, and scans look for
-    further ones, if `scanned`.  None where none has, or where a curve lacks something, whose noise is no other noise alone.
+    It is sought from all optima of that of `fits` which has the points and the curve of `problem`.
+    Where that fit has one optimum, and explains the points by the noise that was stated, another
+    noise has no other; elsewhere the centre of the priors is a start too, and scans look for
+    further ones, if `scanned`.  None where none has, or where a curve lacks something, whose noise
+    is no other noise alone.
     """
-    known = next((fit for fit in fits if fit.success and not fit.singular and _same_curves(fit.problem, problem)), None)
+    known = next(
+        (
+            fit
+            for fit in fits
+            if fit.success and not fit.singular and _same_curves(fit.problem, problem)
+        ),
+        None,
+    )
     if known is None or any(run.force or run.lacks is not None for run in problem.runs):
         return None
     places = [_placed(problem, known.names, place) for place in (known.values, *known.others)]
@@ -260,24 +387,39 @@ def refit_with_noise(problem: Problem, fits: Sequence[Fit], *, rng: np.random.Ge
 
 
 def _same_curves(a: Problem, b: Problem) -> bool:
-    """Whether two problems have the same points, and the same unknowns but for those of the noise."""
+    """Whether two problems have the same points, and the same unknowns but for those of the
+    noise.
+    """
     if set(a.names) - a.noise_names != set(b.names) - b.noise_names or len(a.runs) != len(b.runs):
         return False
-    return all(np.array_equal(p.x, q.x) and np.array_equal(p.y, q.y) for p, q in zip(a.runs, b.runs, strict=True))
+    return all(
+        np.array_equal(p.x, q.x) and np.array_equal(p.y, q.y)
+        for p, q in zip(a.runs, b.runs, strict=True)
+    )
 
 
 def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> FloatArray:
-    """(n_par,) a place of another problem in this one, what it does not know at the centre of its prior."""
+    """(n_par,) a place of another problem in this one, what it does not know at the centre of its
+    prior.
+    """
     known = dict(zip(names, values.tolist(), strict=True))
     own = problem.noise_names
-    return np.array([v if n in own else known[n] for n, v in zip(problem.names, problem.start().tolist(), strict=True)])
+    return np.array(
+        [
+            v if n in own else known[n]
+            for n, v in zip(problem.names, problem.start().tolist(), strict=True)
+        ]
+    )
 
 
 def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
-    """A fit with the other optima of the search: those that hold more than next to nothing of the posterior, noise parameters refitted."""
+    """A fit with the other optima of the search: those that hold more than next to nothing of the
+    posterior, noise parameters refitted.
+    """
     if best.singular or fit.singular:
         return replace(fit, unheld=best.unheld)
-    more = fit.values.size - best.values.size  # the size of the errors, where `fit` has it as a further parameter
+    # the size of the errors, where `fit` has it as a further parameter
+    more = fit.values.size - best.values.size
     symmetry = best.symmetry.widened(more)
     scale = np.where((sds := np.sqrt(np.diag(fit.cov))) > 0.0, sds, np.inf)
     found = []
@@ -288,10 +430,18 @@ def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
         worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])
         if worse < WITHIN_REACH:
             found.append(start)
-    return replace(fit, others=far_apart(fit.values, found, scale), symmetry=symmetry, aliases=best.aliases, unheld=best.unheld)
+    return replace(
+        fit,
+        others=far_apart(fit.values, found, scale),
+        symmetry=symmetry,
+        aliases=best.aliases,
+        unheld=best.unheld,
+    )
 
 
-def _screened(search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int) -> list[FloatArray]:
+def _screened(
+    search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
+) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
     points = solved_at(search, np.array([_scattered(search, start, rng) for _ in range(_N_SCREEN)]))
     heights = chi2_at(search, points)
@@ -305,7 +455,9 @@ def _screened(search: SeparableSearch, start: FloatArray, rng: np.random.Generat
 
 
 def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """A point around the start: each nonlinear parameter times a factor, or drawn between its limits or from its prior."""
+    """A point around the start: each nonlinear parameter times a factor, or drawn between its
+    limits or from its prior.
+    """
     values = start.copy()
     for i in search.bent:
         prior = search.posterior.problem.parameters[i].prior
@@ -320,7 +472,9 @@ def _scattered(search: SeparableSearch, start: FloatArray, rng: np.random.Genera
 
 
 def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_same: int) -> Optimum:
-    """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve has no finite derivatives there."""
+    """The optimum that Gauss-Newton steps from `values` lead to.  Raises InputError where the curve
+    has no finite derivatives there.
+    """
     free, resolved = search.free, search.resolved
     values, chi2, step_size, mover = stepped(search, values)
     jacobian, residual = search.scoring(values)
@@ -328,7 +482,10 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         names = search.posterior.problem.names
         lost = [names[i] for i in free if not np.all(np.isfinite(jacobian[:, i]))]
         where = " and ".join(lost) or "any parameter"
-        rule = f"leads the search to where the curve has no finite derivatives in {where}: try other values, or limits"
+        rule = (
+            f"leads the search to where the curve has no finite derivatives in {where}: try "
+            "other values, or limits"
+        )
         raise InputError(rule, field="start")
     rounded = rounding(search, values)
     left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
@@ -340,6 +497,19 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
     alone = np.zeros((0, values.size))
     problem = search.posterior.problem
     return Optimum(
-        values, full, chi2, rounded, step_size, max(_SETTLED, left), problem.names[mover], condition, resolved, near, n_start, n_same, alone,
-        no_symmetry(problem), (),
+        values,
+        full,
+        chi2,
+        rounded,
+        step_size,
+        max(_SETTLED, left),
+        problem.names[mover],
+        condition,
+        resolved,
+        near,
+        n_start,
+        n_same,
+        alone,
+        no_symmetry(problem),
+        (),
     )

@@ -1,13 +1,16 @@
-"""Profile-posterior intervals: how far one parameter can move before data and priors together object.
+"""Profile-posterior intervals: how far one parameter can move before data and priors together
+object.
 
-The objective is  q(value) = -2 max log p(value, others | data), the maximum over all other parameters, priors included as in the
-fit (with flat priors it is the profile likelihood).  The interval of probability P is where q rises by no more than the
-chi-squared quantile of P with one degree of freedom above its minimum (1.00 for 68.3 %, 3.84 for 95 %): exact where the posterior
-is Gaussian in some transform of the parameter, good to the order 1/n_obs otherwise.  Use it where a fit is asymmetric, at
-a bound, or weakly determined: a side on which q does not rise enough before the edge of the prior is *open*, and says so.
+The objective is  q(value) = -2 max log p(value, others | data), the maximum over all other
+parameters, priors included as in the fit (with flat priors it is the profile likelihood).  The
+interval of probability P is where q rises by no more than the chi-squared quantile of P with one
+degree of freedom above its minimum (1.00 for 68.3 %, 3.84 for 95 %): exact where the posterior is
+Gaussian in some transform of the parameter, good to the order 1/n_obs otherwise.  Use it where a
+fit is asymmetric, at a bound, or weakly determined: a side on which q does not rise enough before
+the edge of the prior is *open*, and says so.
 
-The covariances of the noise are held at the fit, as everywhere in the posterior.  A search that fails is a sentence in the
-record, never an exception.
+The covariances of the noise are held at the fit, as everywhere in the posterior.  A search that
+fails is a sentence in the record, never an exception.
 """
 
 from __future__ import annotations
@@ -37,10 +40,13 @@ class ProfileInterval:
     """The profile-posterior intervals of one parameter, in its own unit.
 
     name, value : the parameter and its value at the mode.
-    low, high : probability -> end of the interval, or the edge (of the prior, or of the search) on an open side.
+    low, high : probability -> end of the interval, or the edge (of the prior, or of the search) on
+        an open side.
     open_low, open_high : probability -> whether the objective does not rise enough on that side.
-    x, rise : (n_point,) where the profile was computed, increasing, and how far the objective stands above its minimum.
-    found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's is the lowest.
+    x, rise : (n_point,) where the profile was computed, increasing, and how far the objective
+        stands above its minimum.
+    found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
+        is the lowest.
     better_values : (n_par,) where that was; None if nowhere.
     n_failed : points at which the search over the other parameters did not settle.
     pieces : probabilities whose region has more than one piece.
@@ -66,8 +72,10 @@ class ProfileInterval:
 class Contour:
     """Profile of two parameters on a grid.
 
-    a, b : names.  x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) objective above its minimum, rise[i, j] at
-    (x[i], y[j]), inf where the density is zero.  levels : probability -> rise (chi-squared with two degrees of freedom, or 2 F).
+    a, b : names.
+    x : (n,) values of a.  y : (n,) values of b.  rise : (n, n) objective above its minimum, rise[i,
+        j] at (x[i], y[j]), inf where the density is zero.
+    levels : probability -> rise (chi-squared with two degrees of freedom, or 2 F).
     n_failed : points at which the search over the other parameters did not settle.
     """
 
@@ -81,12 +89,17 @@ class Contour:
 
 
 def profile_intervals(
-    fit: Fit, *, names: Sequence[str] | None = None, probabilities: tuple[float, ...] = (0.68, 0.95), dof: float = math.inf
+    fit: Fit,
+    *,
+    names: Sequence[str] | None = None,
+    probabilities: tuple[float, ...] = (0.68, 0.95),
+    dof: float = math.inf,
 ) -> tuple[ProfileInterval, ...]:
-    """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for an unknown name or probability.
+    """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for
+    an unknown name or probability.
 
-    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite if it was stated.  The objective
-        then rises by the square of a quantile of Student's t.
+    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite
+        if it was stated.  The objective then rises by the square of a quantile of Student's t.
     """
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
     rises = _quantiles(probabilities, dof=1)
@@ -98,12 +111,20 @@ def profile_intervals(
 
 
 def contour(
-    fit: Fit, a: str, b: str, probabilities: tuple[float, ...] = (0.68, 0.95), *, n: int = 17, dof: float = math.inf
+    fit: Fit,
+    a: str,
+    b: str,
+    probabilities: tuple[float, ...] = (0.68, 0.95),
+    *,
+    n: int = 17,
+    dof: float = math.inf,
 ) -> Contour:
-    """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises InputError for an unknown name.
+    """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises
+    InputError for an unknown name.
 
-    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite if it was stated.  The rise is then twice
-        a quantile of Fisher's F with 2 and dof degrees of freedom, dof ((1 - P)^(-2/dof) - 1).
+    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite
+        if it was stated.  The rise is then twice a quantile of Fisher's F with 2 and dof degrees of
+        freedom, dof ((1 - P)^(-2/dof) - 1).
     """
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
@@ -119,7 +140,9 @@ def contour(
     for span in _intervals(fit, search, mode, (i, j), {1.0: 1.1 * max(levels.values())}):
         # the mode is one of the nodes, so that the minimum is on the grid
         below = np.linspace(span.low[1.0], span.value, n // 2 + 1)
-        axes.append(np.concatenate([below, np.linspace(span.value, span.high[1.0], n - n // 2)[1:]]))
+        axes.append(
+            np.concatenate([below, np.linspace(span.value, span.high[1.0], n - n // 2)[1:]])
+        )
     rise, failed = _grid(search, mode, i, j, axes[0], axes[1])
     return Contour(a, b, axes[0], axes[1], rise, levels, failed)
 
@@ -137,43 +160,94 @@ def _quantiles(probabilities: Sequence[float], *, dof: int) -> dict[float, float
     return {p: float(chi2_quantile(p, dof)) for p in sorted(probabilities)}
 
 
-def _intervals(fit: Fit, search: ProfileSearch, mode: End, indices: Sequence[int], rises: dict[float, float]) -> list[ProfileInterval]:
-    """Those of the parameters at `indices`: both sides of all of them walk together, and then look for all their crossings together."""
+def _intervals(
+    fit: Fit, search: ProfileSearch, mode: End, indices: Sequence[int], rises: dict[float, float]
+) -> list[ProfileInterval]:
+    """Those of the parameters at `indices`: both sides of all of them walk together, and then look
+    for all their crossings together.
+    """
     if not math.isfinite(mode.objective):
         return [_nowhere(fit.problem.parameters[i], float(mode.values[i]), rises) for i in indices]
     sides = [(i, sign) for i in indices for sign in (-1.0, 1.0)]
-    walks = together(search, [walk(search, mode, i, sign, max(rises.values())) for i, sign in sides])
-    crossed = together(search, [crossing(search, points, i, rise) for (i, _), points in zip(sides, walks, strict=True) for rise in rises.values()])
-    ends = [dict(zip(rises, crossed[k : k + len(rises)], strict=True)) for k in range(0, len(crossed), len(rises))]
-    valleys = [minima(search, [Start(point.values, (), point) for point in dips(points)]) for points in walks]
+    walks = together(
+        search, [walk(search, mode, i, sign, max(rises.values())) for i, sign in sides]
+    )
+    crossed = together(
+        search,
+        [
+            crossing(search, points, i, rise)
+            for (i, _), points in zip(sides, walks, strict=True)
+            for rise in rises.values()
+        ],
+    )
+    ends = [
+        dict(zip(rises, crossed[k : k + len(rises)], strict=True))
+        for k in range(0, len(crossed), len(rises))
+    ]
+    valleys = [
+        minima(search, [Start(point.values, (), point) for point in dips(points)])
+        for points in walks
+    ]
     found = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
-    return [_interval(fit, search, i, found[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)]
+    return [
+        _interval(fit, search, i, found[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)
+    ]
 
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """A walk (first the mode), probability -> its crossing with the points that led there, and the minima of the valleys beside that of the mode."""
+    """A walk (first the mode), probability -> its crossing with the points that led there, and the
+    minima of the valleys beside that of the mode.
+    """
 
     walk: list[End]
     ends: dict[float, tuple[float | None, list[End]]]
     valleys: list[End]
 
 
-def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], rises: dict[float, float]) -> ProfileInterval:
+def _interval(
+    fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], rises: dict[float, float]
+) -> ProfileInterval:
     parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
-    points = [mode, *(point for side in sides for _, own in side.ends.values() for point in own), *(p for side in sides for p in side.walk[1:])]
+    points = [
+        mode,
+        *(point for side in sides for _, own in side.ends.values() for point in own),
+        *(p for side in sides for p in side.walk[1:]),
+    ]
     points.sort(key=lambda point: float(point.values[i]))
     kept = [point for point in points if math.isfinite(point.objective)]
-    best = min([*kept, *(point for side in sides for point in side.valleys)], key=lambda point: point.objective)
+    best = min(
+        [*kept, *(point for side in sides for point in side.valleys)],
+        key=lambda point: point.objective,
+    )
     fall = max(0.0, search.objective(fit.values) - best.objective)
     better = fall if fall > _BETTER else 0.0
-    low, high = ({p: float(side.walk[-1].values[i]) if end is None else end for p, (end, _) in side.ends.items()} for side in sides)
+    low, high = (
+        {
+            p: float(side.walk[-1].values[i]) if end is None else end
+            for p, (end, _) in side.ends.items()
+        }
+        for side in sides
+    )
     open_low, open_high = ({p: end is None for p, (end, _) in side.ends.items()} for side in sides)
     result = ProfileInterval(
-        name=parameter.name, value=float(mode.values[i]), low=low, high=high, open_low=open_low, open_high=open_high,
-        x=np.array([point.values[i] for point in kept]), rise=np.array([point.objective - mode.objective for point in kept]),
-        found_better=better, better_values=best.values if better else None, n_failed=sum(not point.settled for point in points),
-        pieces=tuple(sorted(p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides))), sentence="",
+        name=parameter.name,
+        value=float(mode.values[i]),
+        low=low,
+        high=high,
+        open_low=open_low,
+        open_high=open_high,
+        x=np.array([point.values[i] for point in kept]),
+        rise=np.array([point.objective - mode.objective for point in kept]),
+        found_better=better,
+        better_values=best.values if better else None,
+        n_failed=sum(not point.settled for point in points),
+        pieces=tuple(
+            sorted(
+                p for p, rise in rises.items() if any(returns(side.walk, rise) for side in sides)
+            )
+        ),
+        sentence="",
     )
     return _with_sentence(result, parameter)
 
@@ -181,11 +255,25 @@ def _interval(fit: Fit, search: ProfileSearch, i: int, sides: Sequence[_Side], r
 def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> ProfileInterval:
     """The record where there is no minimum to start from."""
     everywhere, opened = dict.fromkeys(rises, value), dict.fromkeys(rises, True)
-    sentence = phrase("{symbol}: there is no interval, because the posterior density is zero or not a number at "
-                      "the fit", symbol=parameter.label.symbol)
+    sentence = phrase(
+        "{symbol}: there is no interval, because the posterior density is zero or not a number at "
+        "the fit",
+        symbol=parameter.label.symbol,
+    )
     return ProfileInterval(
-        name=parameter.name, value=value, low=everywhere, high=dict(everywhere), open_low=opened, open_high=dict(opened), x=np.array([value]),
-        rise=np.zeros(1), found_better=0.0, better_values=None, n_failed=1, pieces=(), sentence=sentence,
+        name=parameter.name,
+        value=value,
+        low=everywhere,
+        high=dict(everywhere),
+        open_low=opened,
+        open_high=dict(opened),
+        x=np.array([value]),
+        rise=np.zeros(1),
+        found_better=0.0,
+        better_values=None,
+        n_failed=1,
+        pieces=(),
+        sentence=sentence,
     )
 
 
@@ -204,37 +292,72 @@ _ABOVE = (
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
     shown = parameter.label
     unit = "" if shown.unit == "1" else f" {shown.unit}"
-    intervals = [f"{percentage(p)} [{found.low[p] * shown.factor:.4g}, {found.high[p] * shown.factor:.4g}]{unit}" for p in found.low]
+    intervals = [
+        f"{percentage(p)} [{found.low[p] * shown.factor:.4g}, "
+        f"{found.high[p] * shown.factor:.4g}]{unit}"
+        for p in found.low
+    ]
     said = ["; ".join(intervals)]
     prior = parameter.prior
-    for words, opened, ends, edge in ((_BELOW, found.open_low, found.low, prior.low), (_ABOVE, found.open_high, found.high, prior.high)):
+    for words, opened, ends, edge in (
+        (_BELOW, found.open_low, found.low, prior.low),
+        (_ABOVE, found.open_high, found.high, prior.high),
+    ):
         which = [p for p in opened if opened[p]]
         if not which:
             continue
         end = ends[which[0]]
         place = f"{end * shown.factor:.3g}{unit}"
-        size = "" if len(which) == len(opened) else phrase(" for {levels}", levels=phrase(" and ").join(f"{percentage(p)}" for p in which))
+        size = (
+            ""
+            if len(which) == len(opened)
+            else phrase(
+                " for {levels}", levels=phrase(" and ").join(f"{percentage(p)}" for p in which)
+            )
+        )
         if end != edge:
             said.append(phrase(words[0], size=size, place=place))
         elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
             said.append(phrase(words[1], size=size, place=place))
         else:
             said.append(phrase(words[2], size=size, place=place))
-    said += [phrase("the {p} region consists of several separate pieces; the interval spans them", p=percentage(p)) for p in found.pieces]
+    said += [
+        phrase(
+            "the {p} region consists of several separate pieces; the interval spans them",
+            p=percentage(p),
+        )
+        for p in found.pieces
+    ]
     if found.found_better:
-        better = phrase("the search found a better point than the fit (minus twice the log density is lower by {by:.2g})", by=found.found_better)
+        better = phrase(
+            "the search found a better point than the fit (minus twice the log density is "
+            "lower by {by:.2g})",
+            by=found.found_better,
+        )
         said.append(better)
     if found.n_failed:
-        said.append(phrase("the search over the other parameters did not converge at {n} points", n=found.n_failed))
+        said.append(
+            phrase(
+                "the search over the other parameters did not converge at {n} points",
+                n=found.n_failed,
+            )
+        )
     return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
 
 
-def _grid(search: ProfileSearch, mode: End, i: int, j: int, x: FloatArray, y: FloatArray) -> tuple[FloatArray, int]:
-    """Rise (n, n) over the grid, each point started from its neighbour towards the mode, a ring at a time, and the number of failures."""
+def _grid(
+    search: ProfileSearch, mode: End, i: int, j: int, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, int]:
+    """Rise (n, n) over the grid, each point started from its neighbour towards the mode, a ring at
+    a time, and the number of failures.
+    """
     rise = np.full((x.size, y.size), np.inf)
     if not math.isfinite(mode.objective):
         return rise, rise.size
-    centre = (int(np.argmin(np.abs(x - mode.values[i]))), int(np.argmin(np.abs(y - mode.values[j]))))
+    centre = (
+        int(np.argmin(np.abs(x - mode.values[i]))),
+        int(np.argmin(np.abs(y - mode.values[j]))),
+    )
     rings: dict[int, list[tuple[int, ...]]] = {}
     for cell in np.ndindex(x.size, y.size):
         rings.setdefault(max(abs(cell[0] - centre[0]), abs(cell[1] - centre[1])), []).append(cell)
@@ -243,9 +366,13 @@ def _grid(search: ProfileSearch, mode: End, i: int, j: int, x: FloatArray, y: Fl
     for ring in sorted(rings):
         starts = []
         for cell in rings[ring]:
-            near = done.get(tuple(int(c - np.sign(c - m)) for c, m in zip(cell, centre, strict=True)), mode)
+            near = done.get(
+                tuple(int(c - np.sign(c - m)) for c, m in zip(cell, centre, strict=True)), mode
+            )
             target = np.array([x[cell[0]], y[cell[1]]])
-            values = np.clip(near.values + slopes @ (target - near.values[[i, j]]), search.low, search.high)
+            values = np.clip(
+                near.values + slopes @ (target - near.values[[i, j]]), search.low, search.high
+            )
             instead = near.values.copy()
             values[[i, j]] = instead[[i, j]] = target
             starts.append(Start(values, (i, j), near, instead, settled=_GRID_SETTLED))

@@ -1,4 +1,6 @@
-"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys beside it.  Tasks of `descent`."""
+"""One side of a profile: the walk outward from the mode, where it crosses a level, and the valleys
+beside it.  Tasks of `descent`.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,15 @@ from estim.fitting.profile_search import ProfileSearch
 _REACH = 40.0  # prior standard deviations beyond which nothing is looked for
 _MAX_STEPS = 60  # of a walk to one side
 _CLOSE = 1e-8  # standard deviations between two points that enclose a crossing
-_ON_LEVEL = 1e-6  # of the square root of the objective: the line through the two last points does the rest
+# of the square root of the objective: the line through the two last points does the rest
+_ON_LEVEL = 1e-6
 _MAX_CUTS = 100
 
 
 def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> Task[list[End]]:
-    """Points outward from the mode until the objective has risen by `rise`, to the edge of the prior, or out of reach."""
+    """Points outward from the mode until the objective has risen by `rise`, to the edge of the
+    prior, or out of reach.
+    """
     edge = float(search.high[i] if sign > 0.0 else search.low[i])
     far = float(mode.values[i]) + sign * _REACH * float(search.prior_sd[i])
     end = min(edge, far) if sign > 0.0 else max(edge, far)
@@ -34,14 +39,18 @@ def walk(search: ProfileSearch, mode: End, i: int, sign: float, rise: float) -> 
         points.append(point)
         if not point.objective - mode.objective < rise:
             break
-        gained = math.sqrt(max(point.objective - mode.objective, 0.0)) - math.sqrt(max(points[-2].objective - mode.objective, 0.0))
+        gained = math.sqrt(max(point.objective - mode.objective, 0.0)) - math.sqrt(
+            max(points[-2].objective - mode.objective, 0.0)
+        )
         if gained < 0.25:
             step *= 1.6
     return points
 
 
 def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) -> Start:
-    """A start where the other parameters should be when parameter i is at `target`: on the line through the last two points."""
+    """A start where the other parameters should be when parameter i is at `target`: on the line
+    through the last two points.
+    """
     last = points[-1].values
     if len(points) > 1 and points[-1].values[i] != points[-2].values[i]:
         slope = (last - points[-2].values) / (last[i] - points[-2].values[i])
@@ -52,10 +61,14 @@ def _ahead(search: ProfileSearch, points: Sequence[End], i: int, target: float) 
     return Start(values, (i,), points[-1], instead=_with(last, i, target))
 
 
-def crossing(search: ProfileSearch, points: Sequence[End], i: int, rise: float) -> Task[tuple[float | None, list[End]]]:
-    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the points computed to find it.
+def crossing(
+    search: ProfileSearch, points: Sequence[End], i: int, rise: float
+) -> Task[tuple[float | None, list[End]]]:
+    """Where the objective passes `rise` for the last time on a walk (None: it does not), and the
+    points computed to find it.
 
-    False position with the weights of Anderson and Bjoerck, and the middle where three cuts have not halved what encloses the crossing.
+    False position with the weights of Anderson and Bjoerck, and the middle where three cuts have
+    not halved what encloses the crossing.
     """
     mode = points[0]
     inside = [k for k, point in enumerate(points) if point.objective - mode.objective < rise]
@@ -105,7 +118,9 @@ def _with(values: FloatArray, i: int, value: float) -> FloatArray:
 def _height(point: End, mode: End, rise: float) -> float:
     """Square root of the rise of the objective, nearly a straight line, above that of the level."""
     risen = point.objective - mode.objective
-    return min(math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)) - math.sqrt(rise)
+    return min(
+        math.sqrt(max(risen, 0.0)) if math.isfinite(risen) else math.inf, 4.0 * math.sqrt(rise)
+    ) - math.sqrt(rise)
 
 
 def returns(points: Sequence[End], rise: float) -> bool:
@@ -115,6 +130,12 @@ def returns(points: Sequence[End], rise: float) -> bool:
 
 
 def dips(points: Sequence[End]) -> list[End]:
-    """Points of a walk that lie lower than the point before and not higher than the one after: valleys beside that of the mode."""
+    """Points of a walk that lie lower than the point before and not higher than the one after:
+    valleys beside that of the mode.
+    """
     triples = zip(points, points[1:], [*points[2:], points[-1]], strict=False)
-    return [here for before, here, after in triples if here.objective < before.objective - 1e-6 and here.objective <= after.objective]
+    return [
+        here
+        for before, here, after in triples
+        if here.objective < before.objective - 1e-6 and here.objective <= after.objective
+    ]

@@ -1,7 +1,9 @@
-"""What a profile asks of a posterior: -2 log density and its derivatives, at many points in one call.
+"""What a profile asks of a posterior: -2 log density and its derivatives, at many points in one
+call.
 
-Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs that are independent of each other
-are differentiated each in its own parameters alone.  It is the `Hill` of `estim.fitting.descent`.
+Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
+that are independent of each other are differentiated each in its own parameters alone.  It is the
+`Hill` of `estim.fitting.descent`.
 """
 
 from __future__ import annotations
@@ -27,8 +29,10 @@ _AT_ONCE = 512  # rows of a call: what they need stays small
 class ProfileSearch:
     """A posterior with the bounds and scales of its parameters.
 
-    low, high : (n_par,) bounds.  scale : (n_par,) standard deviations at the fit, uniform priors counted with theirs.
-    prior_sd : (n_par,).  cov : (n_par, n_par) that belongs to `scale`.
+    low, high : (n_par,) bounds.
+    scale : (n_par,) standard deviations at the fit, uniform priors counted with theirs.
+    prior_sd : (n_par,).
+    cov : (n_par, n_par) that belongs to `scale`.
     """
 
     posterior: Posterior
@@ -41,7 +45,10 @@ class ProfileSearch:
     def objectives(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) -2 log density, inf where there is none."""
         with np.errstate(all="ignore"):
-            parts = [self.posterior.log_density(draws[k : k + _AT_ONCE]) for k in range(0, len(draws), _AT_ONCE)]
+            parts = [
+                self.posterior.log_density(draws[k : k + _AT_ONCE])
+                for k in range(0, len(draws), _AT_ONCE)
+            ]
         return _minus_twice(np.concatenate([np.zeros(0), *parts]))
 
     def objective(self, values: FloatArray) -> float:
@@ -66,44 +73,73 @@ class ProfileSearch:
         curvatures = np.zeros((*points.shape, self.scale.size))
         for k in np.flatnonzero(curved):
             found = self.information(points[k])
-            curvatures[k] = (found if np.all(np.isfinite(found)) else 2.0 * np.linalg.inv(self.cov) * units) / units
+            curvatures[k] = (
+                found if np.all(np.isfinite(found)) else 2.0 * np.linalg.inv(self.cov) * units
+            ) / units
         return self.gradients(points) / self.scale, curvatures
 
     def tangent(self, values: FloatArray, i: int) -> FloatArray:
-        """(n_par,) how the best values of all parameters move with parameter i, to first order at the fit."""
+        """(n_par,) how the best values of all parameters move with parameter i, to first order at
+        the fit.
+        """
         slope = self.cov[:, i] / self.cov[i, i]
         at_bound = ((values <= self.low) | (values >= self.high)) & (np.arange(values.size) != i)
         return np.where(at_bound, 0.0, slope)
 
     def gradients(self, points: FloatArray) -> FloatArray:
-        """(n_point, n_par) derivatives of the objective in standard deviations; one-sided at a bound and beside a hole in the density."""
-        up, down = np.minimum(points + _STEP * self.scale, self.high), np.maximum(points - _STEP * self.scale, self.low)
-        slopes = _quotients(self._priors(up), self._priors(points), self._priors(down), up, points, down)
+        """(n_point, n_par) derivatives of the objective in standard deviations; one-sided at a
+        bound and beside a hole in the density.
+        """
+        up = np.minimum(points + _STEP * self.scale, self.high)
+        down = np.maximum(points - _STEP * self.scale, self.low)
+        slopes = _quotients(
+            self._priors(up), self._priors(points), self._priors(down), up, points, down
+        )
         for likelihood, own in self._groups:
             n = own.size
             rows = np.repeat(points[:, None, :], 1 + 2 * n, axis=1)
-            rows[:, 1 + np.arange(n), own], rows[:, 1 + n + np.arange(n), own] = up[:, own], down[:, own]
+            rows[:, 1 + np.arange(n), own], rows[:, 1 + n + np.arange(n), own] = (
+                up[:, own],
+                down[:, own],
+            )
             heights = self._heights(likelihood, own, rows)
             above, below = heights[:, 1 : 1 + n], heights[:, 1 + n :]
-            slopes[:, own] += _quotients(above, heights[:, :1], below, up[:, own], points[:, own], down[:, own])
+            slopes[:, own] += _quotients(
+                above, heights[:, :1], below, up[:, own], points[:, own], down[:, own]
+            )
         return slopes * self.scale
 
     def information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) the second derivatives that the Fisher information expects at `values`, in standard deviations."""
+        """(n_par, n_par) the second derivatives that the Fisher information expects at `values`, in
+        standard deviations.
+        """
         with np.errstate(all="ignore"):
-            return np.asarray(2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale))
+            return np.asarray(
+                2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
+            )
 
     @cached_property
     def _groups(self) -> tuple[tuple[Likelihood, FloatArray], ...]:
-        """The likelihood of each group of runs that depends on any parameter, and the indices of those."""
+        """The likelihood of each group of runs that depends on any parameter, and the indices of
+        those.
+        """
         problem, found = self.posterior.problem, []
         for group, likelihood in zip(problem.groups, self.posterior.likelihoods, strict=True):
             used = frozenset[str]().union(*(run.parameters for run in group.runs))
-            found.append((likelihood, np.array([i for i, name in enumerate(problem.names) if name in used], dtype=int)))
+            found.append(
+                (
+                    likelihood,
+                    np.array(
+                        [i for i, name in enumerate(problem.names) if name in used], dtype=int
+                    ),
+                )
+            )
         return tuple((likelihood, own) for likelihood, own in found if own.size)
 
     def _heights(self, likelihood: Likelihood, own: FloatArray, rows: FloatArray) -> FloatArray:
-        """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point, n_row, n_par)."""
+        """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
+        n_row, n_par).
+        """
         flat = rows.reshape(-1, rows.shape[-1])
         minus = np.empty(len(flat))
         with np.errstate(all="ignore"):
@@ -116,17 +152,33 @@ class ProfileSearch:
     def _priors(self, points: FloatArray) -> FloatArray:
         """(n_point, n_par) -2 log density of each prior."""
         with np.errstate(all="ignore"):
-            return -2.0 * np.column_stack([p.prior.log_density(points[:, i]) for i, p in enumerate(self.posterior.problem.parameters)])
+            return -2.0 * np.column_stack(
+                [
+                    p.prior.log_density(points[:, i])
+                    for i, p in enumerate(self.posterior.problem.parameters)
+                ]
+            )
 
 
 def _minus_twice(log_density: FloatArray) -> FloatArray:
-    """-2 log density; inf where it is not a number, or so large that products of its differences would overflow."""
+    """-2 log density; inf where it is not a number, or so large that products of its differences
+    would overflow.
+    """
     minus = -2.0 * log_density
     return np.where(minus < _NOWHERE, minus, np.inf)
 
 
-def _quotients(above: FloatArray, here: FloatArray, below: FloatArray, up: FloatArray, at: FloatArray, down: FloatArray) -> FloatArray:
-    """Difference quotients from `down` to `up`; from or to the middle where the density is zero on that side."""
+def _quotients(
+    above: FloatArray,
+    here: FloatArray,
+    below: FloatArray,
+    up: FloatArray,
+    at: FloatArray,
+    down: FloatArray,
+) -> FloatArray:
+    """Difference quotients from `down` to `up`; from or to the middle where the density is zero on
+    that side.
+    """
     up, above = np.where(np.isfinite(above), up, at), np.where(np.isfinite(above), above, here)
     down, below = np.where(np.isfinite(below), down, at), np.where(np.isfinite(below), below, here)
     return np.divide(above - below, up - down, out=np.zeros(up.shape), where=up > down)

@@ -1,19 +1,26 @@
-"""How readings of single runs count in a joint fit: with the same room for every value of what the runs share.
+"""How readings of single runs count in a joint fit: with the same room for every value of what the
+runs share.
 
-A tilt that was read as 6.4(4) deg, with a flat weight of all true tilts, is harmless in one run.  But data often fix an own parameter of a
-run in units of a shared one (a tilt only as a ratio to gamma): the larger the shared one, the more room each own one has, and the density of
-what n runs share is multiplied by that room n times.  It is pulled by sqrt(n) times what one run would do.  Readings therefore have the
-measure of Jeffreys, given what is shared: the density is divided by the volume V of their distribution given the shared parameters s,
+A tilt that was read as 6.4(4) deg, with a flat weight of all true tilts, is harmless in one run.
+But data often fix an own parameter of a run in units of a shared one (a tilt only as a ratio to
+gamma): the larger the shared one, the more room each own one has, and the density of what n runs
+share is multiplied by that room n times.  It is pulled by sqrt(n) times what one run would do.
+Readings therefore have the measure of Jeffreys, given what is shared: the density is divided by the
+volume V of their distribution given the shared parameters s,
 
-    m(s) = V(s_fit)/V(s),    V^2 = product over runs of det (inverse of J^T J + priors)   of the rows and columns of the readings,
+    m(s) = V(s_fit)/V(s),    V^2 = product over runs of det (inverse of J^T J + priors)   of the
+    rows and columns of the readings,
 
-the other parameters of the run integrated out.  The noise and spreads between runs are held: they set the size of errors, and there it is flat
-weights that are right.  To first order log m is linear about the fit; its curvature, some (u/reading)^2, does not grow with the number of runs.
+the other parameters of the run integrated out.  The noise and spreads between runs are held: they
+set the size of errors, and there it is flat weights that are right.  To first order log m is linear
+about the fit; its curvature, some (u/reading)^2, does not grow with the number of runs.
 
-One prior for all runs says how true values are distributed, and is integrated as it is.  Where nothing is shared, m = 1.
+One prior for all runs says how true values are distributed, and is integrated as it is.  Where
+nothing is shared, m = 1.
 
-Source: Neyman and Scott, Econometrica 16 (1948) 1 (many incidental parameters); Cox and Reid, J. R. Stat. Soc. B 49 (1987) 1 and Berger, Liseo and
-Wolpert, Stat. Sci. 14 (1999) 1 (which of their measures leaves the others alone).
+Source: Neyman and Scott, Econometrica 16 (1948) 1 (many incidental parameters); Cox and Reid, J. R.
+Stat. Soc. B 49 (1987) 1 and Berger, Liseo and Wolpert, Stat. Sci. 14 (1999) 1 (which of their
+measures leaves the others alone).
 """
 
 from __future__ import annotations
@@ -25,15 +32,23 @@ from estim.problem import Measure, Posterior, uses_of
 
 
 def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Measure | None:
-    """The measure about the fit `values` (n_par,) of covariance `cov`; None where there are no readings, or nothing is shared."""
+    """The measure about the fit `values` (n_par,) of covariance `cov`; None where there are no
+    readings, or nothing is shared.
+    """
     problem = posterior.problem
     uses, readings = uses_of(problem.runs), problem.readings
-    shared = np.array([i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between], dtype=np.int64)
+    shared = np.array(
+        [i for i, p in enumerate(problem.parameters) if uses[p.name] > 1 and not p.between],
+        dtype=np.int64,
+    )
     if not readings or not shared.size:
         return None
     root = np.linalg.cholesky(cov[np.ix_(shared, shared)])
-    held = [i for i, p in enumerate(problem.parameters) if p.between or p.name in problem.noise_names]
-    along = np.linalg.solve(root, cov[shared]).T  # (n_par, n_shared): where all parameters follow one sd along each column of root
+    held = [
+        i for i, p in enumerate(problem.parameters) if p.between or p.name in problem.noise_names
+    ]
+    # (n_par, n_shared): where all parameters follow one sd along each column of root
+    along = np.linalg.solve(root, cov[shared]).T
     along[held] = 0.0
     low, high = problem.support()
     tried = np.clip(values + np.vstack([along.T, -along.T]), low, high)
@@ -43,7 +58,14 @@ def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Mea
     slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
     felt = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in problem.runs)
-    return Measure(shared, values[shared], np.linalg.solve(root.T, slope), float(np.linalg.norm(slope)), float(felt), n_run)
+    return Measure(
+        shared,
+        values[shared],
+        np.linalg.solve(root.T, slope),
+        float(np.linalg.norm(slope)),
+        float(felt),
+        n_run,
+    )
 
 
 def _log_room(posterior: Posterior, values: FloatArray, readings: frozenset[str]) -> float:
@@ -56,5 +78,8 @@ def _log_room(posterior: Posterior, values: FloatArray, readings: frozenset[str]
         other = [name not in readings for name in names]
         root = likelihood.whitened(named, names).root
         information = root.T @ root + np.diag(slopes[own] ** 2)
-        room += 0.5 * float(np.linalg.slogdet(information[np.ix_(other, other)])[1] - np.linalg.slogdet(information)[1])
+        room += 0.5 * float(
+            np.linalg.slogdet(information[np.ix_(other, other)])[1]
+            - np.linalg.slogdet(information)[1]
+        )
     return room

@@ -1,9 +1,12 @@
-"""Rounds of a fit of many runs, each run at its own pace: where the covariance of one swings, the others need not wait.
+"""Rounds of a fit of many runs, each run at its own pace: where the covariance of one swings, the
+others need not wait.
 
-The covariance of the noise follows the curve, so a fit goes in rounds: curve, covariance there, curve again.  Near a turning point this map can
-swing for ever, or have no place where it stays: the slope of the curve is infinite there.  Among hundreds of runs there are a few like that.
-The own parameters of such a run go a share of their step, found from two steps (Aitken's relaxation).  If that does not help, its
-covariance is held at the best place that it has been, and the fit is one with that covariance; the record says how far off the place is.
+The covariance of the noise follows the curve, so a fit goes in rounds: curve, covariance there,
+curve again.  Near a turning point this map can swing for ever, or have no place where it stays: the
+slope of the curve is infinite there.  Among hundreds of runs there are a few like that.  The own
+parameters of such a run go a share of their step, found from two steps (Aitken's relaxation).  If
+that does not help, its covariance is held at the best place that it has been, and the fit is one
+with that covariance; the record says how far off the place is.
 
 Source: Irons and Tuck, Int. J. Numer. Methods Eng. 1 (1969) 275 (relaxation from two steps).
 """
@@ -34,10 +37,14 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Held:
-    """A group of runs whose covariance was not taken at the mode: its rounds found no place where it stays.
+    """A group of runs whose covariance was not taken at the mode: its rounds found no place where
+    it stays.
 
-    runs : names.  off : how far the mode lies from where the covariance was taken, standard deviations of the parameter of its own that is farthest.
-    felt : by how much its swings moved any parameter of another run, or of all, standard deviations.
+    runs : names.
+    off : how far the mode lies from where the covariance was taken, standard deviations of the
+        parameter of its own that is farthest.
+    felt : by how much its swings moved any parameter of another run, or of all, standard
+        deviations.
     """
 
     runs: tuple[str, ...]
@@ -47,7 +54,9 @@ class Held:
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
-    """values : (n_par,).  posterior : with the covariances there, or where they are held.  moved : by the last round, nan without curvature."""
+    """values : (n_par,).  posterior : with the covariances there, or where they are held.  moved :
+    by the last round, nan without curvature.
+    """
 
     values: FloatArray
     posterior: Posterior
@@ -59,8 +68,10 @@ class FixedPoint:
 class _Pace:
     """Of one group.
 
-    mine : places of its own parameters.  share : of its steps.  since : the round in which it was seen to swing, and `swing`, how far.
-    height, place, likelihood : the highest density that it had, where, and with which covariance.  felt : see `Held`.  held : whether it is.
+    mine : places of its own parameters.
+    share : of its steps.  since : the round in which it was seen to swing, and `swing`, how far.
+    height, place, likelihood : the highest density that it had, where, and with which covariance.
+    felt : see `Held`.  held : whether it is.
     """
 
     mine: Indices
@@ -75,12 +86,19 @@ class _Pace:
 
 
 def settle_by_runs(
-    values: FloatArray, posterior: Posterior, *, most: int, tolerance: float, best: Callable[[Posterior, FloatArray], FloatArray],
+    values: FloatArray,
+    posterior: Posterior,
+    *,
+    most: int,
+    tolerance: float,
+    best: Callable[[Posterior, FloatArray], FloatArray],
     spread: Callable[[Posterior, FloatArray], FloatArray | None],
 ) -> FixedPoint:
-    """Rounds from a posterior linearised at `values` (n_par,) until none moves a parameter by `tolerance` standard deviations, at most `most`.
+    """Rounds from a posterior linearised at `values` (n_par,) until none moves a parameter by
+    `tolerance` standard deviations, at most `most`.
 
-    best : where the density is highest with given covariances.  spread : (n_par,) standard deviations there, None without curvature.
+    best : where the density is highest with given covariances.
+    spread : (n_par,) standard deviations there, None without curvature.
     """
     problem = posterior.problem
     paces = [_Pace(mine) for mine in own_columns(problem.columns, problem.n_par)]
@@ -102,15 +120,40 @@ def settle_by_runs(
         if number >= _FREE_ROUNDS:
             paces = _been(paces, posterior, values)
             swings = (now > 0.5 * far) & (now > _WITH_IT * np.max(now))  # the others only follow
-            paces = [_relaxed(one, step, before, number, now[i], swings=bool(swings[i])) for i, one in enumerate(paces)]
+            paces = [
+                _relaxed(one, step, before, number, now[i], swings=bool(swings[i]))
+                for i, one in enumerate(paces)
+            ]
             others = np.ones(values.size, dtype=bool)
-            others[np.concatenate([np.zeros(0, dtype=np.int64), *(one.mine for one in paces if one.since is not None)])] = False
+            others[
+                np.concatenate(
+                    [
+                        np.zeros(0, dtype=np.int64),
+                        *(one.mine for one in paces if one.since is not None),
+                    ]
+                )
+            ] = False
             felt = float(np.max(np.abs(step[others]), initial=0.0))
-            paces = [one if one.held or one.since is None else replace(one, felt=max(one.felt, felt)) for one in paces]
-            worst = _to_hold(paces, now, far, number, tired=number >= _PATIENCE and number - last >= _BETWEEN, tolerance=tolerance)
+            paces = [
+                one if one.held or one.since is None else replace(one, felt=max(one.felt, felt))
+                for one in paces
+            ]
+            worst = _to_hold(
+                paces,
+                now,
+                far,
+                number,
+                tired=number >= _PATIENCE and number - last >= _BETWEEN,
+                tolerance=tolerance,
+            )
             if worst:
                 last = number
-                paces = [replace(one, held=True, share=1.0, felt=max(one.felt, felt)) if i in worst else one for i, one in enumerate(paces)]
+                paces = [
+                    replace(one, held=True, share=1.0, felt=max(one.felt, felt))
+                    if i in worst
+                    else one
+                    for i, one in enumerate(paces)
+                ]
                 for i in worst:
                     values[paces[i].mine] = paces[i].place
                 posterior = _linearised(problem, values, paces)
@@ -125,22 +168,41 @@ def _linearised(problem: Problem, values: FloatArray, paces: list[_Pace]) -> Pos
     """The posterior linearised at the values, but for what is held."""
     posterior = problem.linearised(values)
     likelihoods = zip(posterior.likelihoods, paces, strict=True)
-    return replace(posterior, likelihoods=tuple(one.likelihood if one.held and one.likelihood else new for new, one in likelihoods))
+    return replace(
+        posterior,
+        likelihoods=tuple(
+            one.likelihood if one.held and one.likelihood else new for new, one in likelihoods
+        ),
+    )
 
 
 def _been(paces: list[_Pace], posterior: Posterior, values: FloatArray) -> list[_Pace]:
-    """Each with the place where it is, if its own density, with the covariance taken there, is higher than at those before."""
-    parameters, named, found = posterior.problem.parameters, posterior.problem.named(values[None, :]), []
+    """Each with the place where it is, if its own density, with the covariance taken there, is
+    higher than at those before.
+    """
+    parameters = posterior.problem.parameters
+    named = posterior.problem.named(values[None, :])
+    found = []
     for one, likelihood in zip(paces, posterior.likelihoods, strict=True):
         if not one.held:
-            height = float(likelihood.log_likelihood(named)[0]) + sum(float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in one.mine)
-            one = replace(one, height=height, place=values[one.mine], likelihood=likelihood) if height > one.height else one
+            height = float(likelihood.log_likelihood(named)[0]) + sum(
+                float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in one.mine
+            )
+            one = (
+                replace(one, height=height, place=values[one.mine], likelihood=likelihood)
+                if height > one.height
+                else one
+            )
         found.append(one)
     return found
 
 
-def _relaxed(one: _Pace, step: FloatArray, before: FloatArray, number: int, now: float, *, swings: bool) -> _Pace:
-    """With the share of its next step; `step` and `before` (n_par,) are the whole steps of this round and the one before."""
+def _relaxed(
+    one: _Pace, step: FloatArray, before: FloatArray, number: int, now: float, *, swings: bool
+) -> _Pace:
+    """With the share of its next step; `step` and `before` (n_par,) are the whole steps of this
+    round and the one before.
+    """
     if one.held or (one.since is None and not (swings and step[one.mine] @ before[one.mine] < 0.0)):
         return one
     if one.since is None:
@@ -151,17 +213,35 @@ def _relaxed(one: _Pace, step: FloatArray, before: FloatArray, number: int, now:
     return replace(one, share=min(max(share, _LEAST_SHARE), 1.0))
 
 
-def _to_hold(paces: list[_Pace], now: FloatArray, far: FloatArray, number: int, *, tired: bool, tolerance: float) -> list[int]:
+def _to_hold(
+    paces: list[_Pace],
+    now: FloatArray,
+    far: FloatArray,
+    number: int,
+    *,
+    tired: bool,
+    tolerance: float,
+) -> list[int]:
     """The groups whose covariance is to be held from here on."""
-    free = [i for i, one in enumerate(paces) if not one.held and one.place is not None and now[i] >= tolerance]
-    lost = [i for i in free if number - (paces[i].since or number) >= _TRIED and now[i] > _HELPS * paces[i].swing]
+    free = [
+        i
+        for i, one in enumerate(paces)
+        if not one.held and one.place is not None and now[i] >= tolerance
+    ]
+    lost = [
+        i
+        for i in free
+        if number - (paces[i].since or number) >= _TRIED and now[i] > _HELPS * paces[i].swing
+    ]
     if lost or not tired or not free:
         return lost
     farthest = max(now[i] for i in free)
     return [i for i in free if now[i] > _WITH_IT * farthest and now[i] > 0.5 * far[i]]
 
 
-def _held(paces: list[_Pace], problem: Problem, values: FloatArray, scale: FloatArray) -> tuple[Held, ...]:
+def _held(
+    paces: list[_Pace], problem: Problem, values: FloatArray, scale: FloatArray
+) -> tuple[Held, ...]:
     found = []
     for one, group in zip(paces, problem.groups, strict=True):
         if one.held and one.place is not None:

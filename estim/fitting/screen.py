@@ -1,8 +1,10 @@
-"""A search for further optima: each nonlinear parameter is led through its whole range, and every dip on the way is descended into.
+"""A search for further optima: each nonlinear parameter is led through its whole range, and every
+dip on the way is descended into.
 
-At each place of a scan all other parameters are fit to first order (their tangents are projected out: for a frequency with
-amplitude and phase that is the least-squares periodogram), so one vectorised call looks at thousands of places.  Places are
-spaced by how fast the curve changes its shape: by about 1/(6 range of x) for a frequency, by factors for a rate.  The lowest dips are then
+At each place of a scan all other parameters are fit to first order (their tangents are projected
+out: for a frequency with amplitude and phase that is the least-squares periodogram), so one
+vectorised call looks at thousands of places.  Places are spaced by how fast the curve changes its
+shape: by about 1/(6 range of x) for a frequency, by factors for a rate.  The lowest dips are then
 descended together by Levenberg-Marquardt steps with numerical derivatives.
 """
 
@@ -31,7 +33,9 @@ _BATCH = 400_000  # residuals in one call
 
 
 def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """(n_point, n_obs + n_prior) residuals at points (n_point, n_par), priors that pull included."""
+    """(n_point, n_obs + n_prior) residuals at points (n_point, n_par), priors that pull
+    included.
+    """
     posterior, problem = search.posterior, search.posterior.problem
     pulling = [i for i in search.free if problem.parameters[i].prior.informative]
     rows = max(1, _BATCH // max(1, problem.n_obs))
@@ -48,17 +52,26 @@ def chi2_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """(n_point,) sums of squares, inf where the curve is not finite."""
     rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs))
     with np.errstate(all="ignore"):
-        total = np.concatenate([np.sum(residuals_at(search, points[k : k + rows]) ** 2, axis=1) for k in range(0, max(1, points.shape[0]), rows)])
+        total = np.concatenate(
+            [
+                np.sum(residuals_at(search, points[k : k + rows]) ** 2, axis=1)
+                for k in range(0, max(1, points.shape[0]), rows)
+            ]
+        )
     return np.where(np.isfinite(total), total, np.inf)
 
 
 def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """`points` (n_point, n_par) with their linear parameters at the least-squares solution, well enough to compare them."""
+    """`points` (n_point, n_par) with their linear parameters at the least-squares solution, well
+    enough to compare them.
+    """
     if not search.linear.size:
         return points
     some = max(1, _BATCH // search.posterior.problem.n_obs)
     if search.posterior.problem.many and points.shape[0] > some:
-        return np.vstack([solved_at(search, points[i : i + some]) for i in range(0, points.shape[0], some)])
+        return np.vstack(
+            [solved_at(search, points[i : i + some]) for i in range(0, points.shape[0], some)]
+        )
     base, columns = _tangents(search, points, search.linear, 1.0)
     with np.errstate(all="ignore"):
         step = _solve(columns, -base)
@@ -67,10 +80,14 @@ def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     return found
 
 
-def further_optima(search: SeparableSearch, values: FloatArray, period: FloatArray | None = None) -> FloatArray:
-    """(n_found, n_par) ends of descents from the dips of a scan of every nonlinear parameter through its range, others as in `values`.
+def further_optima(
+    search: SeparableSearch, values: FloatArray, period: FloatArray | None = None
+) -> FloatArray:
+    """(n_found, n_par) ends of descents from the dips of a scan of every nonlinear parameter
+    through its range, others as in `values`.
 
-    period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with four phases.
+    period : (n_par,) full turns of those that are phases, else inf: each dip is then tried with
+        four phases.
     """
     starts = [dips for i in search.bent for dips in (_dips(search, values, int(i)),) if dips.size]
     if not starts:
@@ -88,27 +105,52 @@ def further_optima(search: SeparableSearch, values: FloatArray, period: FloatArr
     return descended(search, points)
 
 
-def far_squares(search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray) -> dict[int, float]:
-    """Nonlinear parameter without a limit -> the sum of squares that is left far from `values` (n_par,), the other parameters as good as can be.
+def far_squares(
+    search: SeparableSearch, values: FloatArray, spread: FloatArray, period: FloatArray
+) -> dict[int, float]:
+    """Nonlinear parameter without a limit -> the sum of squares that is left far from `values`
+    (n_par,), the other parameters as good as can be.
 
-    spread : (n_par,) standard deviations.  Looked at are two reaches to each side: too far out, terms cancel.  Of the places in one the
-    median counts, for a frequency meets an alias here and there; of the reaches the lowest.
+    spread : (n_par,) standard deviations.  Looked at are two reaches to each side: too far out,
+        terms cancel.  Of the places in one the median counts, for a frequency meets an alias here
+        and there; of the reaches the lowest.
     """
     found: dict[int, float] = {}
-    for i in (int(i) for i in search.bent if not _informed(search, int(i)) and not math.isfinite(period[i])):
-        reaches = [factor * max(abs(float(values[i])), n_sd * float(spread[i])) * _FAR for factor, n_sd in ((30.0, 3.0), (300.0, 30.0))]
-        sides = [sign * reach for sign, end in ((1.0, search.high[i]), (-1.0, search.low[i])) if not math.isfinite(end) for reach in reaches]
+    for i in (
+        int(i)
+        for i in search.bent
+        if not _informed(search, int(i)) and not math.isfinite(period[i])
+    ):
+        reaches = [
+            factor * max(abs(float(values[i])), n_sd * float(spread[i])) * _FAR
+            for factor, n_sd in ((30.0, 3.0), (300.0, 30.0))
+        ]
+        sides = [
+            sign * reach
+            for sign, end in ((1.0, search.high[i]), (-1.0, search.low[i]))
+            if not math.isfinite(end)
+            for reach in reaches
+        ]
         held = replace(search, bent=search.bent[search.bent != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        _, heights = led_down(held, solved_at(held, points)) if held.free.size else (points, chi2_at(search, points))
-        found[i] = min((float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf)
+        _, heights = (
+            led_down(held, solved_at(held, points))
+            if held.free.size
+            else (points, chi2_at(search, points))
+        )
+        found[i] = min(
+            (float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf
+        )
     return found
 
 
 def _size(search: SeparableSearch, points: FloatArray, i: int) -> FloatArray:
     """What a step of parameter i is measured by."""
-    known = max(abs(float(search.held[i])), 1e-3 * search.posterior.problem.parameters[i].prior.sd if _informed(search, i) else 0.0)
+    known = max(
+        abs(float(search.held[i])),
+        1e-3 * search.posterior.problem.parameters[i].prior.sd if _informed(search, i) else 0.0,
+    )
     return np.maximum(np.abs(points[:, i]), known if known > 0.0 else 1.0)
 
 
@@ -116,8 +158,12 @@ def _informed(search: SeparableSearch, i: int) -> bool:
     return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
 
 
-def _tangents(search: SeparableSearch, points: FloatArray, which: NDArray[np.int64], step: float) -> tuple[FloatArray, FloatArray]:
-    """Residuals (n_point, n_res) and their derivatives (n_point, n_res, n_which) by differences of `step` times the size of a parameter."""
+def _tangents(
+    search: SeparableSearch, points: FloatArray, which: NDArray[np.int64], step: float
+) -> tuple[FloatArray, FloatArray]:
+    """Residuals (n_point, n_res) and their derivatives (n_point, n_res, n_which) by differences of
+    `step` times the size of a parameter.
+    """
     moved, steps = [points], []
     for i in which:
         h = step * _size(search, points, int(i))
@@ -129,12 +175,19 @@ def _tangents(search: SeparableSearch, points: FloatArray, which: NDArray[np.int
         moved.append(at)
     every = residuals_at(search, np.vstack(moved)).reshape(len(moved), points.shape[0], -1)
     with np.errstate(all="ignore"):
-        columns = np.stack([(rows - every[0]) / h[:, None] for rows, h in zip(every[1:], steps, strict=True)], axis=2)
+        columns = np.stack(
+            [(rows - every[0]) / h[:, None] for rows, h in zip(every[1:], steps, strict=True)],
+            axis=2,
+        )
     return every[0], columns
 
 
-def _solve(columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12) -> FloatArray:
-    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res, n_col)."""
+def _solve(
+    columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12
+) -> FloatArray:
+    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
+    n_col).
+    """
     columns = np.where(np.isfinite(columns), columns, 0.0)
     scale = np.sqrt(np.sum(columns**2, axis=1))
     scale = np.where(scale > 0.0, scale, 1.0)
@@ -150,17 +203,25 @@ def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
     """The range of parameter i that is looked at."""
     prior, at = search.posterior.problem.parameters[i].prior, float(search.held[i])
     low, high = float(search.low[i]), float(search.high[i])
-    if _informed(search, i) and not (math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd):
-        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(high, prior.centre + _PRIOR_SDS * prior.sd)
+    if _informed(search, i) and not (
+        math.isfinite(low) and math.isfinite(high) and high - low < 2.0 * _PRIOR_SDS * prior.sd
+    ):
+        return max(low, prior.centre - _PRIOR_SDS * prior.sd), min(
+            high, prior.centre + _PRIOR_SDS * prior.sd
+        )
     reach = 10.0**_DECADES * (abs(at) if at else 0.1)
     least = at / 10.0**_DECADES if at else -reach
     if at < 0.0:
         return max(low, -reach), min(high, least)
-    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(high) else high
+    return (low if math.isfinite(low) else least), min(high, reach) if not math.isfinite(
+        high
+    ) else high
 
 
 def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
-    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same with the others moved to first order."""
+    """(n_dip, n_par) where a scan of parameter i has its lowest local minima; beside each the same
+    with the others moved to first order.
+    """
     low, high = _ends(search, i)
     if not high > low:
         return np.zeros((0, values.size))
@@ -177,7 +238,11 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     rows = max(1, _BATCH // max(1, n_obs * (1 + n_par)))
     for first in range(0, places.size, rows):
         some = slice(first, first + rows)
-        base, columns = _tangents(search, points[some], others, _STEP) if others.size else (residuals_at(search, points[some]), None)
+        base, columns = (
+            _tangents(search, points[some], others, _STEP)
+            if others.size
+            else (residuals_at(search, points[some]), None)
+        )
         with np.errstate(all="ignore"):
             left = base
             if columns is not None:
@@ -193,8 +258,12 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     return np.vstack([points[dips], np.clip(moved[good], search.low, search.high)])
 
 
-def _bending(search: SeparableSearch, values: FloatArray, i: int, coarse: FloatArray, high: float) -> FloatArray:
-    """(n,) how fast the shape of the curve changes with parameter i at values `coarse` (n,) of it."""
+def _bending(
+    search: SeparableSearch, values: FloatArray, i: int, coarse: FloatArray, high: float
+) -> FloatArray:
+    """(n,) how fast the shape of the curve changes with parameter i at values `coarse` (n,) of
+    it.
+    """
     points = np.repeat(values[None, :], coarse.size, axis=0)
     points[:, i] = coarse
     step = _WIDE * _size(search, points, i)
@@ -207,25 +276,40 @@ def _bending(search: SeparableSearch, values: FloatArray, i: int, coarse: FloatA
         change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
         size = np.sqrt(np.sum(here**2, axis=1))
         for k in range(search.free.size):
-            left = change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
+            left = (
+                change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
+            )
             one = np.sqrt(np.sum(left**2, axis=1)) / size[:, k]
             rate = np.fmax(rate, np.where(np.isfinite(one), one, 0.0))
     return rate
 
 
-def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int) -> FloatArray:
+def _places(
+    search: SeparableSearch, values: FloatArray, i: int, low: float, high: float, most: int
+) -> FloatArray:
     """Values of parameter i from low to high, spaced by the change of the curve's shape."""
     straight = np.linspace(low, high, _N_COARSE)
     least = max(min(abs(low), abs(high)), 1e-4 * max(abs(low), abs(high)))
     by_factors = np.geomspace(least, max(abs(low), abs(high)), _N_COARSE)
-    coarse = np.unique(np.concatenate([straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]))
+    coarse = np.unique(
+        np.concatenate(
+            [straight, *(side[(side > low) & (side < high)] for side in (by_factors, -by_factors))]
+        )
+    )
     rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs * (1 + search.free.size)))
-    rate = np.concatenate([_bending(search, values, i, coarse[k : k + rows], high) for k in range(0, coarse.size, rows)])
+    rate = np.concatenate(
+        [
+            _bending(search, values, i, coarse[k : k + rows], high)
+            for k in range(0, coarse.size, rows)
+        ]
+    )
     length = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(coarse))])
     if not (math.isfinite(length[-1]) and length[-1] > _SPACING):
         return np.zeros(0)
-    # without a limit no further than the data can tell: as many changes of shape as there are points
-    at, reach = float(np.interp(search.held[i], coarse, length)), float(search.posterior.problem.n_obs)
+    # without a limit no further than the data can tell: as many changes of shape as there are
+    # points
+    at = float(np.interp(search.held[i], coarse, length))
+    reach = float(search.posterior.problem.n_obs)
     first = 0.0 if low == search.low[i] else max(0.0, at - reach)
     last = length[-1] if high == search.high[i] else min(length[-1], at + reach)
     n = int(min(max(12, (last - first) / _SPACING), max(3, most)))
@@ -233,8 +317,12 @@ def _places(search: SeparableSearch, values: FloatArray, i: int, low: float, hig
 
 
 def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """(n_point, n_par) points after some Levenberg-Marquardt steps in all curve parameters, those without a finite curve left out."""
-    most = max(8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs)))
+    """(n_point, n_par) points after some Levenberg-Marquardt steps in all curve parameters, those
+    without a finite curve left out.
+    """
+    most = max(
+        8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
+    )
     at = points[np.argsort(chi2_at(search, points))][:most]
     at, height = led_down(search, at)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
@@ -242,7 +330,9 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
 
 
 def led_down(search: SeparableSearch, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """`descended`, each in its place, and their sums of squares (n_point,), inf where the curve is not finite: such a point stays."""
+    """`descended`, each in its place, and their sums of squares (n_point,), inf where the curve is
+    not finite: such a point stays.
+    """
     at, height = points.copy(), chi2_at(search, points)
     damping = np.full(height.size, 1e-3)
     going = np.flatnonzero(np.isfinite(height))
@@ -257,7 +347,9 @@ def led_down(search: SeparableSearch, points: FloatArray) -> tuple[FloatArray, F
         reached = chi2_at(search, trial)
         better = reached < height[going]
         settled = better & (reached > height[going] * (1.0 - 1e-9))
-        damping[going] = np.where(better, np.maximum(damping[going] / 10.0, 1e-9), damping[going] * 10.0)
+        damping[going] = np.where(
+            better, np.maximum(damping[going] / 10.0, 1e-9), damping[going] * 10.0
+        )
         at[going[better]], height[going[better]] = trial[better], reached[better]
         going = going[~settled & (damping[going] < 1e5)]
     return at, height

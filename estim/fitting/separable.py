@@ -1,7 +1,9 @@
-"""Least squares with the linear parameters set apart (separable least squares), for `estim.fitting.optimum`.
+"""Least squares with the linear parameters set apart (separable least squares), for
+`estim.fitting.optimum`.
 
-A parameter counts as linear where the derivatives of the curve in it do not change when it, and the other linear ones,
-are moved; it must have no limits.  For given values of the others these parameters follow by one linear solution.
+A parameter counts as linear where the derivatives of the curve in it do not change when it, and the
+other linear ones, are moved; it must have no limits.  For given values of the others these
+parameters follow by one linear solution.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ _STRAIGHT = 1e-4  # of the largest residual: a first look, with room for roundin
 
 @dataclass(frozen=True, eq=False)
 class SeparableSearch:
-    """The posterior's least squares over its curve parameters: limits, and which of them enter linearly."""
+    """The posterior's least squares over its curve parameters: limits, and which of them enter
+    linearly.
+    """
 
     posterior: Posterior
     held: FloatArray  # (n_par,) the user's start, and the values of the noise parameters
@@ -49,8 +53,12 @@ class SeparableSearch:
 
     @property
     def resolved(self) -> float:
-        """Ratio of singular values (columns of unit length) that the rounding errors of the derivatives let be told from zero."""
-        return _SAFETY * max(getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs)
+        """Ratio of singular values (columns of unit length) that the rounding errors of the
+        derivatives let be told from zero.
+        """
+        return _SAFETY * max(
+            getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs
+        )
 
     @property
     def creeps(self) -> bool:
@@ -68,10 +76,14 @@ class SeparableSearch:
         pairs = self.posterior.scoring(values)
         slopes = np.diag(self.posterior.prior_slopes(values))
         jacobian = np.vstack([*(pair[0] for pair in pairs), slopes])
-        return jacobian, np.concatenate([*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)])
+        return jacobian, np.concatenate(
+            [*(pair[1] for pair in pairs), self.posterior.prior_residuals(values)]
+        )
 
     def chi2(self, values: FloatArray) -> float:
-        """Sum of squares of the data and of the priors of the parameters that are moved; those of the noise stay where they are."""
+        """Sum of squares of the data and of the priors of the parameters that are moved; those of
+        the noise stay where they are.
+        """
         total = float(np.sum(self.residuals(values) ** 2)) - self._of_noise
         return max(total, 0.0) if math.isfinite(total) else math.inf
 
@@ -91,8 +103,12 @@ class SeparableSearch:
         return found
 
 
-def set_apart(problem: Problem, start: FloatArray, rng: np.random.Generator, *, unstated: bool = False) -> SeparableSearch:
-    """The search of a problem from `start` (n_par,), its linear parameters found by trial moves drawn with `rng`."""
+def set_apart(
+    problem: Problem, start: FloatArray, rng: np.random.Generator, *, unstated: bool = False
+) -> SeparableSearch:
+    """The search of a problem from `start` (n_par,), its linear parameters found by trial moves
+    drawn with `rng`.
+    """
     posterior = problem.linearised(start)
     low = np.array([p.prior.low for p in problem.parameters])
     high = np.array([p.prior.high for p in problem.parameters])
@@ -101,40 +117,79 @@ def set_apart(problem: Problem, start: FloatArray, rng: np.random.Generator, *, 
         raise InputError("leave nothing to fit: every quantity is exact", field="parameters")
     linear = _linear(posterior, start, free, low, high, rng)
     bent = np.array([i for i in free if i not in linear], dtype=np.int64)
-    return SeparableSearch(posterior, start, low, high, np.array(linear, dtype=np.int64), bent, unstated or bool(problem.noise_names))
+    return SeparableSearch(
+        posterior,
+        start,
+        low,
+        high,
+        np.array(linear, dtype=np.int64),
+        bent,
+        unstated or bool(problem.noise_names),
+    )
 
 
-def _linear(posterior: Posterior, start: FloatArray, free: list[int], low: FloatArray, high: FloatArray, rng: np.random.Generator) -> list[int]:
-    """Parameters without limits that the residuals are jointly linear in: their columns do not move when they do."""
+def _linear(
+    posterior: Posterior,
+    start: FloatArray,
+    free: list[int],
+    low: FloatArray,
+    high: FloatArray,
+    rng: np.random.Generator,
+) -> list[int]:
+    """Parameters without limits that the residuals are jointly linear in: their columns do not move
+    when they do.
+    """
     reference = posterior.jacobian(start)
     found: list[int] = []
     for i in free:
         trial = [*found, i]
-        if math.isfinite(low[i]) or math.isfinite(high[i]) or not np.all(np.isfinite(reference[:, i])):
+        if (
+            math.isfinite(low[i])
+            or math.isfinite(high[i])
+            or not np.all(np.isfinite(reference[:, i]))
+        ):
             continue
-        moves = [(1.0 + np.abs(start[trial])) * rng.uniform(0.3, 1.5, len(trial)) * rng.choice([-1.0, 1.0], len(trial)) for _ in range(2)]
+        moves = [
+            (1.0 + np.abs(start[trial]))
+            * rng.uniform(0.3, 1.5, len(trial))
+            * rng.choice([-1.0, 1.0], len(trial))
+            for _ in range(2)
+        ]
         columns = reference[:, trial]
-        if np.any(reference[:, i] != 0.0) and all(_stays_straight(posterior, start, trial, move, columns) for move in moves):
+        if np.any(reference[:, i] != 0.0) and all(
+            _stays_straight(posterior, start, trial, move, columns) for move in moves
+        ):
             found = trial
     return found
 
 
-def _stays_straight(posterior: Posterior, start: FloatArray, trial: list[int], move: FloatArray, columns: FloatArray) -> bool:
-    """Whether the derivatives `columns` (n, n_trial) are the same after a move; residuals first, which cost a part of their derivatives."""
+def _stays_straight(
+    posterior: Posterior, start: FloatArray, trial: list[int], move: FloatArray, columns: FloatArray
+) -> bool:
+    """Whether the derivatives `columns` (n, n_trial) are the same after a move; residuals first,
+    which cost a part of their derivatives.
+    """
     moved = start.copy()
     moved[trial] += move
     before, expected = posterior.residuals(start), columns @ move
     size = max(float(np.max(np.abs(before))), float(np.max(np.abs(expected))))
     if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= _STRAIGHT * size):
         return False
-    return bool(np.all(np.abs(posterior.jacobian(moved)[:, trial] - columns) <= 1e-9 * np.max(np.abs(columns), axis=0)))
+    return bool(
+        np.all(
+            np.abs(posterior.jacobian(moved)[:, trial] - columns)
+            <= 1e-9 * np.max(np.abs(columns), axis=0)
+        )
+    )
 
 
 def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float:
-    """A sum of squares that rounding errors alone may reach: of the data, and at `values` (n_par,) of the curve.
+    """A sum of squares that rounding errors alone may reach: of the data, and at `values` (n_par,)
+    of the curve.
 
-    A parameter is known to a unit in its last place, so the terms of a sum like a + b x + c x^2 that all but cancel leave at least
-    their own rounding errors, |df/da a| times the machine's precision.
+    A parameter is known to a unit in its last place, so the terms of a sum like a + b x + c x^2
+    that all but cancel leave at least their own rounding errors, |df/da a| times the machine's
+    precision.
     """
     posterior = search.posterior
     named = posterior.problem.named(search.held)

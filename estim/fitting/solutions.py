@@ -1,4 +1,6 @@
-"""What the ends of a search are: one place or several, the same curve under other numbers, or another solution."""
+"""What the ends of a search are: one place or several, the same curve under other numbers, or
+another solution.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,8 @@ SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
 _ALIKE = 0.1  # in log share: solutions of the same weight
-_SOUND = 1e-6  # ratio of singular values from which a normal distribution says what an optimum holds
+# ratio of singular values from which a normal distribution says what an optimum holds
+_SOUND = 1e-6
 _N_BETWEEN = 400  # places at which curves through the same points are told apart
 
 End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
@@ -29,7 +32,9 @@ def equal_to(search: SeparableSearch, chi2: float) -> float:
 
 
 def chi2_limit(search: SeparableSearch, best: End) -> float:
-    """The sum of squares beyond which an optimum holds next to nothing of the posterior; by the residuals where their size is not stated."""
+    """The sum of squares beyond which an optimum holds next to nothing of the posterior; by the
+    residuals where their size is not stated.
+    """
     dof = max(1, search.posterior.problem.n_obs - search.free.size)
     if search.unstated:
         return best[1] * math.exp(min(2.0 * WITHIN_REACH / dof, 10.0)) + rounding(search)
@@ -41,8 +46,14 @@ def spread_at(search: SeparableSearch, best: End) -> FloatArray:
     jacobian = search.scoring(best[0])[0][:, search.free]
     spread = np.zeros(best[0].size)
     if np.all(np.isfinite(jacobian)):
-        size = best[1] / max(1, search.posterior.problem.n_obs - search.free.size) if search.unstated else 1.0
-        spread[search.free] = np.sqrt(np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size)
+        size = (
+            best[1] / max(1, search.posterior.problem.n_obs - search.free.size)
+            if search.unstated
+            else 1.0
+        )
+        spread[search.free] = np.sqrt(
+            np.maximum(np.diag(inverse_information(jacobian)[0]), 0.0) * size
+        )
     return spread
 
 
@@ -50,18 +61,33 @@ def is_close(a: FloatArray, b: FloatArray, spread: FloatArray, limit: float) -> 
     return bool(np.all(np.abs(a - b) <= limit * spread + 1e-7 * np.abs(b)))
 
 
-def is_at(search: SeparableSearch, best: End, end: FloatArray, values: FloatArray, symmetry: Symmetry) -> bool:
+def is_at(
+    search: SeparableSearch, best: End, end: FloatArray, values: FloatArray, symmetry: Symmetry
+) -> bool:
     """Whether a descent ended at `values`, labels aside."""
     spread = spread_at(search, best)
     images, number = symmetry.images(end[None, :], values)
-    return any(is_close(image, values, spread, PLACE) for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0)
+    return any(
+        is_close(image, values, spread, PLACE)
+        for image, n in zip(images[:, 0], number[:, 0], strict=True)
+        if n > 0.0
+    )
 
 
-def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry, start: FloatArray) -> list[End]:
-    """Ends that are not much worse than the best, each place once, labels aside; the best first, of equal ones that closest to the start."""
+def distinct_ends(
+    search: SeparableSearch, best: End, ends: list[End], symmetry: Symmetry, start: FloatArray
+) -> list[End]:
+    """Ends that are not much worse than the best, each place once, labels aside; the best first, of
+    equal ones that closest to the start.
+    """
     kept: list[End] = []
     limit, equal = chi2_limit(search, best), equal_to(search, best[1])
-    for end in sorted(ends, key=lambda one: (0.0, distance(search, one[0], start)) if one[1] <= equal else (one[1], 0.0)):
+    for end in sorted(
+        ends,
+        key=lambda one: (
+            (0.0, distance(search, one[0], start)) if one[1] <= equal else (one[1], 0.0)
+        ),
+    ):
         if end[1] > limit or len(kept) > MOST_OTHERS:
             break
         if not any(is_at(search, other, end[0], other[0], symmetry) for other in kept):
@@ -69,49 +95,84 @@ def distinct_ends(search: SeparableSearch, best: End, ends: list[End], symmetry:
     return kept
 
 
-def choose(search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
-    """The optimum with the largest share of the posterior, the other solutions (n_other, n_par), and what was left aside.
+def choose(
+    search: SeparableSearch, distinct: list[End], symmetry: Symmetry, start: FloatArray
+) -> tuple[FloatArray, FloatArray, tuple[Finding, ...]]:
+    """The optimum with the largest share of the posterior, the other solutions (n_other, n_par),
+    and what was left aside.
 
-    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the rate of sampling) that weigh the same the
-    one closest to the start is taken.  Where the user gave no range that holds the others and it is the smoothest of all, they are left
-    aside and no solutions; so are other numbers that draw the same curve everywhere.
+    Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
+    rate of sampling) that weigh the same the one closest to the start is taken.  Where the user
+    gave no range that holds the others and it is the smoothest of all, they are left aside and no
+    solutions; so are other numbers that draw the same curve everywhere.
     """
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
-    least, equal = distinct[heaviest][1] * (1.0 - SAME) - rounding(search), equal_to(search, distinct[heaviest][1])
+    least = distinct[heaviest][1] * (1.0 - SAME) - rounding(search)
+    equal = equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
     level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal]
-    through = [i for i in level if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)]
+    through = [
+        i
+        for i in level
+        if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)
+    ]
     same = [i for i in through if i == heaviest or shares[i] > shares[heaviest] - _ALIKE]
     points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
-    steady = np.array([i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64)
+    steady = np.array(
+        [i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64
+    )
     moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
     chosen, told = same[0], list[Finding]()
     if moved.size:
-        chosen = min(same, key=lambda i: float(np.sum(((named[i] - start)[moved] / apart[moved]) ** 2)))
+        chosen = min(
+            same, key=lambda i: float(np.sum(((named[i] - start)[moved] / apart[moved]) ** 2))
+        )
     aside = []
     if moved.size and not np.all(np.isfinite(search.low[moved]) & np.isfinite(search.high[moved])):
         names = search.posterior.problem.names
 
         def shown(which: list[int]) -> tuple[Finding, ...]:
-            return tuple(Finding(Kind.VALUES, parameters=tuple(Amount(names[k], float(named[i][k])) for k in moved)) for i in which[:2])
+            return tuple(
+                Finding(
+                    Kind.VALUES,
+                    parameters=tuple(Amount(names[k], float(named[i][k])) for k in moved),
+                )
+                for i in which[:2]
+            )
 
-        alike = [i for i in same if i != chosen and _same_curve(search, named[i], named[chosen], between=True)]
-        faster = [i for i in through if i != chosen and i not in alike and not _same_curve(search, named[i], named[chosen], between=True)]
+        alike = [
+            i
+            for i in same
+            if i != chosen and _same_curve(search, named[i], named[chosen], between=True)
+        ]
+        faster = [
+            i
+            for i in through
+            if i != chosen
+            and i not in alike
+            and not _same_curve(search, named[i], named[chosen], between=True)
+        ]
         aside += alike
         if alike:
             told.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))
-        if faster and _roughness(search, named[chosen]) <= min(_roughness(search, named[i]) for i in faster):
+        if faster and _roughness(search, named[chosen]) <= min(
+            _roughness(search, named[i]) for i in faster
+        ):
             aside += faster
             told.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
     rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
     return named[chosen], np.array(rest).reshape(-1, start.size), tuple(told)
 
 
-def written(search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray) -> FloatArray:
-    """Of the values that draw the same curve, those closest to the starts that were stated; of these those with positive amplitudes,
-    then with other signs positive, with phases within half a turn, and closest to starts that were found from the points."""
+def written(
+    search: SeparableSearch, values: FloatArray, symmetry: Symmetry, start: FloatArray
+) -> FloatArray:
+    """Of the values that draw the same curve, those closest to the starts that were stated; of
+    these those with positive amplitudes, then with other signs positive, with phases within half a
+    turn, and closest to starts that were found from the points.
+    """
     stated = np.array([p.prior.start_stated for p in search.posterior.problem.parameters])
     near = np.where(~stated & np.isfinite(symmetry.period), 0.0, start)
     flips = np.flatnonzero(symmetry.flips)
@@ -122,15 +183,26 @@ def written(search: SeparableSearch, values: FloatArray, symmetry: Symmetry, sta
         turned = np.abs(image - near)[np.isfinite(symmetry.period)]
         far = distance(search, np.where(stated, image, start), start)
         signs = float(np.sum(negative & linear)), float(np.sum(negative & ~linear))
-        return round(far, 9), *signs, round(float(np.sum(turned)), 9), distance(search, image, start)
+        return (
+            round(far, 9),
+            *signs,
+            round(float(np.sum(turned)), 9),
+            distance(search, image, start),
+        )
 
     return min(symmetry.within(values, near), key=order, default=values)
 
 
 def _log_share(search: SeparableSearch, end: End) -> float:
-    """Log of what an optimum holds of the posterior, by the normal distribution there; -inf where that says nothing."""
+    """Log of what an optimum holds of the posterior, by the normal distribution there; -inf where
+    that says nothing.
+    """
     jacobian, free = search.scoring(end[0])[0], search.free
-    cov, condition = inverse_information(jacobian[:, free]) if np.all(np.isfinite(jacobian)) else (np.zeros((0, 0)), 0.0)
+    cov, condition = (
+        inverse_information(jacobian[:, free])
+        if np.all(np.isfinite(jacobian))
+        else (np.zeros((0, 0)), 0.0)
+    )
     if not condition > _SOUND:
         return -math.inf
     dof = max(1, search.posterior.problem.n_obs - free.size)
@@ -138,12 +210,19 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     return height + 0.5 * float(np.linalg.slogdet(cov)[1])
 
 
-def _same_curve(search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool) -> bool:
-    """Whether two sets of values draw the same curves at the points, or, `between`, at places between them as well."""
+def _same_curve(
+    search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool
+) -> bool:
+    """Whether two sets of values draw the same curves at the points, or, `between`, at places
+    between them as well.
+    """
     problem = search.posterior.problem
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
-        a, b = (np.broadcast_to(run.curve.value(x, run.bind(problem.named(one))), (1, x.size))[0] for one in (values, other))
+        a, b = (
+            np.broadcast_to(run.curve.value(x, run.bind(problem.named(one))), (1, x.size))[0]
+            for one in (values, other)
+        )
         if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
             return False
     return True
@@ -160,9 +239,15 @@ def _roughness(search: SeparableSearch, values: FloatArray) -> float:
 
 
 def distance(search: SeparableSearch, values: FloatArray, other: FloatArray) -> float:
-    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters; signs of the linear ones."""
+    """How far apart two points are: changes of sign, then factors, of the nonlinear parameters;
+    signs of the linear ones.
+    """
     a, b = values[search.bent], other[search.bent]
     with np.errstate(all="ignore"):
-        factors = np.where(b == 0.0, np.minimum(np.abs(a), 10.0), np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)))
+        factors = np.where(
+            b == 0.0,
+            np.minimum(np.abs(a), 10.0),
+            np.log(np.maximum(np.abs(a / np.where(b == 0.0, 1.0, b)), 1e-6)),
+        )
     signs = np.sum(values[search.linear] * other[search.linear] < 0.0)
     return float(np.sum(np.where(a * b < 0.0, 100.0, 0.0) + factors**2) + 30.0 * signs)

@@ -1,7 +1,9 @@
-"""Where the starts of a search lead, all at once: one call of the curve for every start costs little more than one for a single one.
+"""Where the starts of a search lead, all at once: one call of the curve for every start costs
+little more than one for a single one.
 
-A first look: what it leads to one place is searched from there once (`estim.fitting.least_squares`), and a start that it leads nowhere goes its own
-way as if it had not been looked at.
+A first look: what it leads to one place is searched from there once
+(`estim.fitting.least_squares`), and a start that it leads nowhere goes its own way as if it had not
+been looked at.
 """
 
 from __future__ import annotations
@@ -18,24 +20,39 @@ _SAME = 0.5  # in log density
 
 
 def stands_for(posterior: Posterior, values: FloatArray, led: FloatArray) -> bool:
-    """Whether `led` need not be searched from beside the optimum `values` (n_par,) of `posterior`: its density is as high.
+    """Whether `led` need not be searched from beside the optimum `values` (n_par,) of `posterior`:
+    its density is as high.
 
-    Only where the curve passes near the points: elsewhere it may be flat, and a first look leads there whatever lies beyond.
+    Only where the curve passes near the points: elsewhere it may be flat, and a first look leads
+    there whatever lies beyond.
     """
     heights = posterior.log_density(np.vstack([values, led]))
-    return float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR and abs(float(heights[1] - heights[0])) < _SAME
+    return (
+        float(np.mean(posterior.size_residuals(values) ** 2)) < _NEAR
+        and abs(float(heights[1] - heights[0])) < _SAME
+    )
 
 
 def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
-    """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts` (n_start, n_par).
+    """(n_start, n_par) where least squares with the covariances of `posterior` lead from `starts`
+    (n_start, n_par).
 
-    They stay where they are under heavy tails and for counts, whose sums of squares change their curvature on the way; many runs are led one by one.
+    They stay where they are under heavy tails and for counts, whose sums of squares change their
+    curvature on the way; many runs are led one by one.
     """
     problem = posterior.problem
-    if len(starts) < 2 or len(problem.runs) > 1 or not _square(problem) or any(one.creeps for one in posterior.likelihoods):
+    if (
+        len(starts) < 2
+        or len(problem.runs) > 1
+        or not _square(problem)
+        or any(one.creeps for one in posterior.likelihoods)
+    ):
         return starts
     low, high = problem.support()
-    free = np.array([i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names], dtype=np.int64)
+    free = np.array(
+        [i for i, p in enumerate(problem.parameters) if p.name not in problem.noise_names],
+        dtype=np.int64,
+    )
     search = SeparableSearch(posterior, starts[0], low, high, np.zeros(0, dtype=np.int64), free)
     return led_down(search, starts)[0] if free.size else starts
 

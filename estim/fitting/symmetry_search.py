@@ -1,6 +1,8 @@
-"""The search for symmetries of a curve (`estim.problem.symmetry`), by the curve itself at random parameters and between the points.
+"""The search for symmetries of a curve (`estim.problem.symmetry`), by the curve itself at random
+parameters and between the points.
 
-Maps are looked for in the arguments of the curve and hold for the parameters of all runs; priors must agree with them.
+Maps are looked for in the arguments of the curve and hold for the parameters of all runs; priors
+must agree with them.
 """
 
 from __future__ import annotations
@@ -16,14 +18,20 @@ from estim.arrays import FloatArray
 from estim.problem import Flat, Problem, Symmetry
 
 TURNS = (0.5, 1.0, math.pi, 2.0 * math.pi, 180.0, 360.0)
-_MOST_MAPS, _MOST_CALLS = 4000, 300  # looked at; where a curve takes one set of parameters at a time
+# looked at; where a curve takes one set of parameters at a time
+_MOST_MAPS, _MOST_CALLS = 4000, 300
 _MOST_KEPT = 48
 _N_X = 16  # places between the points
-_SAME, _MOVED = 1e-9, 1e-6  # of the size of the curve: no difference, and what one parameter alone must change
+# of the size of the curve: no difference, and what one parameter alone must change
+_SAME, _MOVED = 1e-9, 1e-6
 
 
-def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng: np.random.Generator) -> Symmetry:
-    """The symmetries of the curves of a problem around `values` (n_par,); `bent` are the parameters whose distance chooses a label."""
+def find_symmetry(
+    problem: Problem, values: FloatArray, bent: Sequence[int], rng: np.random.Generator
+) -> Symmetry:
+    """The symmetries of the curves of a problem around `values` (n_par,); `bent` are the parameters
+    whose distance chooses a label.
+    """
     n_par = values.size
     found = _Found(problem)
     trials = [_trial(problem, values, rng) for _ in range(3)]
@@ -36,8 +44,17 @@ def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng
                 period[lifted[1] != 0.0] = turn
                 break
     arguments = list(sources)
-    most = _MOST_MAPS if all(getattr(run.curve, "broadcasts", True) for run in problem.runs) else _MOST_CALLS
-    maps = [map_ for _, map_ in zip(range(most), _maps(arguments, _turned(problem, sources, period)), strict=False)]
+    most = (
+        _MOST_MAPS
+        if all(getattr(run.curve, "broadcasts", True) for run in problem.runs)
+        else _MOST_CALLS
+    )
+    maps = [
+        map_
+        for _, map_ in zip(
+            range(most), _maps(arguments, _turned(problem, sources, period)), strict=False
+        )
+    ]
     elements = [(np.eye(n_par), np.zeros(n_par))]
     for map_ in found.survivors(maps, trials):
         lifted = found.lifted(map_)
@@ -46,20 +63,33 @@ def find_symmetry(problem: Problem, values: FloatArray, bent: Sequence[int], rng
     elements = _closed(elements, period)
     low = np.array([p.prior.low for p in problem.parameters])
     high = np.array([p.prior.high for p in problem.parameters])
-    bare = Symmetry(np.array([e[0] for e in elements]), np.array([e[1] for e in elements]), period, low, high, np.ones(n_par))
+    bare = Symmetry(
+        np.array([e[0] for e in elements]),
+        np.array([e[1] for e in elements]),
+        period,
+        low,
+        high,
+        np.ones(n_par),
+    )
     return bare.scaled(np.ones(n_par), bent)
 
 
-Map = dict[str, tuple[dict[str, float], float]]  # argument -> (arguments that its value is made of, with factors; shift)
-Lifted = tuple[FloatArray, FloatArray]  # the same of parameters: matrix (n_par, n_par), shift (n_par,)
+# argument -> (arguments that its value is made of, with factors; shift)
+Map = dict[str, tuple[dict[str, float], float]]
+# the same of parameters: matrix (n_par, n_par), shift (n_par,)
+Lifted = tuple[FloatArray, FloatArray]
 
 
 def _free_arguments(problem: Problem) -> dict[str, None]:
-    """Arguments of the curve that are parameters in every run, each parameter being one argument only."""
+    """Arguments of the curve that are parameters in every run, each parameter being one argument
+    only.
+    """
     runs = problem.runs
     if not runs or any(set(run.arguments) != set(runs[0].arguments) for run in runs):
         return {}
-    free = {a: None for a in runs[0].arguments if all(isinstance(run.arguments[a], str) for run in runs)}
+    free = {
+        a: None for a in runs[0].arguments if all(isinstance(run.arguments[a], str) for run in runs)
+    }
     places: dict[object, set[str]] = {}
     for run in runs:
         for argument in free:
@@ -67,7 +97,9 @@ def _free_arguments(problem: Problem) -> dict[str, None]:
     return free if all(len(used) == 1 for used in places.values()) else {}
 
 
-def _trial(problem: Problem, values: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, list[FloatArray]]:
+def _trial(
+    problem: Problem, values: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, list[FloatArray]]:
     """Random parameter values around `values`, and random places within the x of each run."""
     size = np.where(values != 0.0, values, rng.standard_normal(values.size))
     at = size * np.exp(0.2 * rng.standard_normal(values.size))
@@ -82,9 +114,11 @@ def _turned(problem: Problem, sources: dict[str, None], period: FloatArray) -> d
 
 
 def _maps(arguments: Sequence[str], turned: dict[str, float]) -> Iterator[Map]:
-    """One to three changes of sign, with phases turned by a half or not; exchanges of one to three pairs, with either sign.
+    """One to three changes of sign, with phases turned by a half or not; exchanges of one to three
+    pairs, with either sign.
 
-    Last, changes of sign in which a further argument takes up once or twice one of those that change theirs.
+    Last, changes of sign in which a further argument takes up once or twice one of those that
+    change theirs.
     """
     flips: list[Map] = []
     for n in (1, 2, 3):
@@ -104,7 +138,11 @@ def _maps(arguments: Sequence[str], turned: dict[str, float]) -> Iterator[Map]:
             for signs in product((1.0, -1.0), repeat=n):
                 if n == 3 and signs.count(-1.0) > 1:
                     continue
-                yield {a: ({b: sign}, 0.0) for (i, j), sign in zip(chosen, signs, strict=True) for a, b in ((i, j), (j, i))}
+                yield {
+                    a: ({b: sign}, 0.0)
+                    for (i, j), sign in zip(chosen, signs, strict=True)
+                    for a, b in ((i, j), (j, i))
+                }
     for map_ in flips:
         for a, (combined, shift) in map_.items():
             for b in arguments if combined[a] < 0.0 and shift == 0.0 else ():
@@ -118,39 +156,68 @@ class _Found:
 
     problem: Problem
 
-    def survivors(self, maps: list[Map], trials: list[tuple[FloatArray, list[FloatArray]]]) -> list[Map]:
+    def survivors(
+        self, maps: list[Map], trials: list[tuple[FloatArray, list[FloatArray]]]
+    ) -> list[Map]:
         """Those maps that hold at all trials; the first trial looks at all of them in one call."""
         if not maps:
             return []
         first = self._agree(maps, trials[0])
-        return [map_ for map_, same in zip(maps, first, strict=True) if same and self.holds(map_, trials)]
+        return [
+            map_
+            for map_, same in zip(maps, first, strict=True)
+            if same and self.holds(map_, trials)
+        ]
 
     def holds(self, map_: Map, trials: list[tuple[FloatArray, list[FloatArray]]]) -> bool:
-        """Whether the curves are the same under a map, and not the same with one of the moved parameters moved part of the way."""
+        """Whether the curves are the same under a map, and not the same with one of the moved
+        parameters moved part of the way.
+        """
         if not all(self._agree([map_], trial)[0] for trial in trials):
             return False
         parts = [{a: moved} for a, moved in map_.items()]
-        changed = [[not same for same in self._agree(parts, trial, share=0.37, limit=_MOVED)] for trial in trials]
+        changed = [
+            [not same for same in self._agree(parts, trial, share=0.37, limit=_MOVED)]
+            for trial in trials
+        ]
         return bool(np.all(np.any(changed, axis=0)))
 
-    def _agree(self, maps: list[Map], trial: tuple[FloatArray, list[FloatArray]], *, share: float = 1.0, limit: float = _SAME) -> list[bool]:
+    def _agree(
+        self,
+        maps: list[Map],
+        trial: tuple[FloatArray, list[FloatArray]],
+        *,
+        share: float = 1.0,
+        limit: float = _SAME,
+    ) -> list[bool]:
         values, places = trial
         named = {p.name: float(v) for p, v in zip(self.problem.parameters, values, strict=True)}
         same = np.ones(len(maps), dtype=bool)
         for run, x in zip(self.problem.runs, places, strict=True):
-            here = {a: named[source] if isinstance(source, str) else float(source) for a, source in run.arguments.items()}
+            here = {
+                a: named[source] if isinstance(source, str) else float(source)
+                for a, source in run.arguments.items()
+            }
             rows = {a: np.full((len(maps) + 1, 1), value) for a, value in here.items()}
             for row, map_ in enumerate(maps, start=1):
                 for a, (combined, shift) in map_.items():
-                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (sum(k * here[b] for b, k in combined.items()) + shift)
+                    rows[a][row, 0] = (1.0 - share) * here[a] + share * (
+                        sum(k * here[b] for b, k in combined.items()) + shift
+                    )
             with np.errstate(all="ignore"):
                 curves = np.broadcast_to(run.curve.value(x, rows), (len(maps) + 1, x.size))
                 size = np.max(np.abs(curves[0]))
-                same &= np.max(np.abs(curves[1:] - curves[0]), axis=1) <= limit * size if math.isfinite(size) else False
+                same &= (
+                    np.max(np.abs(curves[1:] - curves[0]), axis=1) <= limit * size
+                    if math.isfinite(size)
+                    else False
+                )
         return [bool(one) for one in same]
 
     def lifted(self, map_: Map) -> Lifted | None:
-        """A map of arguments as one of parameters; None where the runs or the priors do not allow it."""
+        """A map of arguments as one of parameters; None where the runs or the priors do not allow
+        it.
+        """
         names = self.problem.names
         matrix, shift = np.eye(len(names)), np.zeros(len(names))
         set_to: dict[int, tuple[dict[int, float], float]] = {}
@@ -165,20 +232,31 @@ class _Found:
                 matrix[i, j] = k
         if abs(abs(np.linalg.det(matrix)) - 1.0) > 1e-9:
             return None
-        return (matrix, shift) if all(self._same_prior(i, taken, c) for i, (taken, c) in set_to.items()) else None
+        return (
+            (matrix, shift)
+            if all(self._same_prior(i, taken, c) for i, (taken, c) in set_to.items())
+            else None
+        )
 
     def _same_prior(self, i: int, taken: dict[int, float], shift: float) -> bool:
-        """Whether the prior of parameter i is that of j under the map; ranges stated as a prior hold several solutions where signs change."""
+        """Whether the prior of parameter i is that of j under the map; ranges stated as a prior
+        hold several solutions where signs change.
+        """
         if len(taken) > 1:
             return isinstance(self.problem.parameters[i].prior, Flat)
         ((j, sign),) = taken.items()
         mine, other = self.problem.parameters[i].prior, self.problem.parameters[j].prior
         if not mine.informative and not other.informative:
-            return (sign > 0.0 and shift == 0.0) or (isinstance(mine, Flat) and isinstance(other, Flat))
+            return (sign > 0.0 and shift == 0.0) or (
+                isinstance(mine, Flat) and isinstance(other, Flat)
+            )
         centre, sd = other.centre, other.sd
         at = centre + sd * np.array([-0.8, -0.1, 0.3, 1.2])
         a, b = mine.log_density(sign * at + shift), other.log_density(at)
-        return bool(np.all(np.isfinite(a) == np.isfinite(b)) and np.allclose(a[np.isfinite(a)], b[np.isfinite(b)], rtol=0.0, atol=1e-9))
+        return bool(
+            np.all(np.isfinite(a) == np.isfinite(b))
+            and np.allclose(a[np.isfinite(a)], b[np.isfinite(b)], rtol=0.0, atol=1e-9)
+        )
 
 
 def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
@@ -188,7 +266,9 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
         matrix, shift = element
         turned = np.isfinite(period)
         shift = np.where(turned, np.mod(shift, np.where(turned, period, 1.0)), shift)
-        shift = np.where(turned & (np.abs(shift - period) < 1e-9 * np.where(turned, period, 1.0)), 0.0, shift)
+        shift = np.where(
+            turned & (np.abs(shift - period) < 1e-9 * np.where(turned, period, 1.0)), 0.0, shift
+        )
         return matrix, shift
 
     def key(element: Lifted) -> tuple[object, ...]:
@@ -202,5 +282,6 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
             continue
         kept[key(element)] = element
         for other in list(kept.values()):
-            waiting.append(reduced((other[0] @ element[0], other[0] @ element[1] + other[1])))  # first `element`, then `other`
+            # first `element`, then `other`
+            waiting.append(reduced((other[0] @ element[0], other[0] @ element[1] + other[1])))
     return list(kept.values())

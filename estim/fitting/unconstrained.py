@@ -1,4 +1,6 @@
-"""What the data of a fit are silent about: parameters that no residual sees, and errors where the curve passes through every point."""
+"""What the data of a fit are silent about: parameters that no residual sees, and errors where the
+curve passes through every point.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +15,31 @@ PERFECT = 1e-12  # residuals below this share of y are rounding errors
 
 
 def silent_parameters(fit: Fit) -> tuple[str, ...]:
-    """The parameters of the curve that the residuals of data and priors do not see, alone or in some combination.
+    """The parameters of the curve that the residuals of data and priors do not see, alone or in
+    some combination.
 
-    From the singular values of the Jacobian with columns of unit length: the smallest, and those as small as it.
+    From the singular values of the Jacobian with columns of unit length: the smallest, and those as
+    small as it.
     """
     names = [name for name in fit.names if name not in fit.problem.noise_names]
     columns = fit.posterior.jacobian(fit.values)[:, [fit.names.index(name) for name in names]]
     scale = np.linalg.norm(columns, axis=0)
-    _, singular, right = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True)
+    _, singular, right = np.linalg.svd(
+        columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True
+    )
     sizes = np.append(singular, np.zeros(len(names) - singular.size))
     share = np.sqrt(np.sum(right[sizes <= max(_SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
     return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
 
 
 def no_scatter(run: Observations, fit: Fit) -> bool:
-    """Whether the curve passes through every point of `run` to rounding errors, though it has fewer parameters than the run points."""
-    curve = np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+    """Whether the curve passes through every point of `run` to rounding errors, though it has fewer
+    parameters than the run points.
+    """
+    curve = np.broadcast_to(
+        run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs)
+    )[0]
     size = max(float(np.max(np.abs(run.y))), float(np.max(np.abs(curve))))
-    return run.n_obs > len(run.curve_parameters) and bool(np.max(np.abs(run.y - curve)) <= PERFECT * size)
+    return run.n_obs > len(run.curve_parameters) and bool(
+        np.max(np.abs(run.y - curve)) <= PERFECT * size
+    )

@@ -1,6 +1,8 @@
-"""The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min series; trials of release.
+"""The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min
+series; trials of release.
 
-Read `least_squares` first, `analysis` for the theta_min line, `release` for trials."""
+Read `least_squares` first, `analysis` for the theta_min line, `release` for trials.
+"""
 
 from estim.line.analysis import LineAnalysis, analyse_line
 from estim.line.conventions import CONVENTIONS

@@ -1,7 +1,8 @@
-"""The theta_min line of a campaign by every method: ordinary and weighted least squares, York, and a Bayesian line.
+"""The theta_min line of a campaign by every method: ordinary and weighted least squares, York, and
+a Bayesian line.
 
-gamma is 1/slope; the intercept is read in two ways that the points cannot tell apart, as rolling resistance
-(c_rr = intercept * gamma) and as a zero error of a scale.
+gamma is 1/slope; the intercept is read in two ways that the points cannot tell apart, as rolling
+resistance (c_rr = intercept * gamma) and as a zero error of a scale.
 """
 
 from __future__ import annotations
@@ -14,12 +15,30 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import headline, parameter_cells
-from estim.common import Finding, Kind, Notation, Quantity, Status, Stream, decide, e_n, phrase, stream
+from estim.common import (
+    Finding,
+    Kind,
+    Notation,
+    Quantity,
+    Status,
+    Stream,
+    decide,
+    e_n,
+    phrase,
+    stream,
+)
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
-from estim.line.regression import InversePrediction, LineFit, coverage_factor, fit_line, inverse_prediction, standard_error
+from estim.line.regression import (
+    InversePrediction,
+    LineFit,
+    coverage_factor,
+    fit_line,
+    inverse_prediction,
+    standard_error,
+)
 from estim.line.series import ThetaMinSeries
 from estim.sampling import Chain, Progress, Target, adapt_proposal, sample_posterior, summarise
 from estim.words import advice_for, tell
@@ -29,7 +48,8 @@ _INTERCEPT_SD = 0.1
 
 @dataclass(frozen=True)
 class Reading:
-    """What one method says: gamma and c_rr with standard uncertainties, and E_n of gamma against the masses.
+    """What one method says: gamma and c_rr with standard uncertainties, and E_n of gamma against
+    the masses.
 
     e_n is nan where gamma from the masses is unknown; |E_n| <= 1 means agreement at k = 2.
     """
@@ -44,9 +64,12 @@ class LineAnalysis:
     """The line of one series.
 
     ols, weighted, york : least squares without uncertainties, with those of theta_min, with both.
-    posterior, chain : the Bayesian line and its draws.  evidence : for or against an intercept.
-    readings : method -> Reading.  gamma_masses : from the masses (or the prior of gamma), None where unknown.
-    slope_exact : the exact 95 % interval of the slope.  steepest : sin(phi) at which theta_min reaches 90 degrees.
+    posterior, chain : the Bayesian line and its draws.
+    evidence : for or against an intercept.
+    readings : method -> Reading.
+    gamma_masses : from the masses (or the prior of gamma), None where unknown.
+    slope_exact : the exact 95 % interval of the slope.
+    steepest : sin(phi) at which theta_min reaches 90 degrees.
     findings : everything wrong; empty means ok.
     """
 
@@ -74,7 +97,8 @@ class LineAnalysis:
 
     @property
     def disagreement(self) -> str:
-        """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they agree, or one of them is missing.
+        """What to say where gamma of the line and gamma as stated differ at k = 2; "" where they
+        agree, or one of them is missing.
 
         The line does not use the stated value, so this is no fault of the line.
         """
@@ -82,22 +106,41 @@ class LineAnalysis:
         stated = self.gamma_masses
         if not self.status.ok or stated is None or not abs(found.e_n) > 1.0:
             return ""
-        numbers = {"line": found.gamma.value, "u_line": found.gamma.u, "stated": stated.value, "u_stated": stated.u}
+        numbers = {
+            "line": found.gamma.value,
+            "u_line": found.gamma.u,
+            "stated": stated.value,
+            "u_stated": stated.u,
+        }
         return tell(Finding(Kind.GAMMA_DISAGREES, size=found.e_n, numbers=numbers))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         quantities = (
-            (phrase("intercept"), self.chain.flat[:, self.chain.names.index("intercept")], phrase("sin θ_min at φ = 0")),
+            (
+                phrase("intercept"),
+                self.chain.flat[:, self.chain.names.index("intercept")],
+                phrase("sin θ_min at φ = 0"),
+            ),
             ("γ", self.gamma_draws, phrase("1/slope")),
-            ("c_rr", self.resistance_draws, phrase("intercept · γ, if all of it is rolling resistance")),
+            (
+                "c_rr",
+                self.resistance_draws,
+                phrase("intercept · γ, if all of it is rolling resistance"),
+            ),
         )
         rows = [
-            parameter_cells(summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")) for symbol, values, meaning in quantities
+            parameter_cells(
+                summarise(values, unit="1", meaning=meaning), Notation(symbol).label("1")
+            )
+            for symbol, values, meaning in quantities
         ]
         return headline(
-            phrase("θ_min line of {body}", body=self.series.body), kind="",
-            status=self.status, reasons=self.reasons, advice=advice_for(self.findings),
+            phrase("θ_min line of {body}", body=self.series.body),
+            kind="",
+            status=self.status,
+            reasons=self.reasons,
+            advice=advice_for(self.findings),
             rows=rows,
         )
 
@@ -113,7 +156,12 @@ class LineAnalysis:
 
 
 def analyse_line(
-    series: ThetaMinSeries, *, gamma_masses: Quantity | None, seed: int, target: Target | None = None, progress: Progress | None = None
+    series: ThetaMinSeries,
+    *,
+    gamma_masses: Quantity | None,
+    seed: int,
+    target: Target | None = None,
+    progress: Progress | None = None,
 ) -> LineAnalysis:
     """The line of a series by every method; the same seed gives the same numbers.
 
@@ -123,19 +171,48 @@ def analyse_line(
     weighted = fit_line(series.x, series.y, u_y=series.u_y)
     york = fit_line(series.x, series.y, u_x=series.u_x, u_y=series.u_y)
     posterior = line_posterior(
-        series.x, series.y, u_x=series.u_x, u_y=series.u_y, u_zero_x=series.u_zero_x, u_zero_y=series.u_zero_y, intercept_sd=_INTERCEPT_SD
+        series.x,
+        series.y,
+        u_x=series.u_x,
+        u_y=series.u_y,
+        u_zero_x=series.u_zero_x,
+        u_zero_y=series.u_zero_y,
+        intercept_sd=_INTERCEPT_SD,
     )
     mode = mode_or_guess(posterior)
     rng = stream(seed, Stream.LINE_CHAIN)
     proposal = adapt_proposal(posterior, mode.values, mode.cov, rng=rng)
-    chain = sample_posterior(posterior, mode.values, mode.cov, target=target or Target(), rng=rng, progress=progress, proposal=proposal)
+    chain = sample_posterior(
+        posterior,
+        mode.values,
+        mode.cov,
+        target=target or Target(),
+        rng=rng,
+        progress=progress,
+        proposal=proposal,
+    )
     exact = slope_interval(york)
-    readings = {name: _read(fit, gamma_masses) for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))}
+    readings = {
+        name: _read(fit, gamma_masses)
+        for name, fit in (("ols", ols), ("weighted", weighted), ("york", york))
+    }
     readings["posterior"] = _read_draws(chain, gamma_masses)
     return LineAnalysis(
-        series=series, ols=ols, weighted=weighted, york=york, posterior=posterior, chain=chain,
-        evidence=intercept_evidence(posterior, rng=stream(seed, Stream.LINE_EVIDENCE), n_draw=20_000), readings=readings, gamma_masses=gamma_masses,
-        slope_exact=exact, steepest=_steepest(york), findings=line_findings(york, exact, chain), seed=seed,
+        series=series,
+        ols=ols,
+        weighted=weighted,
+        york=york,
+        posterior=posterior,
+        chain=chain,
+        evidence=intercept_evidence(
+            posterior, rng=stream(seed, Stream.LINE_EVIDENCE), n_draw=20_000
+        ),
+        readings=readings,
+        gamma_masses=gamma_masses,
+        slope_exact=exact,
+        steepest=_steepest(york),
+        findings=line_findings(york, exact, chain),
+        seed=seed,
     )
 
 
@@ -147,9 +224,11 @@ def _steepest(york: LineFit) -> InversePrediction:
 
 
 def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
-    """gamma = 1/slope and c_rr = intercept/slope by linear propagation with the correlation of slope and intercept.
+    """gamma = 1/slope and c_rr = intercept/slope by linear propagation with the correlation of
+    slope and intercept.
 
-    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t asks for at 68 %.
+    Uncertainties of a fit whose scale comes from few residuals are widened to what Student's t asks
+    for at 68 %.
     """
     from uncertainties import correlated_values
 
@@ -160,7 +239,11 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
     if fit.slope == 0.0:
         return Reading(Quantity(math.nan, math.nan), Quantity(math.nan, math.nan), math.nan)
     gamma, resistance = 1.0 / slope, intercept / slope
-    return _reading(Quantity(gamma.nominal_value, gamma.std_dev), Quantity(resistance.nominal_value, resistance.std_dev), gamma_masses)
+    return _reading(
+        Quantity(gamma.nominal_value, gamma.std_dev),
+        Quantity(resistance.nominal_value, resistance.std_dev),
+        gamma_masses,
+    )
 
 
 def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
@@ -171,4 +254,6 @@ def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
 
 
 def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:
-    return Reading(gamma, resistance, math.nan if gamma_masses is None else e_n(gamma, gamma_masses))
+    return Reading(
+        gamma, resistance, math.nan if gamma_masses is None else e_n(gamma, gamma_masses)
+    )

@@ -1,13 +1,14 @@
 """Points of a straight line, checked, and S as a function of the line's angle.
 
-``line.py``, ``line_intervals.py`` and ``bayesian_line.py`` are built on this file; call those.  With theta the line's angle and
-(across, along) the coordinates normal to the line and in it,
+``line.py``, ``line_intervals.py`` and ``bayesian_line.py`` are built on this file; call those.
+With theta the line's angle and (across, along) the coordinates normal to the line and in it,
 
-    across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2 cos^2,
-    S(theta) = min over c of sum (across_i - c)^2 / v_i,
+    across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2
+    cos^2, S(theta) = min over c of sum (across_i - c)^2 / v_i,
 
-so that a steep line is no worse than a flat one and x and y may be exchanged.  S is scanned over all directions and the root of
-dS/dtheta polished in every bracket that holds a minimum; the lowest is the fit.  There is nothing to start or to diverge.
+so that a steep line is no worse than a flat one and x and y may be exchanged.  S is scanned over
+all directions and the root of dS/dtheta polished in every bracket that holds a minimum; the lowest
+is the fit.  There is nothing to start or to diverge.
 """
 
 from __future__ import annotations
@@ -34,13 +35,22 @@ class LineData:
     u_y: FloatArray  # standard uncertainties of y; all 1 for "ols", where only their ratios count
     r_xy: FloatArray  # correlation of the x and y errors of one point
     method: str  # "ols", "weighted", "york" or "correlated": which uncertainties were given
-    cov: FloatArray | None = None  # (2 n_obs, 2 n_obs) covariance of x, then y, where errors of points are correlated
+    # (2 n_obs, 2 n_obs) covariance of x, then y, where errors of points are correlated
+    cov: FloatArray | None = None
 
 
 def line_data(
-    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0, cov: ArrayLike | None = None
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    u_x: ArrayLike | None = None,
+    u_y: ArrayLike | None = None,
+    r_xy: ArrayLike = 0.0,
+    cov: ArrayLike | None = None,
 ) -> LineData:
-    """The points of a line, checked once; arguments and rules as in ``fit_line``.  Raises InputError."""
+    """The points of a line, checked once; arguments and rules as in ``fit_line``.  Raises
+    InputError.
+    """
     if cov is not None:
         return _correlated_data(x, y, u_x, u_y, cov)
     x_, y_ = _vector(x, "x", None), _vector(y, "y", None)
@@ -57,7 +67,9 @@ def line_data(
         if np.any(values < 0.0):
             raise InputError("must be >= 0", field=field, value=float(values.min()))
     if np.any(np.abs(r) >= 1.0):
-        raise InputError("must lie between -1 and 1", field="r_xy", value=float(r[np.argmax(np.abs(r))]))
+        raise InputError(
+            "must lie between -1 and 1", field="r_xy", value=float(r[np.argmax(np.abs(r))])
+        )
     if np.any(r != 0.0) and (u_x is None or u_y is None):
         raise InputError("needs both u_x and u_y", field="r_xy")
     if np.any((ux == 0.0) & (uy == 0.0)):
@@ -70,7 +82,9 @@ def line_data(
     return LineData(x_, y_, ux, uy, r, method)
 
 
-def _correlated_data(x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: ArrayLike | None, cov: ArrayLike) -> LineData:
+def _correlated_data(
+    x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: ArrayLike | None, cov: ArrayLike
+) -> LineData:
     if u_x is not None or u_y is not None:
         raise InputError("holds all uncertainties: leave out u_x, u_y and r_xy", field="cov")
     n = np.size(x)
@@ -78,16 +92,22 @@ def _correlated_data(x: ArrayLike, y: ArrayLike, u_x: ArrayLike | None, u_y: Arr
     u = np.sqrt(np.diag(joint))
     plain = line_data(x, y, u_x=u[:n], u_y=u[n:])
     size = np.where(plain.u_x * plain.u_y > 0.0, plain.u_x * plain.u_y, 1.0)
-    return LineData(plain.x, plain.y, plain.u_x, plain.u_y, np.diag(joint[:n, n:]) / size, "correlated", joint)
+    return LineData(
+        plain.x, plain.y, plain.u_x, plain.u_y, np.diag(joint[:n, n:]) / size, "correlated", joint
+    )
 
 
 def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
-    """``values`` as a finite read-only (n_obs,) array of its own; one number is repeated where n_obs is known."""
+    """``values`` as a finite read-only (n_obs,) array of its own; one number is repeated where
+    n_obs is known.
+    """
     array = real_numbers(values, field)
     if n_obs is not None and array.ndim == 0:
         array = np.full(n_obs, array)
     if array.ndim != 1 or (n_obs is not None and len(array) != n_obs):
-        rule = "must be one-dimensional" if n_obs is None else f"must be one number or {n_obs} values"
+        rule = (
+            "must be one-dimensional" if n_obs is None else f"must be one number or {n_obs} values"
+        )
         raise InputError(rule, field=field, value=array.shape)
     if not np.all(np.isfinite(array)):
         raise InputError("must be finite", field=field, value=float(array[~np.isfinite(array)][0]))
@@ -96,7 +116,9 @@ def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
 
 
 class ScaledPoints(NamedTuple):
-    """Points shifted to their mean and divided by their spread, so that an angle means the same in all units."""
+    """Points shifted to their mean and divided by their spread, so that an angle means the same in
+    all units.
+    """
 
     x: FloatArray  # (n_obs,)
     y: FloatArray  # (n_obs,)
@@ -105,29 +127,45 @@ class ScaledPoints(NamedTuple):
     cov_xy: FloatArray  # (n_obs,)
     origin: tuple[float, float]  # mean of x and y in their own units
     scale: tuple[float, float]  # spread of x and y in their own units
-    cov: FloatArray | None = None  # (2 n_obs, 2 n_obs) of x, then y, where errors of points are correlated
+    # (2 n_obs, 2 n_obs) of x, then y, where errors of points are correlated
+    cov: FloatArray | None = None
 
     def line(self, angle: float, offset: float) -> tuple[float, float]:
-        """Intercept and slope in the units of the data, of the line with that angle and distance from the origin."""
+        """Intercept and slope in the units of the data, of the line with that angle and distance
+        from the origin.
+        """
         (x0, y0), (scale_x, scale_y) = self.origin, self.scale
         slope = float(np.tan(angle)) * scale_y / scale_x
         return y0 + scale_y * offset / float(np.cos(angle)) - slope * x0, slope
 
 
 def scaled_points(data: LineData) -> ScaledPoints:
-    """Points in units of their own spread (standard deviation; the uncertainty where all values are equal)."""
+    """Points in units of their own spread (standard deviation; the uncertainty where all values are
+    equal).
+    """
     x0, y0 = float(np.mean(data.x)), float(np.mean(data.y))
     scale_x, scale_y = _spread(data.x, data.u_x), _spread(data.y, data.u_y)
     u_x, u_y = data.u_x / scale_x, data.u_y / scale_y
     units = np.repeat([scale_x, scale_y], data.x.size)
     cov = None if data.cov is None else data.cov / np.outer(units, units)
     return ScaledPoints(
-        (data.x - x0) / scale_x, (data.y - y0) / scale_y, u_x**2, u_y**2, data.r_xy * u_x * u_y, (x0, y0), (scale_x, scale_y), cov
+        (data.x - x0) / scale_x,
+        (data.y - y0) / scale_y,
+        u_x**2,
+        u_y**2,
+        data.r_xy * u_x * u_y,
+        (x0, y0),
+        (scale_x, scale_y),
+        cov,
     )
 
 
 def _spread(values: FloatArray, u: FloatArray) -> float:
-    return float(np.std(values)) if np.ptp(values) > 1e-14 * np.max(np.abs(values)) else float(np.max(u))
+    return (
+        float(np.std(values))
+        if np.ptp(values) > 1e-14 * np.max(np.abs(values))
+        else float(np.max(u))
+    )
 
 
 class Profile(NamedTuple):
@@ -135,7 +173,8 @@ class Profile(NamedTuple):
 
     chi2: FloatArray  # S(theta), least over the offset
     score: FloatArray  # -dS/dtheta / 2
-    information: FloatArray  # variance of the score given the adjusted points; its inverse is York's variance of the angle
+    # variance of the score given the adjusted points; its inverse is York's variance of the angle
+    information: FloatArray
     offset: FloatArray  # distance of the best line of that angle from the origin
     weight: FloatArray  # 1 / variance of the offset
     centre: FloatArray  # weighted mean of the adjusted points, along the line
@@ -144,19 +183,21 @@ class Profile(NamedTuple):
 def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     """S(theta) and the score of the angle.
 
-    With d_i = across_i - c and w_i = 1/v_i, the score is sum w_i d_i z_i, where z_i = along_i + (v_i'/2 v_i) d_i is the place
-    along the line of York's adjusted point.  Each d_i is independent of its z_i if theta is true (z is along with its regression
-    on d removed), hence given z the score is exactly normal with variance sum w (z - mean z)^2, however few the points.
+    With d_i = across_i - c and w_i = 1/v_i, the score is sum w_i d_i z_i, where z_i = along_i +
+    (v_i'/2 v_i) d_i is the place along the line of York's adjusted point.  Each d_i is independent
+    of its z_i if theta is true (z is along with its regression on d removed), hence given z the
+    score is exactly normal with variance sum w (z - mean z)^2, however few the points.
 
-    angle : any shape, rad, in scaled units.
-    Source: York et al. 2004, eqs. (3)-(5), rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
+    angle : any shape, rad, in scaled units.  Source: York et al. 2004, eqs. (3)-(5), rotated; the
+        score as in Kleibergen 2002, Econometrica 70, 1781.
     """
     if points.cov is not None:
         found = joint_profile(np.ravel(angle), points.x, points.y, points.cov)
         return Profile(*(values.reshape(np.shape(angle)) for values in found))
     s, c = np.sin(angle)[..., None], np.cos(angle)[..., None]
     variance = s * s * points.var_x - 2.0 * s * c * points.cov_xy + c * c * points.var_y
-    # a point exact in x alone has no variance across a vertical line: its floor is the rounding of the angle
+    # a point exact in x alone has no variance across a vertical line: its floor is the rounding of
+    # the angle
     w = 1.0 / np.maximum(variance, 1e-30 * (points.var_x + points.var_y))
     total = w.sum(axis=-1)
     across = c * points.y - s * points.x
@@ -166,20 +207,24 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     z = c * points.x + s * points.y + half_slope * w * d
     centre = (w * z).sum(axis=-1) / total
     information = (w * (z - centre[..., None]) ** 2).sum(axis=-1)
-    return Profile((w * d * d).sum(axis=-1), (w * d * z).sum(axis=-1), information, offset, total, centre)
+    return Profile(
+        (w * d * d).sum(axis=-1), (w * d * z).sum(axis=-1), information, offset, total, centre
+    )
 
 
 def best_angle(points: ScaledPoints) -> tuple[float, float]:
     """Angle of the least S over all lines, and by how much S varies over the angle.
 
-    Directions repeat after pi: on that circle every minimum lies between two scanned angles where the score changes from
-    plus to minus.
+    Directions repeat after pi: on that circle every minimum lies between two scanned angles where
+    the score changes from plus to minus.
     """
     from scipy.optimize import brentq
 
     fine = np.geomspace(1e-8, 1e-2, 13)
     even = (np.arange(180) + 0.5) * np.pi / 180.0
-    scan = np.unique(np.concatenate([-even / 2, even / 2, fine, -fine, np.pi / 2 - fine, fine - np.pi / 2]))
+    scan = np.unique(
+        np.concatenate([-even / 2, even / 2, fine, -fine, np.pi / 2 - fine, fine - np.pi / 2])
+    )
     scan = np.append(scan, scan[0] + np.pi)
     at = profile(scan, points)
     contrast = float(np.ptp(at.chi2))
@@ -189,6 +234,7 @@ def best_angle(points: ScaledPoints) -> tuple[float, float]:
 
     brackets = np.flatnonzero((at.score[:-1] > 0.0) & (at.score[1:] <= 0.0))
     roots = [brentq(score, scan[k], scan[k + 1], xtol=1e-300, rtol=1e-15) for k in brackets]
-    candidates = np.array([*roots, scan[int(np.argmin(at.chi2))]])  # the scanned one only where S does not depend on the angle
+    # the scanned one only where S does not depend on the angle
+    candidates = np.array([*roots, scan[int(np.argmin(at.chi2))]])
     angle = float(candidates[np.argmin(profile(candidates, points).chi2)])
     return (angle - np.pi if angle > np.pi / 2 else angle), contrast

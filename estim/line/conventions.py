@@ -13,14 +13,21 @@ from estim.line.angle import LineData
 
 CONVENTIONS: Mapping[str, str] = PhraseTable(
     {
-        "york": later("York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, with the stated uncertainties taken as true"),
+        "york": later(
+            "York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, "
+            "with the stated uncertainties taken as true"
+        ),
         "propagated": later(
-            "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438: the "
-            "uncertainties of all data propagated through the minimum; for exact x ISO/TS 28037:2010, 6.2"
+            "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. "
+            "Sci. Technol. 18, 3438: the "
+            "uncertainties of all data propagated through the minimum; for exact x ISO/TS "
+            "28037:2010, 6.2"
         ),
         "scaled": later(
-            "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without uncertainties GUM H.3): scaled by "
-            "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; Student's t with n - 2 degrees of freedom"
+            "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without "
+            "uncertainties GUM H.3): scaled by "
+            "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; "
+            "Student's t with n - 2 degrees of freedom"
         ),
     }
 )
@@ -31,26 +38,42 @@ _ROUNDING = 3e-14  # residuals below this share of y are rounding errors
 def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tuple[str, str]:
     """The convention to quote and why."""
     if data.method == "ols":
-        reason = phrase("no uncertainties are stated, so the scatter of the residuals alone sets the scale (Student's t, {dof} dof)", dof=dof)
+        reason = phrase(
+            "no uncertainties are stated, so the scatter of the residuals alone sets the "
+            "scale (Student's t, {dof} dof)",
+            dof=dof,
+        )
         if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
-            none = phrase(", and there is no scatter beyond rounding errors, so nothing indicates how large the errors are: state u_y")
+            none = phrase(
+                ", and there is no scatter beyond rounding errors, so nothing indicates "
+                "how large the errors are: state u_y"
+            )
             return "scaled", reason + none
         held = 1.0 - 2.0 * float(student_tail(1.0, dof))
         few = phrase(
-            "; value ± standard error contains the true value in {held:.0f} % of such experiments; coverage_factor() expands it "
-            "to any level", held=100 * held
+            "; value ± standard error contains the true value in {held:.0f} % of such "
+            "experiments; coverage_factor() expands it "
+            "to any level",
+            held=100 * held,
         )
         return "scaled", reason + (few if dof <= _FEW else "")
     if p_value < P_POOR_FIT:
         return "scaled", phrase(
-            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the scatter; rescaling assumes that all are too small by "
-            "the same factor, while a Bayesian line with intrinsic scatter assumes that an effect was left out",
-            ratio=chi2 / dof, p=format_p(p_value),
+            "S/dof = {ratio:.3g} ({p}): the stated uncertainties do not explain the "
+            "scatter; rescaling assumes that all are too small by "
+            "the same factor, while a Bayesian line with intrinsic scatter assumes that an "
+            "effect was left out",
+            ratio=chi2 / dof,
+            p=format_p(p_value),
         )
     if data.method == "weighted":
-        return "propagated", phrase("x is exact and S agrees with the stated uncertainties, so they are propagated as they are")
+        return "propagated", phrase(
+            "x is exact and S agrees with the stated uncertainties, so they are propagated "
+            "as they are"
+        )
     return "propagated", phrase(
-        "the scatter does not contradict the stated uncertainties ({p}), so they need no rescaling; the york convention gives too small "
+        "the scatter does not contradict the stated uncertainties ({p}), so they need no "
+        "rescaling; the york convention gives too small "
         "errors where the errors along the line are not small compared with the range",
         p=format_p(p_value),
     )

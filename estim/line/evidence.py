@@ -1,8 +1,9 @@
 """A line's posterior by importance sampling, and what the points say for or against an intercept.
 
-What to use when: ``sample_line`` gives weighted draws, intervals and the evidence in some milliseconds, without a Markov chain;
-its ``n_effective`` says whether to believe it (below a tenth of the draws: sample with a chain instead).
-``intercept_evidence`` compares the line with an intercept to the line through the origin.
+What to use when: ``sample_line`` gives weighted draws, intervals and the evidence in some
+milliseconds, without a Markov chain; its ``n_effective`` says whether to believe it (below a tenth
+of the draws: sample with a chain instead).  ``intercept_evidence`` compares the line with an
+intercept to the line through the origin.
 """
 
 from __future__ import annotations
@@ -41,13 +42,15 @@ class InterceptEvidence(NamedTuple):
     message: str  # why not to rely on it, a sentence; "" if there is no reason
 
 
-def sample_line(posterior: LinePosterior, mode: LineMode, *, rng: np.random.Generator, n_draw: int = 8000) -> WeightedDraws:
+def sample_line(
+    posterior: LinePosterior, mode: LineMode, *, rng: np.random.Generator, n_draw: int = 8000
+) -> WeightedDraws:
     """Weighted draws from a Student-t distribution that is fitted to the posterior in two rounds.
 
-    The first round (n_draw/4) is centred on the mode with its covariance, the second on mean and covariance of the first.
-    weight = density / proposal, evidence = mean weight.
-    mode : of ``line_mode``; InputError if it has no covariance.
-    Source: Kloek and van Dijk 1978, Econometrica 46, 1.
+    The first round (n_draw/4) is centred on the mode with its covariance, the second on mean and
+    covariance of the first.  weight = density / proposal, evidence = mean weight.
+    mode : of ``line_mode``; InputError if it has no covariance.  Source: Kloek and van Dijk 1978,
+        Econometrica 46, 1.
     """
     if not np.all(np.isfinite(mode.cov)):
         raise InputError(f"has no covariance: {mode.message}", field="mode")
@@ -59,45 +62,80 @@ def sample_line(posterior: LinePosterior, mode: LineMode, *, rng: np.random.Gene
 
 
 def _draw(
-    posterior: LinePosterior, centre: FloatArray, cov: FloatArray, *, rng: np.random.Generator, n_draw: int
+    posterior: LinePosterior,
+    centre: FloatArray,
+    cov: FloatArray,
+    *,
+    rng: np.random.Generator,
+    n_draw: int,
 ) -> WeightedDraws:
     factor = np.linalg.cholesky(cov)
     spread = np.sqrt(rng.chisquare(PROPOSAL_DOF, size=n_draw) / PROPOSAL_DOF)
     standard = rng.standard_normal((n_draw, len(centre))) / spread[:, None]
     draws = centre + standard @ factor.T
-    log_ratio = posterior.log_density(draws) - log_student(standard, PROPOSAL_DOF) + np.log(np.diag(factor)).sum()
+    log_ratio = (
+        posterior.log_density(draws)
+        - log_student(standard, PROPOSAL_DOF)
+        + np.log(np.diag(factor)).sum()
+    )
     largest = float(np.max(log_ratio))
     ratio = np.exp(log_ratio - largest)
     mean = float(np.mean(ratio))
     weights = ratio / ratio.sum()
     draws.flags.writeable = weights.flags.writeable = False
     error = float(np.std(ratio)) / mean / n_draw**0.5
-    return WeightedDraws(posterior.names, draws, weights, largest + float(np.log(mean)), error, float(1.0 / np.sum(weights**2)))
+    return WeightedDraws(
+        posterior.names,
+        draws,
+        weights,
+        largest + float(np.log(mean)),
+        error,
+        float(1.0 / np.sum(weights**2)),
+    )
 
 
 def log_student(standard: FloatArray, dof: float) -> FloatArray:
-    """(n_draw,) log density of the multivariate t distribution of location 0 and unit shape at `standard` (n_draw, n_par)."""
+    """(n_draw,) log density of the multivariate t distribution of location 0 and unit shape at
+    `standard` (n_draw, n_par).
+    """
     n_par = standard.shape[1]
-    log_norm = math.lgamma(0.5 * (dof + n_par)) - math.lgamma(0.5 * dof) - 0.5 * n_par * math.log(dof * math.pi)
+    log_norm = (
+        math.lgamma(0.5 * (dof + n_par))
+        - math.lgamma(0.5 * dof)
+        - 0.5 * n_par * math.log(dof * math.pi)
+    )
     return log_norm - 0.5 * (dof + n_par) * np.log1p(np.sum(standard**2, axis=1) / dof)
 
 
-def intercept_evidence(posterior: LinePosterior, *, rng: np.random.Generator, n_draw: int = 8000) -> InterceptEvidence:
-    """log evidence of the line with a normal intercept minus log evidence of the line through the origin.
+def intercept_evidence(
+    posterior: LinePosterior, *, rng: np.random.Generator, n_draw: int = 8000
+) -> InterceptEvidence:
+    """log evidence of the line with a normal intercept minus log evidence of the line through the
+    origin.
 
-    Flat priors that both share cancel.  The result depends on ``posterior.intercept_sd``: the wider that prior, the more an
-    intercept near 0 counts for the origin; state it with the result.
-    posterior : with ``intercept_sd``.  Raises InputError if it has none.
-    Source: Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773.
+    Flat priors that both share cancel.  The result depends on ``posterior.intercept_sd``: the wider
+    that prior, the more an intercept near 0 counts for the origin; state it with the result.
+    posterior : with ``intercept_sd``.  Raises InputError if it has none.  Source: Kass and Raftery
+        1995, J. Am. Stat. Assoc. 90, 773.
     """
     if posterior.intercept_sd is None:
-        raise InputError("must be given: the evidence depends on the prior of the intercept", field="intercept_sd")
+        raise InputError(
+            "must be given: the evidence depends on the prior of the intercept",
+            field="intercept_sd",
+        )
     variants = (posterior, without_intercept(posterior))
-    free, fixed = (sample_line(variant, mode_or_guess(variant), rng=rng, n_draw=n_draw) for variant in variants)
+    free, fixed = (
+        sample_line(variant, mode_or_guess(variant), rng=rng, n_draw=n_draw) for variant in variants
+    )
     poor = min(free.n_effective, fixed.n_effective) < 0.1 * n_draw
     return InterceptEvidence(
         free.log_evidence - fixed.log_evidence,
         float(np.hypot(free.u_log_evidence, fixed.u_log_evidence)),
         posterior.intercept_sd,
-        phrase("The importance weights are uneven: the Monte-Carlo error is itself uncertain; use more draws.") if poor else "",
+        phrase(
+            "The importance weights are uneven: the Monte-Carlo error is itself uncertain; "
+            "use more draws."
+        )
+        if poor
+        else "",
     )

@@ -1,8 +1,11 @@
-"""A line through points whose errors are correlated with each other: any covariance matrix of all x and y (ISO/TS 28037, clauses 9 and 10).
+"""A line through points whose errors are correlated with each other: any covariance matrix of all x
+and y (ISO/TS 28037, clauses 9 and 10).
 
-With V the covariance matrix (2 n_obs, 2 n_obs) of the errors of x, then of y, the errors across a line of angle theta have the covariance
-C = cos^2 V_yy - sin cos (V_xy + V_yx) + sin^2 V_xx, and S = d^T C^-1 d is what least squares over all true abscissas leave (generalised distance
-regression).  The formulas are those of `angle.profile` and of `least_squares`, with matrices in place of sums over points.
+With V the covariance matrix (2 n_obs, 2 n_obs) of the errors of x, then of y, the errors across a
+line of angle theta have the covariance C = cos^2 V_yy - sin cos (V_xy + V_yx) + sin^2 V_xx, and S =
+d^T C^-1 d is what least squares over all true abscissas leave (generalised distance regression).
+The formulas are those of `angle.profile` and of `least_squares`, with matrices in place of sums
+over points.
 """
 
 from __future__ import annotations
@@ -22,7 +25,9 @@ _FLOOR = 1e-14  # of the mean variance: what is exact across a line has that of 
 
 @dataclass(frozen=True)
 class Common:
-    """An error that all readings of an axis share.  axis : "x" or "y".  u : standard uncertainty, a share of the reading where `relative`."""
+    """An error that all readings of an axis share.  axis : "x" or "y".  u : standard uncertainty, a
+    share of the reading where `relative`.
+    """
 
     axis: str
     u: float
@@ -35,9 +40,16 @@ class Common:
 
 
 def joint_covariance(
-    u_x: FloatArray, u_y: FloatArray, r_xy: FloatArray, *, cov_x: FloatArray | None = None, cov_y: FloatArray | None = None
+    u_x: FloatArray,
+    u_y: FloatArray,
+    r_xy: FloatArray,
+    *,
+    cov_x: FloatArray | None = None,
+    cov_y: FloatArray | None = None,
 ) -> FloatArray:
-    """(2 n_obs, 2 n_obs) covariance of x, then y: from each point's own errors (n_obs,), or from the matrices (n_obs, n_obs) in their place."""
+    """(2 n_obs, 2 n_obs) covariance of x, then y: from each point's own errors (n_obs,), or from
+    the matrices (n_obs, n_obs) in their place.
+    """
     n = u_x.size
     joint = np.zeros((2 * n, 2 * n))
     joint[:n, :n] = np.diag(u_x**2) if cov_x is None else cov_x
@@ -46,8 +58,12 @@ def joint_covariance(
     return joint
 
 
-def with_common(joint: FloatArray, common: Sequence[Common], x: FloatArray, y: FloatArray) -> FloatArray:
-    """The same with errors that all readings share; relative ones are shares of x and y (n_obs,), best the values of a line."""
+def with_common(
+    joint: FloatArray, common: Sequence[Common], x: FloatArray, y: FloatArray
+) -> FloatArray:
+    """The same with errors that all readings share; relative ones are shares of x and y (n_obs,),
+    best the values of a line.
+    """
     n, found = x.size, joint.copy()
     for one in common:
         part = slice(0, n) if one.axis == "x" else slice(n, 2 * n)
@@ -56,7 +72,9 @@ def with_common(joint: FloatArray, common: Sequence[Common], x: FloatArray, y: F
 
 
 def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
-    """The matrix as floats of its own, read-only.  Raises InputError where it is no covariance matrix of x and y."""
+    """The matrix as floats of its own, read-only.  Raises InputError where it is no covariance
+    matrix of x and y.
+    """
     matrix = np.array(cov, dtype=np.float64)
     if matrix.shape != (2 * n_obs, 2 * n_obs):
         rule = f"must have {2 * n_obs} rows and columns: those of all x, then of all y"
@@ -70,8 +88,15 @@ def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
     if not np.all(np.abs(matrix - matrix.T) <= 1e-9 * size + 1e-300):
         raise InputError("must be symmetric", field="cov")
     scale = np.where(variances > 0.0, np.sqrt(np.abs(variances)), 1.0)
-    if np.any(variances < 0.0) or float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min()) < -1e-9:
-        raise InputError("must have no negative variance in any direction (is it a matrix of covariances, in the squares of units?)", field="cov")
+    if (
+        np.any(variances < 0.0)
+        or float(np.linalg.eigvalsh(matrix / np.outer(scale, scale)).min()) < -1e-9
+    ):
+        raise InputError(
+            "must have no negative variance in any direction (is it a matrix of "
+            "covariances, in the squares of units?)",
+            field="cov",
+        )
     matrix = 0.5 * (matrix + matrix.T)
     matrix.flags.writeable = False
     return matrix
@@ -88,10 +113,14 @@ class JointProfile(NamedTuple):
     centre: FloatArray
 
 
-def joint_profile(angles: FloatArray, x: FloatArray, y: FloatArray, cov: FloatArray) -> JointProfile:
-    """S and its derivatives for angles (n_angle,); x, y (n_obs,) and cov (2 n_obs, 2 n_obs) in scaled units.
+def joint_profile(
+    angles: FloatArray, x: FloatArray, y: FloatArray, cov: FloatArray
+) -> JointProfile:
+    """S and its derivatives for angles (n_angle,); x, y (n_obs,) and cov (2 n_obs, 2 n_obs) in
+    scaled units.
 
-    The place of an adjusted point along the line is that read, less its regression on the misfits across it, cov(along, across) C^-1 d.
+    The place of an adjusted point along the line is that read, less its regression on the misfits
+    across it, cov(along, across) C^-1 d.
     """
     n = x.size
     v_xx, v_xy, v_yy = cov[:n, :n], cov[:n, n:], cov[n:, n:]
@@ -107,12 +136,18 @@ def joint_profile(angles: FloatArray, x: FloatArray, y: FloatArray, cov: FloatAr
         along = c * x + s * y - shared @ weighted
         centre = float(ones @ along) / weight
         information = float((along - centre) @ np.linalg.solve(across, along - centre))
-        rows.append((float(misfit @ weighted), float(weighted @ along), information, offset, weight, centre))
+        rows.append(
+            (float(misfit @ weighted), float(weighted @ along), information, offset, weight, centre)
+        )
     return JointProfile(*np.array(rows).reshape(-1, 6).T)
 
 
-def propagated_joint(x: FloatArray, y: FloatArray, cov: FloatArray, b: float, a: float) -> FloatArray:
-    """Covariance (2, 2) of intercept and slope: H^-1 J V J^T H^-1, H and J the derivatives of grad S / 2 by (a, b) and by all readings."""
+def propagated_joint(
+    x: FloatArray, y: FloatArray, cov: FloatArray, b: float, a: float
+) -> FloatArray:
+    """Covariance (2, 2) of intercept and slope: H^-1 J V J^T H^-1, H and J the derivatives of grad
+    S / 2 by (a, b) and by all readings.
+    """
     n = x.size
     v_xx, v_xy, v_yy = cov[:n, :n], cov[:n, n:], cov[n:, n:]
     across = v_yy - b * (v_xy + v_xy.T) + b * b * v_xx

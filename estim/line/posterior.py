@@ -1,27 +1,33 @@
-"""The posterior of a straight line with errors in both variables, intrinsic scatter and common zero offsets.
+"""The posterior of a straight line with errors in both variables, intrinsic scatter and common zero
+offsets.
 
-Model of a point:  x_i = xi_i + zero_x + error,  y_i = intercept + slope xi_i + zero_y + scatter + error,  with the true abscissas
-xi_i from a normal distribution N(mu_x, tau^2) that is fitted too and integrated out.  What to use when:
+Model of a point:  x_i = xi_i + zero_x + error,  y_i = intercept + slope xi_i + zero_y + scatter +
+error,  with the true abscissas xi_i from a normal distribution N(mu_x, tau^2) that is fitted too
+and integrated out.  What to use when:
 
 - the stated uncertainties explain the scatter (``LineFit.p_value``): no ``scatter``.
-- they do not, or none are known for y: ``scatter``, the sd of a half-normal prior on an extra normal scatter in y.
-- all readings of an instrument share a zero error: ``u_zero_x``, ``u_zero_y``.  The points see only intercept + zero_y -
-  slope zero_x: with a flat intercept they say nothing on the zeros, whose uncertainty then simply widens the intercept.
+- they do not, or none are known for y: ``scatter``, the sd of a half-normal prior on an extra
+  normal scatter in y.
+- all readings of an instrument share a zero error: ``u_zero_x``, ``u_zero_y``.  The points see only
+  intercept + zero_y - slope zero_x: with a flat intercept they say nothing on the zeros, whose
+  uncertainty then simply widens the intercept.
 - the line is known to pass through the origin: ``through_origin``.
 
-Why tau: with d_i = y_i - a - b x_i of variance v_i, and z_i the abscissa with its regression on d_i removed (York's adjusted
-point), the two are independent and the likelihood is
+Why tau: with d_i = y_i - a - b x_i of variance v_i, and z_i the abscissa with its regression on d_i
+removed (York's adjusted point), the two are independent and the likelihood is
 
     prod N(d_i; 0, v_i) N(z_i; mu_x, tau^2 + (u_x^2 u_y^2 - cov^2)/v_i).
 
-The first factor alone is the tempting N(y | a + b x, u_y^2 + b^2 u_x^2).  Its 1/sqrt(v_i) rewards small slopes.  The second takes
-that reward back: a smaller slope spreads the adjusted points wider, and a fitted tau charges for that.  Without it the slope is
-biased by an amount that more points do not reduce.
+The first factor alone is the tempting N(y | a + b x, u_y^2 + b^2 u_x^2).  Its 1/sqrt(v_i) rewards
+small slopes.  The second takes that reward back: a smaller slope spreads the adjusted points wider,
+and a fitted tau charges for that.  Without it the slope is biased by an amount that more points do
+not reduce.
 
-Priors: flat in the line's angle, with x and y in units of their standard deviations, and in mu_x and the intercept (or a normal
-intercept); half-Cauchy with scale sqrt(2) for the spread of the true points along the line, tau sqrt(1 + slope^2) in the same
-units, which is what two coordinates of unit sd have.  Exchanging x and y leaves that prior as it is.
-Source: Gull 1989, in Maximum Entropy and Bayesian Methods (Kluwer), p. 511; Kelly 2007, Astrophys. J. 665, 1489, eqs. (13)-(24).
+Priors: flat in the line's angle, with x and y in units of their standard deviations, and in mu_x
+and the intercept (or a normal intercept); half-Cauchy with scale sqrt(2) for the spread of the true
+points along the line, tau sqrt(1 + slope^2) in the same units, which is what two coordinates of
+unit sd have.  Exchanging x and y leaves that prior as it is.  Source: Gull 1989, in Maximum Entropy
+and Bayesian Methods (Kluwer), p. 511; Kelly 2007, Astrophys. J. 665, 1489, eqs. (13)-(24).
 """
 
 from __future__ import annotations
@@ -39,9 +45,13 @@ from estim.line.regression import fit_line
 
 @dataclass(frozen=True, eq=False)
 class LinePosterior:
-    """A line's posterior density; give ``names``, ``log_density`` and the start of ``line_mode`` to a sampler."""
+    """A line's posterior density; give ``names``, ``log_density`` and the start of ``line_mode`` to
+    a sampler.
+    """
 
-    names: tuple[str, ...]  # "intercept", "slope", "mu_x", "log_tau", "log_scatter", "zero_x", "zero_y": those that are free
+    # "intercept", "slope", "mu_x", "log_tau", "log_scatter", "zero_x", "zero_y": those that are
+    # free
+    names: tuple[str, ...]
     start: FloatArray  # (n_par,) a rough guess
     step: FloatArray  # (n_par,) rough sds
     data: LineData  # the points
@@ -49,20 +59,23 @@ class LinePosterior:
     scatter: float | None  # sd of the half-normal prior on the scatter in y; None: no scatter
     u_zero_x: float  # sd of the common offset of all x; 0: none
     u_zero_y: float  # the same of y
-    intercept_sd: float | None  # sd of a normal prior on the intercept about 0; None: flat (density 1)
+    # sd of a normal prior on the intercept about 0; None: flat (density 1)
+    intercept_sd: float | None
     through_origin: bool  # intercept fixed at 0
 
     def log_density(self, draws: ArrayLike) -> FloatArray:
         """log of likelihood times prior (n_draw,); -inf where it vanishes.
 
-        draws : (n_draw, n_par) in the order of ``names``; log_tau is log(tau / unit of x), log_scatter log(sd / unit of y).
-        Normalised but for the flat priors of mu_x and, if flat, of the intercept.
+        draws : (n_draw, n_par) in the order of ``names``; log_tau is log(tau / unit of x),
+            log_scatter log(sd / unit of y).  Normalised but for the flat priors of mu_x and, if
+            flat, of the intercept.
         """
         values = np.asarray(draws, dtype=np.float64)
         column = {name: values[:, k] for k, name in enumerate(self.names)}
         with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
             total = self._log_likelihood(column) + self._log_prior(column)
-        # 0/0 and inf - inf arise only at the edge (a variance of zero, an infinite tau), where the density vanishes
+        # 0/0 and inf - inf arise only at the edge (a variance of zero, an infinite tau), where the
+        # density vanishes
         return np.where(np.isnan(total), -np.inf, total)
 
     def _log_likelihood(self, column: dict[str, FloatArray]) -> FloatArray:
@@ -80,19 +93,25 @@ class LinePosterior:
         z = x - column["mu_x"][:, None] + (b_var_x - cov_xy) / v * d
         determinant = tau2 * v + (var_x * var_y - cov_xy**2)
         chi2 = (d * d + (z * v) ** 2 / determinant) / v
-        return np.asarray(-0.5 * np.sum(chi2 + np.log(determinant), axis=1) - len(data.x) * np.log(2.0 * np.pi))
+        return np.asarray(
+            -0.5 * np.sum(chi2 + np.log(determinant), axis=1) - len(data.x) * np.log(2.0 * np.pi)
+        )
 
     def _log_prior(self, column: dict[str, FloatArray]) -> FloatArray:
         ratio = self.scale[0] / self.scale[1]
         log_secant2 = np.log1p((column["slope"] * ratio) ** 2)
         log_spread = column["log_tau"] - np.log(self.scale[0]) + 0.5 * log_secant2
-        total = np.log(ratio / np.pi) - log_secant2 + np.log(2.0 * np.sqrt(2.0) / np.pi) + log_spread
+        total = (
+            np.log(ratio / np.pi) - log_secant2 + np.log(2.0 * np.sqrt(2.0) / np.pi) + log_spread
+        )
         total = total - np.logaddexp(np.log(2.0), 2.0 * log_spread)
         if self.intercept_sd is not None and not self.through_origin:
             total = total + _log_normal(column["intercept"], self.intercept_sd)
         if self.scatter is not None:
             log_scatter = column["log_scatter"]
-            total = total + np.log(2.0) + _log_normal(np.exp(log_scatter), self.scatter) + log_scatter
+            total = (
+                total + np.log(2.0) + _log_normal(np.exp(log_scatter), self.scatter) + log_scatter
+            )
         for name, u in (("zero_x", self.u_zero_x), ("zero_y", self.u_zero_y)):
             total = total + _log_normal(column[name], u) if u > 0.0 else total
         return np.asarray(total)
@@ -118,9 +137,10 @@ def line_posterior(
     """The posterior of the line through the points; the equations are at the head of this file.
 
     x, y, u_x, u_y, r_xy : as in ``fit_line``; without both uncertainties ``scatter`` must be given.
-    scatter : unit of y, sd of the half-normal prior on the scatter.  u_zero_x, u_zero_y : unit of x, y.
-    intercept_sd : unit of y, sd of a normal prior on the intercept; needed for ``intercept_evidence``.
-    Raises InputError.
+    scatter : unit of y, sd of the half-normal prior on the scatter.
+    u_zero_x, u_zero_y : unit of x, y.
+    intercept_sd : unit of y, sd of a normal prior on the intercept; needed for
+        ``intercept_evidence``.  Raises InputError.
     """
     data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
     if data.method == "ols" and scatter is None:
@@ -132,29 +152,50 @@ def line_posterior(
         if not 0.0 <= value < np.inf:
             raise InputError("must be >= 0 and finite", field=field, value=value)
     if through_origin and intercept_sd is not None:
-        raise InputError("has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd)
+        raise InputError(
+            "has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd
+        )
     return _assemble(data, scatter, float(u_zero_x), float(u_zero_y), intercept_sd, through_origin)
 
 
 def without_intercept(posterior: LinePosterior) -> LinePosterior:
     """The same posterior with the intercept fixed at 0."""
-    return _assemble(posterior.data, posterior.scatter, posterior.u_zero_x, posterior.u_zero_y, None, True)
+    return _assemble(
+        posterior.data, posterior.scatter, posterior.u_zero_x, posterior.u_zero_y, None, True
+    )
 
 
 def _assemble(
-    data: LineData, scatter: float | None, u_zero_x: float, u_zero_y: float, intercept_sd: float | None, through_origin: bool
+    data: LineData,
+    scatter: float | None,
+    u_zero_x: float,
+    u_zero_y: float,
+    intercept_sd: float | None,
+    through_origin: bool,
 ) -> LinePosterior:
     """A posterior of checked parts, its guess from the least-squares line."""
     points = [data.x, data.y, data.u_x, data.u_y, data.r_xy]
-    if through_origin:  # the points and their mirror images: the best line of both goes through the origin
-        points = [np.concatenate([values, -values if k < 2 else values]) for k, values in enumerate(points)]
+    # the points and their mirror images: the best line of both goes through the origin
+    if through_origin:
+        points = [
+            np.concatenate([values, -values if k < 2 else values])
+            for k, values in enumerate(points)
+        ]
     x, y, u_x, u_y, r_xy = points
-    fit = fit_line(x, y, u_x=None if data.method == "ols" else u_x, u_y=None if data.method == "ols" else u_y, r_xy=r_xy)
-    error, stated = fit.standard_errors["scaled"], fit.standard_errors.get("propagated", fit.standard_errors["scaled"])
+    fit = fit_line(
+        x,
+        y,
+        u_x=None if data.method == "ols" else u_x,
+        u_y=None if data.method == "ols" else u_y,
+        r_xy=r_xy,
+    )
+    error = fit.standard_errors["scaled"]
+    stated = fit.standard_errors.get("propagated", fit.standard_errors["scaled"])
     if not np.isfinite(error.u_slope):
         raise InputError("must not lie on a vertical line; exchange x and y", field="x")
     scale = scaled_points(data).scale
-    floor = 1e-6 * scale[1]  # rough sds may not be zero where the points lie exactly on a line, nor far below what is stated
+    # rough sds may not be zero where the points lie exactly on a line, nor far below what is stated
+    floor = 1e-6 * scale[1]
     start = {
         "intercept": (fit.intercept, max(error.u_intercept, 0.1 * stated.u_intercept, floor)),
         "slope": (fit.slope, max(error.u_slope, 0.1 * stated.u_slope, floor / scale[0])),
@@ -209,7 +250,8 @@ def line_mode(posterior: LinePosterior) -> LineMode:
     first, second = np.triu_indices(n_par, 1)
 
     def height(shifts: FloatArray) -> FloatArray:
-        # finite, so that a trial step to where the density vanishes is turned down like any other bad step
+        # finite, so that a trial step to where the density vanishes is turned down like any other
+        # bad step
         return np.minimum(-posterior.log_density(start + step * shifts), 1e100)
 
     def value(at: FloatArray) -> float:
@@ -220,24 +262,52 @@ def line_mode(posterior: LinePosterior) -> LineMode:
 
     def hessian(at: FloatArray) -> FloatArray:
         centre, plus, minus = height(at[None]), height(at + eye), height(at - eye)
-        both = [height(at + i * eye[first] + j * eye[second]) for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+        both = [
+            height(at + i * eye[first] + j * eye[second])
+            for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
+        ]
         matrix = np.diag(plus - 2.0 * centre + minus)
-        matrix[first, second] = matrix[second, first] = 0.25 * (both[0] - both[1] - both[2] + both[3])
+        matrix[first, second] = matrix[second, first] = 0.25 * (
+            both[0] - both[1] - both[2] + both[3]
+        )
         return np.asarray(matrix / h**2)
 
-    found = minimize(value, np.zeros(n_par), method="trust-exact", jac=gradient, hess=hessian, options={"gtol": 1e-4})
+    found = minimize(
+        value,
+        np.zeros(n_par),
+        method="trust-exact",
+        jac=gradient,
+        hess=hessian,
+        options={"gtol": 1e-4},
+    )
     curvature = hessian(found.x)
     peaked = bool(np.all(np.isfinite(curvature)) and np.all(np.linalg.eigvalsh(curvature) > 0.0))
-    cov = np.linalg.inv(curvature) * np.outer(step, step) if peaked else np.full((n_par, n_par), np.nan)
+    cov = (
+        np.linalg.inv(curvature) * np.outer(step, step)
+        if peaked
+        else np.full((n_par, n_par), np.nan)
+    )
     steepness = gradient(found.x)
-    distance = float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
-    message = "" if distance < 1e-2 else phrase("The search for the mode did not converge to a peak of the posterior density.")
+    distance = (
+        float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
+    )
+    message = (
+        ""
+        if distance < 1e-2
+        else phrase("The search for the mode did not converge to a peak of the posterior density.")
+    )
     values = np.asarray(start + step * found.x)
     values.flags.writeable = cov.flags.writeable = False
     return LineMode(values, cov, message)
 
 
 def mode_or_guess(posterior: LinePosterior) -> LineMode:
-    """`line_mode`, or where the density has no peak the rough guess with its rough standard deviations, and the message that says so."""
+    """`line_mode`, or where the density has no peak the rough guess with its rough standard
+    deviations, and the message that says so.
+    """
     mode = line_mode(posterior)
-    return mode if np.all(np.isfinite(mode.cov)) else LineMode(posterior.start, np.diag(posterior.step**2), mode.message)
+    return (
+        mode
+        if np.all(np.isfinite(mode.cov))
+        else LineMode(posterior.start, np.diag(posterior.step**2), mode.message)
+    )

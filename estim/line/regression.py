@@ -1,24 +1,31 @@
-"""A straight line y = intercept + slope x through measured points, and every published standard error of it.
+"""A straight line y = intercept + slope x through measured points, and every published standard
+error of it.
 
 What to use when:
 
-- no uncertainties known: ``fit_line(x, y)``, ordinary least squares ("ols").  The scatter of the residuals is the only
-  information on the uncertainty, so intervals use Student's t.
+- no uncertainties known: ``fit_line(x, y)``, ordinary least squares ("ols").  The scatter of the
+  residuals is the only information on the uncertainty, so intervals use Student's t.
 - only y uncertain: give ``u_y`` ("weighted", ISO/TS 28037 clause 6).
-- x and y uncertain: give ``u_x`` and ``u_y``, and ``r_xy`` if the two errors of a point are correlated ("york").
-- errors of different points correlated: give ``cov``, the covariance matrix of all x, then all y ("correlated", ISO/TS 28037 clauses 9 and 10).
+- x and y uncertain: give ``u_x`` and ``u_y``, and ``r_xy`` if the two errors of a point are
+  correlated ("york").
+- errors of different points correlated: give ``cov``, the covariance matrix of all x, then all y
+  ("correlated", ISO/TS 28037 clauses 9 and 10).
 
-``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent between points.  An error
-common to all points is part of ``cov`` (`joint_errors`); scatter beyond the stated uncertainties is for ``posterior.py``.
+``u_x``, ``u_y`` are standard uncertainties (one sd) of the readings of each point, independent
+between points.  An error common to all points is part of ``cov`` (`joint_errors`); scatter beyond
+the stated uncertainties is for ``posterior.py``.
 
-All three methods are one computation, described in ``line_profile.py``; it needs no starting values and cannot diverge.
+All three methods are one computation, described in ``line_profile.py``; it needs no starting values
+and cannot diverge.
 
-Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names their papers.  For errors in both
-variables "propagated" is recommended: it holds its probability in simulation (``benchmarks/line_coverage.py``).  "york" is too
-small where both uncertainties are a tenth of the range or more: York's adjusted points still scatter along the line, so they
-seem to span a wider range than the true ones do; with many points u_slope is too small by the factor 1 + (variance of an
-adjusted abscissa about the true one)/(variance of the true abscissas).  For a slope that is not well known,
-``slope_interval`` in ``line_intervals.py`` is exact and not forced to be symmetric.
+Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names
+their papers.  For errors in both variables "propagated" is recommended: it holds its probability in
+simulation (``benchmarks/line_coverage.py``).  "york" is too small where both uncertainties are a
+tenth of the range or more: York's adjusted points still scatter along the line, so they seem to
+span a wider range than the true ones do; with many points u_slope is too small by the factor 1 +
+(variance of an adjusted abscissa about the true one)/(variance of the true abscissas).  For a slope
+that is not well known, ``slope_interval`` in ``line_intervals.py`` is exact and not forced to be
+symmetric.
 """
 
 from __future__ import annotations
@@ -37,13 +44,23 @@ from estim.checks import P_POOR_FIT
 from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.given_numbers import real_number, real_numbers
-from estim.line.angle import LineData, Profile, ScaledPoints, best_angle, line_data, profile, scaled_points
+from estim.line.angle import (
+    LineData,
+    Profile,
+    ScaledPoints,
+    best_angle,
+    line_data,
+    profile,
+    scaled_points,
+)
 from estim.line.conventions import recommendation
 from estim.line.joint_errors import propagated_joint
 
 
 class StandardError(NamedTuple):
-    """Standard uncertainties of a line; intercept and slope follow from the last two, which lose no digits far from x = 0."""
+    """Standard uncertainties of a line; intercept and slope follow from the last two, which lose no
+    digits far from x = 0.
+    """
 
     u_intercept: float  # unit of y
     u_slope: float  # unit of y / unit of x
@@ -60,16 +77,20 @@ class LineFit:
     slope: float  # unit of y / unit of x; inf for a vertical line
     chi2: float  # S at the minimum; for "ols" the sum of squared residuals (unit of y^2)
     dof: int  # n_obs - 2
-    p_value: float  # chance of a larger S if line and uncertainties are right; nan for "ols", which cannot know
+    # chance of a larger S if line and uncertainties are right; nan for "ols", which cannot know
+    p_value: float
     method: str  # "ols", "weighted" or "york"
-    standard_errors: Mapping[str, StandardError]  # convention -> its standard errors; CONVENTIONS names the sources
+    # convention -> its standard errors; CONVENTIONS names the sources
+    standard_errors: Mapping[str, StandardError]
     recommended: str  # the convention to quote
     reason: str  # why that one, a sentence
     message: str  # what went wrong, a sentence; "" if nothing
     data: LineData  # the points
 
     def _repr_markdown_(self) -> str:
-        """What a notebook shows: the line by every convention, the recommended one in bold, and what to know before using it."""
+        """What a notebook shows: the line by every convention, the recommended one in bold, and
+        what to know before using it.
+        """
         rows = [
             (
                 Markdown(f"**{name}**") if name == self.recommended else name,
@@ -80,23 +101,38 @@ class LineFit:
         fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
         fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
         head = (phrase("convention"), phrase("intercept"), phrase("slope"))
-        parts = (phrase("Line, method {method}: {fit}", method=self.method, fit=fit), markdown(self.message), table(head, rows))
-        quoted = phrase("Quote **{name}**: {reason}.", name=self.recommended, reason=markdown(self.reason))
+        parts = (
+            phrase("Line, method {method}: {fit}", method=self.method, fit=fit),
+            markdown(self.message),
+            table(head, rows),
+        )
+        quoted = phrase(
+            "Quote **{name}**: {reason}.", name=self.recommended, reason=markdown(self.reason)
+        )
         return "\n\n".join(part for part in (*parts, quoted) if part)
 
 
 def fit_line(
-    x: ArrayLike, y: ArrayLike, *, u_x: ArrayLike | None = None, u_y: ArrayLike | None = None, r_xy: ArrayLike = 0.0, cov: ArrayLike | None = None
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    u_x: ArrayLike | None = None,
+    u_y: ArrayLike | None = None,
+    r_xy: ArrayLike = 0.0,
+    cov: ArrayLike | None = None,
 ) -> LineFit:
-    """The line of least S = sum (y_i - a - b x_i)^2 / (u_y^2 - 2 b r u_x u_y + b^2 u_x^2), the global minimum over a and b.
+    """The line of least S = sum (y_i - a - b x_i)^2 / (u_y^2 - 2 b r u_x u_y + b^2 u_x^2), the
+    global minimum over a and b.
 
-    x, y : (n_obs,), n_obs >= 3 (two points leave nothing to check).  u_x, u_y : (n_obs,) or one number, unit of x, y; None
-    means exact if the other is given.  r_xy : (n_obs,) or one number in (-1, 1).
-    cov : (2 n_obs, 2 n_obs) covariance of all x, then all y, in place of the three; S is then d^T C^-1 d with C the covariance of y - b x.
-    Standard errors: "york", "propagated", "scaled" for methods "york" and "correlated"; the first two are the same for "weighted", which has
-    "propagated" and "scaled"; "ols" has "scaled".
-    Raises InputError for data that break a rule.
-    Source: York, Evensen, Lopez Martinez and De Basabe Delgado 2004, Am. J. Phys. 72, 367, eq. (1) for S.
+    x, y : (n_obs,), n_obs >= 3 (two points leave nothing to check).
+    u_x, u_y : (n_obs,) or one number, unit of x, y; None means exact if the other is given.
+    r_xy : (n_obs,) or one number in (-1, 1).
+    cov : (2 n_obs, 2 n_obs) covariance of all x, then all y, in place of the three; S is then d^T
+        C^-1 d with C the covariance of y - b x.  Standard errors: "york", "propagated", "scaled"
+        for methods "york" and "correlated"; the first two are the same for "weighted", which has
+        "propagated" and "scaled"; "ols" has "scaled".  Raises InputError for data that break a
+        rule.  Source: York, Evensen, Lopez Martinez and De Basabe Delgado 2004, Am. J. Phys. 72,
+        367, eq. (1) for S.
     """
     data = line_data(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy, cov=cov)
     points = scaled_points(data)
@@ -111,7 +147,9 @@ def fit_line(
     if vertical or best.information <= 0.0:
         errors = dict.fromkeys(_names(data.method), StandardError(*[float("nan")] * 5))
     else:
-        errors = _standard_errors(points, angle, best, method=data.method, scale=float(np.sqrt(chi2 / dof)))
+        errors = _standard_errors(
+            points, angle, best, method=data.method, scale=float(np.sqrt(chi2 / dof))
+        )
     recommended, reason = recommendation(data, chi2, dof, p_value)
     return LineFit(
         intercept=intercept,
@@ -123,23 +161,35 @@ def fit_line(
         standard_errors=MappingProxyType(errors),
         recommended=recommended,
         reason=reason,
-        message=_message(vertical, contrast if data.method != "ols" else np.inf, chi2, dof, p_value, errors),
+        message=_message(
+            vertical, contrast if data.method != "ols" else np.inf, chi2, dof, p_value, errors
+        ),
         data=data,
     )
 
 
 def _names(method: str) -> tuple[str, ...]:
-    return {"ols": ("scaled",), "weighted": ("propagated", "scaled")}.get(method, ("york", "propagated", "scaled"))
+    return {"ols": ("scaled",), "weighted": ("propagated", "scaled")}.get(
+        method, ("york", "propagated", "scaled")
+    )
 
 
-def _standard_errors(points: ScaledPoints, angle: float, best: Profile, *, method: str, scale: float) -> dict[str, StandardError]:
+def _standard_errors(
+    points: ScaledPoints, angle: float, best: Profile, *, method: str, scale: float
+) -> dict[str, StandardError]:
     """All conventions that make sense for the method, in the units of the data."""
     slope = float(np.tan(angle))
     cos = float(np.cos(angle))
-    # adjusted points: variances of the angle, and of the offset at the points' centre, are independent there
+    # adjusted points: variances of the angle, and of the offset at the points' centre, are
+    # independent there
     var_slope = 1.0 / (float(best.information) * cos**4)
     x_mean = float(best.centre) * cos - float(best.offset) * float(np.sin(angle))
-    york = np.array([[1.0 / (float(best.weight) * cos**2) + x_mean**2 * var_slope, -x_mean * var_slope], [0.0, var_slope]])
+    york = np.array(
+        [
+            [1.0 / (float(best.weight) * cos**2) + x_mean**2 * var_slope, -x_mean * var_slope],
+            [0.0, var_slope],
+        ]
+    )
     york[1, 0] = york[0, 1]
     propagated = _propagated(points, slope, float(best.offset) / cos)
     cov = {"york": york, "propagated": propagated, "scaled": scale**2 * york}
@@ -152,22 +202,34 @@ def _standard_error(cov: FloatArray, points: ScaledPoints) -> StandardError:
     pivot = -float(cov[0, 1] / cov[1, 1]) if cov[1, 1] > 0.0 else 0.0
     u_pivot = scale_y * float(np.sqrt(max(cov[0, 0] + pivot * cov[0, 1], 0.0)))
     u_slope, x_pivot = scale_y / scale_x * float(np.sqrt(cov[1, 1])), x0 + scale_x * pivot
-    return StandardError(float(np.hypot(u_pivot, x_pivot * u_slope)), u_slope, -x_pivot * u_slope**2, x_pivot, u_pivot)
+    return StandardError(
+        float(np.hypot(u_pivot, x_pivot * u_slope)),
+        u_slope,
+        -x_pivot * u_slope**2,
+        x_pivot,
+        u_pivot,
+    )
 
 
 def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
-    """Covariance (2, 2) of (a, b): H^-1 J V J^T H^-1, H and J the derivatives of grad S by (a, b) and by all data.
+    """Covariance (2, 2) of (a, b): H^-1 J V J^T H^-1, H and J the derivatives of grad S by (a, b)
+    and by all data.
 
     Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
     """
     if points.cov is not None:
         return propagated_joint(points.x, points.y, points.cov, b, a)
     x, d = points.x, points.y - a - b * points.x
-    v = np.maximum(points.var_y - 2.0 * b * points.cov_xy + b * b * points.var_x, 1e-30 * (points.var_x + points.var_y))
+    v = np.maximum(
+        points.var_y - 2.0 * b * points.cov_xy + b * b * points.var_x,
+        1e-30 * (points.var_x + points.var_y),
+    )
     v1, v2 = 2.0 * (b * points.var_x - points.cov_xy), 2.0 * points.var_x
     w, w1, w2 = 1.0 / v, -v1 / v**2, -v2 / v**2 + 2.0 * v1**2 / v**3
     h_ab = np.sum(w * x - w1 * d)
-    hessian = np.array([[np.sum(w), h_ab], [h_ab, np.sum(w * x * x - 2.0 * w1 * d * x + 0.5 * w2 * d * d)]])
+    hessian = np.array(
+        [[np.sum(w), h_ab], [h_ab, np.sum(w * x * x - 2.0 * w1 * d * x + 0.5 * w2 * d * d)]]
+    )
     by_y = np.array([-w, -w * x + w1 * d])
     by_x = np.array([w * b, w * b * x - w * d - w1 * d * b])
     cross = (by_x * points.cov_xy) @ by_y.T
@@ -176,19 +238,41 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
     return np.asarray(inverse @ middle @ inverse)
 
 
-def _message(vertical: bool, contrast: float, chi2: float, dof: int, p_value: float, errors: Mapping[str, StandardError]) -> str:
+def _message(
+    vertical: bool,
+    contrast: float,
+    chi2: float,
+    dof: int,
+    p_value: float,
+    errors: Mapping[str, StandardError],
+) -> str:
     """What a reader must know before using the numbers; "" if nothing."""
     sentences = []
     if vertical:
-        sentences.append(phrase("The best line is vertical: it has no slope and no intercept; exchange x and y."))
+        sentences.append(
+            phrase("The best line is vertical: it has no slope and no intercept; exchange x and y.")
+        )
     elif not all(np.isfinite(value) for error in errors.values() for value in error):
-        sentences.append(phrase("The points coincide along the line, so there are no standard errors."))
+        sentences.append(
+            phrase("The points coincide along the line, so there are no standard errors.")
+        )
     if contrast < chi2_quantile(0.95, 1):
         sentences.append(
-            phrase("The data do not determine the direction of the line: S varies by only {contrast:.2g} over all directions.", contrast=contrast)
+            phrase(
+                "The data do not determine the direction of the line: S varies by only "
+                "{contrast:.2g} over all directions.",
+                contrast=contrast,
+            )
         )
     if p_value < P_POOR_FIT:
-        sentences.append(phrase("Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({p}).", chi2=chi2, dof=dof, p=format_p(p_value)))
+        sentences.append(
+            phrase(
+                "Poor fit: S = {chi2:.4g} with {dof} degrees of freedom ({p}).",
+                chi2=chi2,
+                dof=dof,
+                p=format_p(p_value),
+            )
+        )
     return " ".join(sentences)
 
 
@@ -201,7 +285,9 @@ class LineValues(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """An interval of y at each abscissa, arrays (n_x,) and read-only; each holds pointwise, not for the whole line at once."""
+    """An interval of y at each abscissa, arrays (n_x,) and read-only; each holds pointwise, not for
+    the whole line at once.
+    """
 
     x: FloatArray
     centre: FloatArray  # the line
@@ -220,23 +306,34 @@ class InversePrediction(NamedTuple):
 
 
 def line_values(fit: LineFit, x: ArrayLike, *, convention: str | None = None) -> LineValues:
-    """The line at x and its standard uncertainty: u^2 = u_a^2 + x^2 u_b^2 + 2 x cov = u_pivot^2 + (x - x_pivot)^2 u_b^2.
+    """The line at x and its standard uncertainty: u^2 = u_a^2 + x^2 u_b^2 + 2 x cov = u_pivot^2 +
+    (x - x_pivot)^2 u_b^2.
 
-    x : (n_x,) or one number.  convention : a name in ``fit.standard_errors``; None is the recommended one.
-    Source: GUM H.3.4.
+    x : (n_x,) or one number.
+    convention : a name in ``fit.standard_errors``; None is the recommended one.  Source: GUM H.3.4.
     """
     at = np.atleast_1d(real_numbers(x, "x"))
     error = standard_error(fit, convention)
-    return LineValues(fit.intercept + fit.slope * at, np.hypot(error.u_pivot, (at - error.x_pivot) * error.u_slope))
+    return LineValues(
+        fit.intercept + fit.slope * at,
+        np.hypot(error.u_pivot, (at - error.x_pivot) * error.u_slope),
+    )
 
 
-def confidence_band(fit: LineFit, x: ArrayLike, *, probability: float = 0.95, convention: str | None = None) -> Band:
+def confidence_band(
+    fit: LineFit, x: ArrayLike, *, probability: float = 0.95, convention: str | None = None
+) -> Band:
     """Where the line is, pointwise: line -+ k u, k normal, or Student's t for "scaled".
 
     Arguments as in ``line_values``.  Raises InputError.
     """
     values, u = line_values(fit, x, convention=convention)
-    return _band(x, values, coverage_factor(fit, probability=probability, convention=convention) * u, probability)
+    return _band(
+        x,
+        values,
+        coverage_factor(fit, probability=probability, convention=convention) * u,
+        probability,
+    )
 
 
 def prediction_band(
@@ -250,26 +347,37 @@ def prediction_band(
 ) -> Band:
     """Where one more reading of y will fall: line -+ k sqrt(u^2 + u_y^2 + slope^2 u_x^2).
 
-    u_y : standard uncertainty of the new reading, (n_x,) or one number; None is the scatter of the residuals, for "ols" only.
-    u_x : of the abscissa at which it is taken.  Other arguments as in ``line_values``.  Raises InputError.
+    u_y : standard uncertainty of the new reading, (n_x,) or one number; None is the scatter of the
+        residuals, for "ols" only.
+    u_x : of the abscissa at which it is taken.  Other arguments as in ``line_values``.  Raises
+        InputError.
     """
     values, u = line_values(fit, x, convention=convention)
-    reading = np.sqrt(_reading_uncertainty(fit, u_y, "u_y") ** 2 + (fit.slope * real_numbers(u_x, "u_x")) ** 2)
+    reading = np.sqrt(
+        _reading_uncertainty(fit, u_y, "u_y") ** 2 + (fit.slope * real_numbers(u_x, "u_x")) ** 2
+    )
     factor = coverage_factor(fit, probability=probability, convention=convention)
     return _band(x, values, factor * np.hypot(u, reading), probability)
 
 
 def inverse_prediction(
-    fit: LineFit, y0: float, *, u_y0: float | None = None, probability: float = 0.95, convention: str | None = None
+    fit: LineFit,
+    y0: float,
+    *,
+    u_y0: float | None = None,
+    probability: float = 0.95,
+    convention: str | None = None,
 ) -> InversePrediction:
     """x0 = (y0 - a)/b for a new reading y0, u^2(x0) = (u_y0^2 + u_a^2 + x0^2 u_b^2 + 2 x0 cov)/b^2.
 
-    u_y0 : standard uncertainty of y0; None is the scatter of the residuals, for "ols" only.  Linear in the uncertainties:
-    not for a slope that is uncertain by more than about 10 %.  Raises InputError.
-    Source: ISO/TS 28037:2010, 11.1.
+    u_y0 : standard uncertainty of y0; None is the scatter of the residuals, for "ols" only.  Linear
+        in the uncertainties: not for a slope that is uncertain by more than about 10 %.  Raises
+        InputError.  Source: ISO/TS 28037:2010, 11.1.
     """
     if not np.isfinite(fit.slope) or fit.slope == 0.0:
-        raise InputError("has no inverse: the line is horizontal or vertical", field="slope", value=fit.slope)
+        raise InputError(
+            "has no inverse: the line is horizontal or vertical", field="slope", value=fit.slope
+        )
     x0 = (real_number(y0, "y0") - fit.intercept) / fit.slope
     u_line = float(line_values(fit, x0, convention=convention).u[0])
     u_x0 = float(np.hypot(u_line, _reading_uncertainty(fit, u_y0, "u_y0"))) / abs(fit.slope)
@@ -278,15 +386,21 @@ def inverse_prediction(
 
 
 def standard_error(fit: LineFit, convention: str | None = None) -> StandardError:
-    """The standard errors by that convention, by the recommended one if None.  Raises InputError if the fit has none such."""
+    """The standard errors by that convention, by the recommended one if None.  Raises InputError if
+    the fit has none such.
+    """
     name = fit.recommended if convention is None else convention
     if name not in fit.standard_errors:
-        raise InputError(f"must be one of {', '.join(fit.standard_errors)}", field="convention", value=name)
+        raise InputError(
+            f"must be one of {', '.join(fit.standard_errors)}", field="convention", value=name
+        )
     return fit.standard_errors[name]
 
 
 def coverage_factor(fit: LineFit, *, probability: float, convention: str | None = None) -> float:
-    """k such that estimate -+ k u holds the value with that probability: Student's t where the scale is from the residuals."""
+    """k such that estimate -+ k u holds the value with that probability: Student's t where the
+    scale is from the residuals.
+    """
     if not 0.0 < probability < 1.0:
         raise InputError("must lie between 0 and 1", field="probability", value=probability)
     tail = 0.5 * (1.0 - probability)
@@ -297,7 +411,11 @@ def coverage_factor(fit: LineFit, *, probability: float, convention: str | None 
 
 def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> FloatArray:
     if u is None and fit.method != "ols":
-        raise InputError("must be given: the fit contains the uncertainty of its points, but not that of the new reading", field=field)
+        raise InputError(
+            "must be given: the fit contains the uncertainty of its points, but not that "
+            "of the new reading",
+            field=field,
+        )
     values = real_numbers(np.sqrt(fit.chi2 / fit.dof) if u is None else u, field)
     if not np.all(values >= 0.0):
         raise InputError("must be >= 0", field=field, value=u)
@@ -305,7 +423,13 @@ def _reading_uncertainty(fit: LineFit, u: ArrayLike | None, field: str) -> Float
 
 
 def _band(x: ArrayLike, centre: FloatArray, half: FloatArray, probability: float) -> Band:
-    band = Band(np.atleast_1d(np.array(x, dtype=np.float64)), centre, centre - half, centre + half, probability)
+    band = Band(
+        np.atleast_1d(np.array(x, dtype=np.float64)),
+        centre,
+        centre - half,
+        centre + half,
+        probability,
+    )
     for array in (band.x, band.centre, band.low, band.high):
         array.flags.writeable = False
     return band

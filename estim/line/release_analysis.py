@@ -1,6 +1,8 @@
-"""Trials of release analysed: gamma from all trials, from each end alone, and without the release; what they tell apart.
+"""Trials of release analysed: gamma from all trials, from each end alone, and without the release;
+what they tell apart.
 
-`analyse_trials` is the front door.  The headline is a chain with a second computation beside it; the others are importance sampling.
+`analyse_trials` is the front door.  The headline is a chain with a second computation beside it;
+the others are importance sampling.
 """
 
 from __future__ import annotations
@@ -14,9 +16,29 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import PRIOR_DOMINATED, headline, parameter_cells, sampling_findings
-from estim.common import Finding, Kind, Notation, PhraseTable, Quantity, Status, Stream, decide, e_n, later, phrase, stream, wrong
+from estim.common import (
+    Finding,
+    Kind,
+    Notation,
+    PhraseTable,
+    Quantity,
+    Status,
+    Stream,
+    decide,
+    e_n,
+    later,
+    phrase,
+    stream,
+    wrong,
+)
 from estim.line.release_draws import sample, weigh
-from estim.line.release_likelihood import FACTOR, ReleasePosterior, effective_start, release_posterior, start_angle
+from estim.line.release_likelihood import (
+    FACTOR,
+    ReleasePosterior,
+    effective_start,
+    release_posterior,
+    start_angle,
+)
 from estim.line.thresholds import Threshold, thresholds
 from estim.line.trial_data import HIGH, LOW, Trials
 from estim.problem import Prior
@@ -25,7 +47,9 @@ from estim.words import advice_for, tell
 
 WAYS: Mapping[str, str] = PhraseTable(
     {
-        "both": later("all trials"), LOW: later("θ_min alone"), HIGH: later("θ_max alone"),
+        "both": later("all trials"),
+        LOW: later("θ_min alone"),
+        HIGH: later("θ_max alone"),
         "free": later("all trials, neglecting the effect of the release"),
     }
 )
@@ -34,17 +58,31 @@ UNKNOWNS = MappingProxyType(
     {
         "gamma": ("1", later("position of the centre of mass, in radii"), Notation("γ")),
         "rolling_resistance": ("1", later("coefficient of rolling resistance"), Notation("c_rr")),
-        "release": ("rad", later("angle lost in the release by hand"), Notation("δ", "°", DEGREE.factor)),
-        "scatter": ("rad", later("standard deviation from trial to trial"), Notation("σ", "°", DEGREE.factor)),
+        "release": (
+            "rad",
+            later("angle lost in the release by hand"),
+            Notation("δ", "°", DEGREE.factor),
+        ),
+        "scatter": (
+            "rad",
+            later("standard deviation from trial to trial"),
+            Notation("σ", "°", DEGREE.factor),
+        ),
         "zero_phi": ("rad", later("zero error of the tilt"), Notation("z_φ", "°", DEGREE.factor)),
-        "zero_theta": ("rad", later("zero error of the angle"), Notation("z_θ", "°", DEGREE.factor)),
+        "zero_theta": (
+            "rad",
+            later("zero error of the angle"),
+            Notation("z_θ", "°", DEGREE.factor),
+        ),
     }
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """gamma by one way.  e_n : against the stated value, nan without one.  reliable : False where its importance weights cannot be trusted."""
+    """gamma by one way.  e_n : against the stated value, nan without one.  reliable : False where
+    its importance weights cannot be trusted.
+    """
 
     gamma: Summary
     e_n: float
@@ -58,7 +96,9 @@ class Way:
 
 @dataclass(frozen=True)
 class EndsApart:
-    """gamma from theta_min less gamma from theta_max, both from one posterior that shares all else (tilts, zeros, c_rr, release, scatter)."""
+    """gamma from theta_min less gamma from theta_max, both from one posterior that shares all else
+    (tilts, zeros, c_rr, release, scatter).
+    """
 
     difference: Quantity
 
@@ -74,7 +114,9 @@ class EndsApart:
 
 @dataclass(frozen=True)
 class TrialInformation:
-    """What the trials tell of one unknown: posterior over prior standard deviation, and correlation with gamma."""
+    """What the trials tell of one unknown: posterior over prior standard deviation, and correlation
+    with gamma.
+    """
 
     share: float
     with_gamma: float
@@ -84,10 +126,14 @@ class TrialInformation:
 class TrialsAnalysis:
     """The trials of one body.
 
-    chain : draws of the unknowns.  agreement : with the second computation.  ways : gamma by each of WAYS that there is.
-    ends_apart : None without trials at both ends.  thresholds : at each tilt by itself.
-    offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad): release and resistance together.
-    told : unknown -> what the trials tell of it.  correlation : of c_rr and release, nan where one of them is not free.
+    chain : draws of the unknowns.
+    agreement : with the second computation.  ways : gamma by each of WAYS that there is.
+    ends_apart : None without trials at both ends.
+    thresholds : at each tilt by itself.
+    offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad):
+        release and resistance together.
+    told : unknown -> what the trials tell of it.
+    correlation : of c_rr and release, nan where one of them is not free.
     findings : what is wrong; empty means ok.
     """
 
@@ -116,7 +162,9 @@ class TrialsAnalysis:
 
     @property
     def disagreements(self) -> tuple[str, ...]:
-        """Where gamma of the trials and gamma as stated differ at k = 2, or gamma of the two ends; no fault of the trials by themselves."""
+        """Where gamma of the trials and gamma as stated differ at k = 2, or gamma of the two ends;
+        no fault of the trials by themselves.
+        """
         if not self.status.ok:
             return ()
         found, said = self.ways["both"], []
@@ -125,7 +173,13 @@ class TrialsAnalysis:
             said.append(Finding(Kind.TRIALS_DISAGREE, size=found.e_n, numbers=_numbers(gammas)))
         if self.ends_apart is not None and abs(self.ends_apart.e_n) > 1.0:
             apart = self.ends_apart
-            said.append(Finding(Kind.ENDS_DISAGREE, size=apart.e_n, numbers=_numbers((("apart", apart.difference),)) | {"sds": apart.sds}))
+            said.append(
+                Finding(
+                    Kind.ENDS_DISAGREE,
+                    size=apart.e_n,
+                    numbers=_numbers((("apart", apart.difference),)) | {"sds": apart.sds},
+                )
+            )
         return tuple(map(tell, said))
 
     def column(self, name: str) -> FloatArray:
@@ -137,16 +191,29 @@ class TrialsAnalysis:
         return summarise(self.column(name), unit=unit, meaning=phrase(meaning))
 
     def starts(self, end: str, phi: FloatArray, *, most: int = 2000) -> FloatArray:
-        """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to `most` draws, release included."""
+        """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to `most` draws,
+        release included.
+        """
         draws = self.chain.thinned(most)
-        inside = effective_start({n: draws[:, i] for i, n in enumerate(self.chain.names)}, end, phi, self.posterior.resistance)
+        inside = effective_start(
+            {n: draws[:, i] for i, n in enumerate(self.chain.names)},
+            end,
+            phi,
+            self.posterior.resistance,
+        )
         return inside if end == LOW else np.pi - inside
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
-        rows = [parameter_cells(self.summary(name), UNKNOWNS[name][2].label(UNKNOWNS[name][0])) for name in self.chain.names]
-        title, advice = phrase("Trials of release of {body}", body=self.trials.body), advice_for(self.findings)
-        return headline(title, kind="", status=self.status, reasons=self.reasons, advice=advice, rows=rows)
+        rows = [
+            parameter_cells(self.summary(name), UNKNOWNS[name][2].label(UNKNOWNS[name][0]))
+            for name in self.chain.names
+        ]
+        title = phrase("Trials of release of {body}", body=self.trials.body)
+        advice = advice_for(self.findings)
+        return headline(
+            title, kind="", status=self.status, reasons=self.reasons, advice=advice, rows=rows
+        )
 
 
 def _numbers(quantities: tuple[tuple[str, Quantity], ...]) -> dict[str, float]:
@@ -154,15 +221,27 @@ def _numbers(quantities: tuple[tuple[str, Quantity], ...]) -> dict[str, float]:
 
 
 def analyse_trials(
-    trials: Trials, resistance: Prior | float, *, gamma_masses: Quantity | None, seed: int, target: Target | None = None,
+    trials: Trials,
+    resistance: Prior | float,
+    *,
+    gamma_masses: Quantity | None,
+    seed: int,
+    target: Target | None = None,
     progress: Progress | None = None,
 ) -> TrialsAnalysis:
     """Everything that trials of release say; the same seed gives the same numbers.
 
-    resistance : prior of c_rr, or its exact value.  gamma_masses : gamma as stated, to compare with; it does not enter.
+    resistance : prior of c_rr, or its exact value.
+    gamma_masses : gamma as stated, to compare with; it does not enter.
     """
     posterior = release_posterior(trials, resistance)
-    chain, agreement = sample(posterior, rng=stream(seed, Stream.RELEASE_CHAIN), seed=seed, target=target or Target(), progress=progress)
+    chain, agreement = sample(
+        posterior,
+        rng=stream(seed, Stream.RELEASE_CHAIN),
+        seed=seed,
+        target=target or Target(),
+        progress=progress,
+    )
     values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
     findings = _findings(trials, posterior, values, chain, agreement)
     ways = {"both": _way(values["gamma"], gamma_masses, True)}
@@ -171,21 +250,47 @@ def analyse_trials(
         variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
         variants |= {"free": trials.without_release()} if trials.release > 0.0 else {}
         for i, (name, variant) in enumerate(variants.items()):
-            found = weigh(release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i))
+            found = weigh(
+                release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i)
+            )
             ways[name] = _way(found.draws[:, 0], gamma_masses, found.reliable)
-        apart = _ends_apart(trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants))) if len(trials.ends) > 1 else None
+        apart = (
+            _ends_apart(trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants)))
+            if len(trials.ends) > 1
+            else None
+        )
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
     told: dict[str, TrialInformation] = {
-        name: TrialInformation(float(values[name].std() / posterior.priors[name].sd), float(np.corrcoef(values[name], values["gamma"])[0, 1]))
-        for name in ("rolling_resistance", "release", "scatter") if name in values
+        name: TrialInformation(
+            float(values[name].std() / posterior.priors[name].sd),
+            float(np.corrcoef(values[name], values["gamma"])[0, 1]),
+        )
+        for name in ("rolling_resistance", "release", "scatter")
+        if name in values
     }
     both = "rolling_resistance" in values and "release" in values
-    correlation = float(np.corrcoef(values["rolling_resistance"], values["release"])[0, 1]) if both else math.nan
+    correlation = (
+        float(np.corrcoef(values["rolling_resistance"], values["release"])[0, 1])
+        if both
+        else math.nan
+    )
     return TrialsAnalysis(
-        trials, posterior, chain, agreement, ways, apart, thresholds(trials, values["scatter"]),
-        Quantity(float(above.mean()), float(above.std(ddof=1))), phi_mean, told, correlation, gamma_masses, findings, seed,
+        trials,
+        posterior,
+        chain,
+        agreement,
+        ways,
+        apart,
+        thresholds(trials, values["scatter"]),
+        Quantity(float(above.mean()), float(above.std(ddof=1))),
+        phi_mean,
+        told,
+        correlation,
+        gamma_masses,
+        findings,
+        seed,
     )
 
 
@@ -195,22 +300,38 @@ def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Wa
     return Way(summary, math.nan if gamma_masses is None else e_n(found, gamma_masses), reliable)
 
 
-def _ends_apart(trials: Trials, resistance: Prior | float, *, rng: np.random.Generator) -> EndsApart | None:
+def _ends_apart(
+    trials: Trials, resistance: Prior | float, *, rng: np.random.Generator
+) -> EndsApart | None:
     """None where the importance weights cannot be trusted."""
     found = weigh(release_posterior(trials, resistance, split=True), rng=rng)
     difference = found.draws[:, 0] - found.draws[:, 1]
-    return EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1)))) if found.reliable else None
+    return (
+        EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1))))
+        if found.reliable
+        else None
+    )
 
 
 def _findings(
-    trials: Trials, posterior: ReleasePosterior, values: Mapping[str, FloatArray], chain: Chain, agreement: Agreement
+    trials: Trials,
+    posterior: ReleasePosterior,
+    values: Mapping[str, FloatArray],
+    chain: Chain,
+    agreement: Agreement,
 ) -> tuple[Finding, ...]:
     findings = sampling_findings(chain)
     if agreement.verdict == "disagree":
         findings.append(Finding(Kind.METHODS_DIFFER, parts=agreement.told))
     share = float(values["gamma"].std() / posterior.priors["gamma"].sd)
     if trials.n_climbed in (0, trials.n_trial) or share > PRIOR_DOMINATED:
-        findings.append(Finding(Kind.TRIALS_SILENT, size=trials.n_climbed, numbers={"n_trial": trials.n_trial, "share": share}))
+        findings.append(
+            Finding(
+                Kind.TRIALS_SILENT,
+                size=trials.n_climbed,
+                numbers={"n_trial": trials.n_trial, "share": share},
+            )
+        )
     typical = float(np.median(values["scatter"]))
     if typical > FACTOR * trials.u_theta:
         numbers = {"stated": math.degrees(trials.u_theta), "factor": FACTOR}

@@ -1,7 +1,8 @@
-"""The theta_min series of a campaign: smallest angles of release from which the body ascends, against the tilt.
+"""The theta_min series of a campaign: smallest angles of release from which the body ascends,
+against the tilt.
 
-sin(theta_min) = sin(phi)/gamma + c_rr cos(phi)/gamma: a line of slope 1/gamma whose intercept is c_rr/gamma (cos phi = 1
-to 1 % for phi below 8 degrees).
+sin(theta_min) = sin(phi)/gamma + c_rr cos(phi)/gamma: a line of slope 1/gamma whose intercept is
+c_rr/gamma (cos phi = 1 to 1 % for phi below 8 degrees).
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ _LEAST = 1e-4  # degrees: no protractor is better, and the error of a sine would
 
 @dataclass(frozen=True, eq=False)
 class ThetaMinSeries:
-    """Angles (rad) and their sines with standard uncertainties, all (n_obs,), and where they came from.
+    """Angles (rad) and their sines with standard uncertainties, all (n_obs,), and where they came
+    from.
 
-    u(sin a) is the exact standard deviation of sin(a + e) for normal e of sd u(a); the linear law |cos a| u(a) has no
-    meaning near 90 degrees:  var = (1 - q)(1 + q cos 2a)/2,  q = exp(-u^2).
-    u_zero_phi, u_zero_theta_min : rad, standard uncertainty of a zero error that all readings of a scale share.
+    u(sin a) is the exact standard deviation of sin(a + e) for normal e of sd u(a); the linear law
+    |cos a| u(a) has no meaning near 90 degrees:  var = (1 - q)(1 + q cos 2a)/2,  q = exp(-u^2).
+    u_zero_phi, u_zero_theta_min : rad, standard uncertainty of a zero error that all readings of a
+        scale share.
     """
 
     body: str
@@ -73,34 +76,53 @@ def _sd_of_sine(angle: FloatArray, u: FloatArray) -> FloatArray:
 def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     """The series that the [line] table of a campaign names.  Raises InputError."""
     if source.line is None:
-        raise source.places.error("has no [line] table: it names the theta_min series", (), field="campaign")
+        raise source.places.error(
+            "has no [line] table: it names the theta_min series", (), field="campaign"
+        )
     line, folder = source.line, source.path.parent
     path = Path(folder / line.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2])
+        table = read_known_columns(
+            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2]
+        )
     for name in COLUMNS[:2]:
         outside = np.abs(table.columns[name]) > 90.0
         if np.any(outside):
             raise table.error("must lie between -90 and 90", name, int(np.argmax(outside)))
     if np.ptp(table.columns["phi_deg"]) == 0.0:
-        raise table.error("must not be the same in every row: a line needs several tilts", "phi_deg", 0)
-    for key, value in (("u_zero_phi_deg", line.u_zero_phi_deg), ("u_zero_theta_min_deg", line.u_zero_theta_min_deg)):
+        raise table.error(
+            "must not be the same in every row: a line needs several tilts", "phi_deg", 0
+        )
+    for key, value in (
+        ("u_zero_phi_deg", line.u_zero_phi_deg),
+        ("u_zero_theta_min_deg", line.u_zero_theta_min_deg),
+    ):
         if not 0.0 <= value < 45.0:
             raise source.places.error("must lie between 0 and 45", ("line", key), value=value)
     return ThetaMinSeries(
-        body=line.body, file=table.file, sha256=table.sha256,
-        phi=np.radians(table.columns["phi_deg"]), theta_min=np.radians(table.columns["theta_min_deg"]),
+        body=line.body,
+        file=table.file,
+        sha256=table.sha256,
+        phi=np.radians(table.columns["phi_deg"]),
+        theta_min=np.radians(table.columns["theta_min_deg"]),
         u_phi=np.radians(_uncertainty(source, table, "u_phi_deg", line.u_phi_deg)),
-        u_theta_min=np.radians(_uncertainty(source, table, "u_theta_min_deg", line.u_theta_min_deg)),
-        u_zero_phi=float(np.radians(line.u_zero_phi_deg)), u_zero_theta_min=float(np.radians(line.u_zero_theta_min_deg)),
+        u_theta_min=np.radians(
+            _uncertainty(source, table, "u_theta_min_deg", line.u_theta_min_deg)
+        ),
+        u_zero_phi=float(np.radians(line.u_zero_phi_deg)),
+        u_zero_theta_min=float(np.radians(line.u_zero_theta_min_deg)),
     )
 
 
 def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | None) -> FloatArray:
-    """A column of standard uncertainties, or the campaign's common one; one of the two must be there."""
+    """A column of standard uncertainties, or the campaign's common one; one of the two must be
+    there.
+    """
     column = table.columns.get(name)
     if column is not None and common is not None:
-        raise source.places.error(f"is stated twice: here and as a column of {table.file}", ("line", name), value=common)
+        raise source.places.error(
+            f"is stated twice: here and as a column of {table.file}", ("line", name), value=common
+        )
     if column is not None:
         if np.any(column <= 0.0):
             raise table.error("must be > 0", name, int(np.argmax(column <= 0.0)))
@@ -108,7 +130,11 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
             raise table.error(f"must be at least {_LEAST:g}", name, int(np.argmax(column < _LEAST)))
         return column
     if common is None:
-        raise source.places.error(f"is missing: say it here or as a column of {table.file}", ("line", name))
+        raise source.places.error(
+            f"is missing: say it here or as a column of {table.file}", ("line", name)
+        )
     if not _LEAST <= common < 45.0:
-        raise source.places.error(f"must lie between {_LEAST:g} and 45", ("line", name), value=common)
+        raise source.places.error(
+            f"must lie between {_LEAST:g} and 45", ("line", name), value=common
+        )
     return np.full(table.lines.size, common)

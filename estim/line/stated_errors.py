@@ -1,4 +1,6 @@
-"""What is stated of errors that points of a table share: files with covariance matrices, and errors common to all readings of an axis."""
+"""What is stated of errors that points of a table share: files with covariance matrices, and errors
+common to all readings of an axis.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,9 @@ from estim.reading import Dialect, read_columns
 
 @dataclass(frozen=True)
 class Correlated:
-    """cov : file with the covariance matrix of all x, then all y.  cov_x, cov_y : of one axis alone.  common : errors that all readings share."""
+    """cov : file with the covariance matrix of all x, then all y.  cov_x, cov_y : of one axis
+    alone.  common : errors that all readings share.
+    """
 
     cov: Path | None = None
     cov_x: Path | None = None
@@ -28,7 +32,11 @@ class Correlated:
     def words(self) -> list[str]:
         """What is stated, for a report."""
         files = ((phrase("x, then y,"), self.cov), ("x", self.cov_x), ("y", self.cov_y))
-        said = [phrase("covariances of {what} from {file}", what=what, file=path.name) for what, path in files if path is not None]
+        said = [
+            phrase("covariances of {what} from {file}", what=what, file=path.name)
+            for what, path in files
+            if path is not None
+        ]
         return said + [_shared(one) for one in self.common]
 
     def __bool__(self) -> bool:
@@ -37,17 +45,29 @@ class Correlated:
 
 def _shared(one: Common) -> str:
     if one.relative:
-        return phrase("standard uncertainty {size:g} % of the scale of {axis}, shared by all points", size=100.0 * one.u, axis=one.axis)
-    return phrase("standard uncertainty {size:g} of the zero of {axis}, shared by all points", size=one.u, axis=one.axis)
+        return phrase(
+            "standard uncertainty {size:g} % of the scale of {axis}, shared by all points",
+            size=100.0 * one.u,
+            axis=one.axis,
+        )
+    return phrase(
+        "standard uncertainty {size:g} of the zero of {axis}, shared by all points",
+        size=one.u,
+        axis=one.axis,
+    )
 
 
 def common_error(axis: str, text: str) -> Common:
-    """An error common to all readings: "0.1" in the unit of the axis, or "2%" of the reading.  Raises InputError."""
+    """An error common to all readings: "0.1" in the unit of the axis, or "2%" of the reading.
+    Raises InputError.
+    """
     number = text.strip().removesuffix("%")
     try:
         u = read_number(number.strip())
     except ValueError:
-        raise InputError("must be a number, or a share like 2%", field=f"--common-{axis}", value=text) from None
+        raise InputError(
+            "must be a number, or a share like 2%", field=f"--common-{axis}", value=text
+        ) from None
     if not 0.0 < u < float("inf"):
         raise InputError("must be > 0", field=f"--common-{axis}", value=text)
     relative = number != text.strip()
@@ -55,13 +75,19 @@ def common_error(axis: str, text: str) -> Common:
 
 
 def stated_covariance(
-    stated: Correlated, x: FloatArray, y: FloatArray, u_x: FloatArray | float | None, u_y: FloatArray | float | None, r_xy: FloatArray | float,
+    stated: Correlated,
+    x: FloatArray,
+    y: FloatArray,
+    u_x: FloatArray | float | None,
+    u_y: FloatArray | float | None,
+    r_xy: FloatArray | float,
     dialect: Dialect,
 ) -> FloatArray:
     """(2 n_obs, 2 n_obs) covariance of x, then y.
 
-    u_x, u_y, r_xy : of each point alone.  An error of the scale of y is taken at the values of the line that is found without it: taken at the
-    readings, it would draw the line towards the smaller ones (Peelle's pertinent puzzle).  Raises InputError.
+    u_x, u_y, r_xy : of each point alone.  An error of the scale of y is taken at the values of the
+        line that is found without it: taken at the readings, it would draw the line towards the
+        smaller ones (Peelle's pertinent puzzle).  Raises InputError.
     """
     n = x.size
     if n > MOST_POINTS:
@@ -72,26 +98,44 @@ def stated_covariance(
         joint = _own_errors(stated, n, u_x, u_y, r_xy, dialect)
     at = y
     if any(one.relative and one.axis == "y" for one in stated.common):
-        alone = fit_line(x, y, cov=with_common(joint, [one for one in stated.common if not one.relative], x, y))
+        alone = fit_line(
+            x, y, cov=with_common(joint, [one for one in stated.common if not one.relative], x, y)
+        )
         at = alone.intercept + alone.slope * x
     return with_common(joint, stated.common, x, at)
 
 
 def _own_errors(
-    stated: Correlated, n: int, u_x: FloatArray | float | None, u_y: FloatArray | float | None, r_xy: FloatArray | float, dialect: Dialect
+    stated: Correlated,
+    n: int,
+    u_x: FloatArray | float | None,
+    u_y: FloatArray | float | None,
+    r_xy: FloatArray | float,
+    dialect: Dialect,
 ) -> FloatArray:
     """(2 n, 2 n) covariance of each point alone, or of the axes whose matrix is stated."""
     own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
-    cov_x, cov_y = (None if path is None else read_matrix(path, n, axis, dialect) for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y")))
+    cov_x, cov_y = (
+        None if path is None else read_matrix(path, n, axis, dialect)
+        for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y"))
+    )
     if u_x is None and u_y is None and cov_x is None and cov_y is None:
-        raise InputError("also needs the uncertainty of each reading: --uy, --ux, or a matrix", field=f"--common-{stated.common[0].axis}")
+        raise InputError(
+            "also needs the uncertainty of each reading: --uy, --ux, or a matrix",
+            field=f"--common-{stated.common[0].axis}",
+        )
     return joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
 
 
 def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArray:
-    """(size, size) numbers from a table without names, or with a line of them.  Raises InputError."""
+    """(size, size) numbers from a table without names, or with a line of them.  Raises
+    InputError.
+    """
     names = tuple(f"{i + 1}" for i in range(size))
-    rule = f"must have {size} rows and {size} columns of covariances: those of {what}, in the order of the rows that are fit"
+    rule = (
+        f"must have {size} rows and {size} columns of covariances: those of {what}, in the "
+        "order of the rows that are fit"
+    )
     written = Dialect(names, dialect.delimiter, dialect.decimal, None, None, dialect.encoding)
     try:
         table = read_columns(path, needed=names, min_rows=1, shown_as=str(path), dialect=written)

@@ -1,4 +1,6 @@
-"""A straight line through the points of any table: columns by name, predictions, and the abscissa at a measured ordinate (a calibration line)."""
+"""A straight line through the points of any table: columns by name, predictions, and the abscissa
+at a measured ordinate (a calibration line).
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,14 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
 from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
-from estim.line.regression import LineFit, coverage_factor, fit_line, inverse_prediction, line_values, standard_error
+from estim.line.regression import (
+    LineFit,
+    coverage_factor,
+    fit_line,
+    inverse_prediction,
+    line_values,
+    standard_error,
+)
 from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import (
     Dialect,
@@ -38,7 +47,8 @@ _PERFECT = 3e-14  # misfits below this share of y are rounding errors
 class Columns:
     """Names of columns; "" for x and y, or the two that there are, from left to right.
 
-    An uncertainty and a correlation may be one number for all points, None for the column "u_NAME" or "u(NAME)", "r_xy" if there.
+    An uncertainty and a correlation may be one number for all points, None for the column "u_NAME"
+    or "u(NAME)", "r_xy" if there.
     """
 
     x: str = ""
@@ -50,7 +60,8 @@ class Columns:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one more reading too, nan where that is not known.
+    """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one
+    more reading too, nan where that is not known.
 
     low, high and low_reading, high_reading : intervals for the probability of the line.
     """
@@ -67,7 +78,9 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """The abscissa at which the line reaches y0.  u : linear.  low, high : Fieller's exact interval; infinite where the slope may be 0."""
+    """The abscissa at which the line reaches y0.  u : linear.  low, high : Fieller's exact
+    interval; infinite where the slope may be 0.
+    """
 
     y0: Quantity
     x: float
@@ -78,9 +91,11 @@ class Inverse:
 
 @dataclass(frozen=True, eq=False)
 class StraightLine:
-    """A line through the points of a table.  columns : as they were read, None for what was not there.  facts : how the table was read, in words.
+    """A line through the points of a table.  columns : as they were read, None for what was not
+    there.  facts : how the table was read, in words.
 
-    correlated : what is stated of errors that points share, in words.  told : which columns are what, in words.
+    correlated : what is stated of errors that points share, in words.
+    told : which columns are what, in words.
     findings : what the residuals say against the line.
     """
 
@@ -107,35 +122,72 @@ class StraightLine:
     @property
     def message(self) -> str:
         """What a reader must know before using the numbers; "" if nothing."""
-        said = (tell(one) for one in self.findings if one.kind is not Kind.POINTS_SCATTER)  # which the fit says itself
-        return " ".join([self.fit.message] * bool(self.fit.message) + [f"{words[0].upper()}{words[1:]}." for words in said])
+        # which the fit says itself
+        said = (tell(one) for one in self.findings if one.kind is not Kind.POINTS_SCATTER)
+        return " ".join(
+            [self.fit.message] * bool(self.fit.message)
+            + [f"{words[0].upper()}{words[1:]}." for words in said]
+        )
 
 
 def straight_line(
-    path: Path, columns: Columns, *, predict: Sequence[Quantity] = (), inverse: Sequence[Quantity] = (), probability: float = 0.95,
-    dialect: Dialect | None = None, correlated: Correlated | None = None,
+    path: Path,
+    columns: Columns,
+    *,
+    predict: Sequence[Quantity] = (),
+    inverse: Sequence[Quantity] = (),
+    probability: float = 0.95,
+    dialect: Dialect | None = None,
+    correlated: Correlated | None = None,
 ) -> StraightLine:
-    """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule and value.
+    """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule
+    and value.
 
-    inverse : values of y with their uncertainties; a plain number has the scatter of the residuals where no uncertainties are known.
-    dialect : how the table is written, as far as that is stated.  correlated : errors that points share.
+    inverse : values of y with their uncertainties; a plain number has the scatter of the residuals
+        where no uncertainties are known.
+    dialect : how the table is written, as far as that is stated.
+    correlated : errors that points share.
     """
     stated = correlated or Correlated()
-    layout = read_layout(path, dialect or Dialect(), shown_as=str(path), needed=[name for name in (columns.x, columns.y) if name])
+    layout = read_layout(
+        path,
+        dialect or Dialect(),
+        shown_as=str(path),
+        needed=[name for name in (columns.x, columns.y) if name],
+    )
     if not layout.names:
         raise no_names(layout)
     columns = _with_axes(columns, layout)
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
     found = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
-    u_x, u_y = (u or (name and name_and_unit(name)[0]) for u, name in zip((columns.u_x, columns.u_y), found, strict=True))
+    u_x, u_y = (
+        u or (name and name_and_unit(name)[0])
+        for u, name in zip((columns.u_x, columns.u_y), found, strict=True)
+    )
     wanted = replace(columns, u_x=u_x, u_y=u_y, r_xy=columns.r_xy or "r_xy")
-    named = [name for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy) if name is not None and _number(name) is None]
-    needed = [name for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy) if name is not None and _number(name) is None]
-    table = read_columns(path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect)
+    named = [
+        name
+        for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy)
+        if name is not None and _number(name) is None
+    ]
+    needed = [
+        name
+        for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy)
+        if name is not None and _number(name) is None
+    ]
+    table = read_columns(
+        path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
+    )
 
     def column(name: str | None) -> FloatArray | float | None:
-        return None if name is None else table.columns[name] if name in table.columns else _number(name)
+        return (
+            None
+            if name is None
+            else table.columns[name]
+            if name in table.columns
+            else _number(name)
+        )
 
     def there(name: str | None) -> str | None:
         return name if column(name) is not None else None
@@ -145,7 +197,9 @@ def straight_line(
         read = _in_their_place(columns, read, stated)
     if read.u_x is None or read.u_y is None:
         if columns.r_xy is not None:
-            raise InputError("needs uncertainties of x and y", field="--correlation", value=columns.r_xy)
+            raise InputError(
+                "needs uncertainties of x and y", field="--correlation", value=columns.r_xy
+            )
         read = replace(read, r_xy=None)
     for key, of in (("u_x", read.x), ("u_y", read.y)):
         values = column(getattr(read, key))
@@ -157,31 +211,64 @@ def straight_line(
             raise table.error("must be > 0", str(getattr(read, key)), bad)
     try:
         correlation = column(read.r_xy)
-        x, y, r = table.columns[read.x], table.columns[read.y], 0.0 if correlation is None else correlation
+        x = table.columns[read.x]
+        y = table.columns[read.y]
+        r = 0.0 if correlation is None else correlation
         if stated:
-            fit = fit_line(x, y, cov=stated_covariance(stated, x, y, column(read.u_x), column(read.u_y), r, dialect or Dialect()))
+            fit = fit_line(
+                x,
+                y,
+                cov=stated_covariance(
+                    stated, x, y, column(read.u_x), column(read.u_y), r, dialect or Dialect()
+                ),
+            )
         else:
             fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
     except InputError as error:
         raise error if error.file is not None else error.at(str(path)) from None
-    if fit.method == "ols" and fit.chi2 <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2:
-        rule = "has no scatter about a line but rounding errors (computed values, not readings?): nothing tells how large its errors are"
+    if (
+        fit.method == "ols"
+        and fit.chi2
+        <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2
+    ):
+        rule = (
+            "has no scatter about a line but rounding errors (computed values, not readings?): "
+            "nothing tells how large its errors are"
+        )
         raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
-    said = [(key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns]
+    said = [
+        (key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns
+    ]
     told, facts = columns_sentence(said, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
-        path, table.sha256, read, fit, slope, k, probability, predictions, inverses, told, facts, tuple(stated.words),
+        path,
+        table.sha256,
+        read,
+        fit,
+        slope,
+        k,
+        probability,
+        predictions,
+        inverses,
+        told,
+        facts,
+        tuple(stated.words),
         tuple(points_findings(fit)),
     )
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:
-    """The columns with names of x and y: x and y, where they are called so, or those of the two columns of values.  Raises InputError."""
-    bare = [name_and_unit(name)[0] for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))]
+    """The columns with names of x and y: x and y, where they are called so, or those of the two
+    columns of values.  Raises InputError.
+    """
+    bare = [
+        name_and_unit(name)[0]
+        for name in value_columns(layout, (columns.u_x, columns.u_y, columns.r_xy or "r_xy"))
+    ]
     usual = {name for name in ("x", "y") if is_column(name, layout.names)} - {columns.x, columns.y}
     x, y = columns.x or ("x" if "x" in usual else ""), columns.y or ("y" if "y" in usual else "")
     if not columns.x and not columns.y and not (x and y):
@@ -191,20 +278,44 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
     if missing := [option for option, name in (("--x", x), ("--y", y)) if not name]:
         known = listed([found for found in layout.names if found])
         rule = f"must be named by {' and '.join(missing)}"
-        raise InputError(rule, field="column", quoted=f"there are {known}", file=layout.file, line=layout.header_line)
+        raise InputError(
+            rule,
+            field="column",
+            quoted=f"there are {known}",
+            file=layout.file,
+            line=layout.header_line,
+        )
     return replace(columns, x=x, y=y)
 
 
 def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Columns:
-    """The columns without those of uncertainties that a matrix holds.  Raises InputError where one of these was named."""
-    held = ("u_x", "u_y") if stated.cov is not None else tuple(key for key in ("u_x", "u_y") if getattr(stated, f"cov_{key[-1]}") is not None)
+    """The columns without those of uncertainties that a matrix holds.  Raises InputError where one
+    of these was named.
+    """
+    held = (
+        ("u_x", "u_y")
+        if stated.cov is not None
+        else tuple(key for key in ("u_x", "u_y") if getattr(stated, f"cov_{key[-1]}") is not None)
+    )
     for key in (*held, "r_xy"):
         if getattr(columns, key) is not None:
             option = {"u_x": "--ux", "u_y": "--uy", "r_xy": "--correlation"}[key]
-            raise InputError("cannot be combined with a covariance matrix, which already contains it", field=option, value=getattr(columns, key))
+            raise InputError(
+                "cannot be combined with a covariance matrix, which already contains it",
+                field=option,
+                value=getattr(columns, key),
+            )
     if stated.cov is not None and (stated.cov_x is not None or stated.cov_y is not None):
-        raise InputError("cannot be combined with --cov, which already contains it", field="--cov-x" if stated.cov_x is not None else "--cov-y")
-    return replace(read, u_x=None if "u_x" in held else read.u_x, u_y=None if "u_y" in held else read.u_y, r_xy=None)
+        raise InputError(
+            "cannot be combined with --cov, which already contains it",
+            field="--cov-x" if stated.cov_x is not None else "--cov-y",
+        )
+    return replace(
+        read,
+        u_x=None if "u_x" in held else read.u_x,
+        u_y=None if "u_y" in held else read.u_y,
+        r_xy=None,
+    )
 
 
 def _number(text: str) -> float | None:
@@ -222,7 +333,9 @@ def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
 
 
 def _of_one_reading(fit: LineFit) -> float:
-    """Standard uncertainty of one more reading of y: the scatter of the residuals, or what all points state alike; nan where they differ."""
+    """Standard uncertainty of one more reading of y: the scatter of the residuals, or what all
+    points state alike; nan where they differ.
+    """
     if fit.method == "correlated":
         return math.nan
     if fit.method == "ols":
@@ -233,9 +346,15 @@ def _of_one_reading(fit: LineFit) -> float:
 
 
 def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Inverse:
-    """Fieller's interval: all x with (y0 - a - b x)^2 <= k^2 (u_y0^2 + u^2(a + b x)).  Source: Fieller 1954, J. R. Stat. Soc. B 16, 175."""
+    """Fieller's interval: all x with (y0 - a - b x)^2 <= k^2 (u_y0^2 + u^2(a + b x)).  Source:
+    Fieller 1954, J. R. Stat. Soc. B 16, 175.
+    """
     if y0.exact and fit.method != "ols":
-        raise InputError('must have an uncertainty, as "10.5(5)": the table gives only those of its points', field="--inverse", value=y0.value)
+        raise InputError(
+            'must have an uncertainty, as "10.5(5)": the table gives only those of its points',
+            field="--inverse",
+            value=y0.value,
+        )
     u_y0 = _of_one_reading(fit) if y0.exact else y0.u
     linear = inverse_prediction(fit, y0.value, u_y0=u_y0, probability=probability)
     error = standard_error(fit)
@@ -244,5 +363,12 @@ def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Invers
     room = above**2 - k**2 * (u_y0**2 + error.u_pivot**2)
     if curvature <= 0.0:
         return Inverse(Quantity(y0.value, u_y0), linear.x0, linear.u_x0, -math.inf, math.inf)
-    middle, half = above * fit.slope / curvature, math.sqrt(max((above * fit.slope) ** 2 - curvature * room, 0.0)) / curvature
-    return Inverse(Quantity(y0.value, u_y0), linear.x0, linear.u_x0, error.x_pivot + middle - half, error.x_pivot + middle + half)
+    middle = above * fit.slope / curvature
+    half = math.sqrt(max((above * fit.slope) ** 2 - curvature * room, 0.0)) / curvature
+    return Inverse(
+        Quantity(y0.value, u_y0),
+        linear.x0,
+        linear.u_x0,
+        error.x_pivot + middle - half,
+        error.x_pivot + middle + half,
+    )

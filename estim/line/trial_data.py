@@ -1,4 +1,6 @@
-"""Trials of release: a body set at an angle, let go, and whether it climbed.  What `estim.line.release_likelihood` makes a likelihood of."""
+"""Trials of release: a body set at an angle, let go, and whether it climbed.  What
+`estim.line.release_likelihood` makes a likelihood of.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +18,16 @@ from estim.reading import read_known_columns
 COLUMNS = ("phi_deg", "theta_deg", "climbed")
 LOW, HIGH = "min", "max"  # ends of the angles from which a body climbs
 _MIN_ROWS = 4
-_LEAST = 0.01  # degrees: no angle is set more closely, and the integral over the tilt has no nodes for less
+# degrees: no angle is set more closely, and the integral over the tilt has no nodes for less
+_LEAST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Tilt:
     """Trials at one setting of the ramp.
 
-    phi : rad, as read.  theta : (n,) rad, angles as set.  climbed : (n,) whether the body started to move up the ramp.
+    phi : rad, as read.
+    theta : (n,) rad, angles as set.  climbed : (n,) whether the body started to move up the ramp.
     """
 
     phi: float
@@ -40,9 +44,12 @@ class Tilt:
 class Trials:
     """All trials of one body, by tilt.
 
-    u_phi : rad, standard uncertainty of the reading of a tilt, which all trials at it share.  u_theta : rad, of one angle as set.
-    release : rad, scale of the half-normal prior of what the release by hand costs; 0: it costs nothing.
-    u_zero_phi, u_zero_theta : rad, standard uncertainties of zero errors that all readings of a scale share.
+    u_phi : rad, standard uncertainty of the reading of a tilt, which all trials at it share.
+    u_theta : rad, of one angle as set.
+    release : rad, scale of the half-normal prior of what the release by hand costs; 0: it costs
+        nothing.
+    u_zero_phi, u_zero_theta : rad, standard uncertainties of zero errors that all readings of a
+        scale share.
     """
 
     body: str
@@ -58,7 +65,9 @@ class Trials:
     @cached_property
     def ends(self) -> tuple[str, ...]:
         """The ends at which there are trials."""
-        return tuple(end for end in (LOW, HIGH) if any(tilt.end(end).theta.size for tilt in self.tilts))
+        return tuple(
+            end for end in (LOW, HIGH) if any(tilt.end(end).theta.size for tilt in self.tilts)
+        )
 
     @property
     def n_trial(self) -> int:
@@ -78,11 +87,23 @@ class Trials:
         return self._with(self.tilts, 0.0)
 
     def _with(self, tilts: tuple[Tilt, ...], release: float) -> Trials:
-        return Trials(self.body, self.file, self.sha256, tilts, self.u_phi, self.u_theta, release, self.u_zero_phi, self.u_zero_theta)
+        return Trials(
+            self.body,
+            self.file,
+            self.sha256,
+            tilts,
+            self.u_phi,
+            self.u_theta,
+            release,
+            self.u_zero_phi,
+            self.u_zero_theta,
+        )
 
 
 def by_tilt(phi: FloatArray, theta: FloatArray, climbed: NDArray[np.bool_]) -> tuple[Tilt, ...]:
-    """Trials (n,) grouped by the reading of the tilt, in its order; equal readings are one setting of the ramp."""
+    """Trials (n,) grouped by the reading of the tilt, in its order; equal readings are one setting
+    of the ramp.
+    """
     return tuple(Tilt(float(one), theta[phi == one], climbed[phi == one]) for one in np.unique(phi))
 
 
@@ -90,21 +111,41 @@ def read_trials(source: CampaignFile) -> Trials:
     """The trials that the [trials] table of a campaign names.  Raises InputError."""
     stated = source.trials
     if stated is None:
-        raise source.places.error("has no [trials] table: it names the trials of release", (), field="campaign")
+        raise source.places.error(
+            "has no [trials] table: it names the trials of release", (), field="campaign"
+        )
     path = Path(source.path.parent / stated.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS)
+        table = read_known_columns(
+            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS
+        )
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
         outside = (table.columns[name] < low) | (table.columns[name] > high)
         if np.any(outside):
-            raise table.error(f"must lie between {low:.0f} and {high:.0f}", name, int(np.argmax(outside)))
+            raise table.error(
+                f"must lie between {low:.0f} and {high:.0f}", name, int(np.argmax(outside))
+            )
     neither = ~np.isin(table.columns["climbed"], (0.0, 1.0))
     if np.any(neither):
-        raise table.error("must be 1 (it climbed) or 0 (it did not)", "climbed", int(np.argmax(neither)))
+        raise table.error(
+            "must be 1 (it climbed) or 0 (it did not)", "climbed", int(np.argmax(neither))
+        )
     keys = ("u_phi_deg", "u_theta_deg", "release_deg", "u_zero_phi_deg", "u_zero_theta_deg")
     for key in keys:
         least = _LEAST if key == "u_theta_deg" else 0.0
         if not least <= getattr(stated, key) < 45.0:
-            raise source.places.error(f"must lie between {least:g} and 45", ("trials", key), value=getattr(stated, key))
-    tilts = by_tilt(np.radians(table.columns["phi_deg"]), np.radians(table.columns["theta_deg"]), table.columns["climbed"] == 1.0)
-    return Trials(stated.body, table.file, table.sha256, tilts, *(float(np.radians(getattr(stated, key))) for key in keys))
+            raise source.places.error(
+                f"must lie between {least:g} and 45", ("trials", key), value=getattr(stated, key)
+            )
+    tilts = by_tilt(
+        np.radians(table.columns["phi_deg"]),
+        np.radians(table.columns["theta_deg"]),
+        table.columns["climbed"] == 1.0,
+    )
+    return Trials(
+        stated.body,
+        table.file,
+        table.sha256,
+        tilts,
+        *(float(np.radians(getattr(stated, key))) for key in keys),
+    )

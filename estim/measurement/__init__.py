@@ -1,6 +1,8 @@
-"""A measurement model in a file: inputs, formulas of the outputs, GUM and Monte Carlo side by side, regions of two outputs.
+"""A measurement model in a file: inputs, formulas of the outputs, GUM and Monte Carlo side by side,
+regions of two outputs.
 
-Read `model_file` first, then `propagating`."""
+Read `model_file` first, then `propagating`.
+"""
 
 from estim.measurement.model_file import read_model
 from estim.measurement.propagating import Propagation, propagate

@@ -1,7 +1,9 @@
-"""One `[inputs.NAME]` table as inputs of a propagation: the statement itself, and further components of the uncertainty.
+"""One `[inputs.NAME]` table as inputs of a propagation: the statement itself, and further
+components of the uncertainty.
 
-A statement is one of: a quantity "4.999(32)"; `u`; `u_percent` of the value; an expanded uncertainty `U` with its `k`; a `half_width`;
-`low` and `high`; `readings`.  Without any of them the value is exact.
+A statement is one of: a quantity "4.999(32)"; `u`; `u_percent` of the value; an expanded
+uncertainty `U` with its `k`; a `half_width`; `low` and `high`; `readings`.  Without any of them the
+value is exact.
 """
 
 from __future__ import annotations
@@ -15,7 +17,12 @@ import msgspec
 from estim.common import InputError, read_quantity
 from estim.propagation import BOUNDED, Distribution, Input
 
-_OTHER_NAMES = {"uniform": "rectangular", "student-t": "t", "u-shaped": "arcsine", "trapezoid": "trapezoidal"}
+_OTHER_NAMES = {
+    "uniform": "rectangular",
+    "student-t": "t",
+    "u-shaped": "arcsine",
+    "trapezoid": "trapezoidal",
+}
 
 
 class ComponentTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -51,12 +58,35 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
     Raises InputError whose field is the key, for a component "components.NAME.key".
     """
     if table.readings is not None:
-        _refuse(table, "readings", "value", "u", "u_percent", "U", "k", "half_width", "low", "high", "distribution", "dof", "relative_u_of_u")
-        base = _named("readings", lambda: Input.from_readings(name, table.readings or [], unit=table.unit))
+        _refuse(
+            table,
+            "readings",
+            "value",
+            "u",
+            "u_percent",
+            "U",
+            "k",
+            "half_width",
+            "low",
+            "high",
+            "distribution",
+            "dof",
+            "relative_u_of_u",
+        )
+        base = _named(
+            "readings", lambda: Input.from_readings(name, table.readings or [], unit=table.unit)
+        )
         value = base.value
         if not table.components and len(set(table.readings)) == 1:
-            rule = "are all the same, so that their scatter tells no uncertainty: state the resolution too"
-            raise InputError(f"{rule}, as components.resolution = {{half_width = 0.5}}", field="readings", value=table.readings[0])
+            rule = (
+                "are all the same, so that their scatter tells no uncertainty: state the "
+                "resolution too"
+            )
+            raise InputError(
+                f"{rule}, as components.resolution = {{half_width = 0.5}}",
+                field="readings",
+                value=table.readings[0],
+            )
     else:
         value, u, half = _value(table)
         base = _stated(name, table, value, unit=table.unit, u=u, half_width=half, may_be_exact=True)
@@ -65,25 +95,44 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
         try:
             found.append(_stated(f"{name}: {part}", component, 0.0, unit=table.unit, scale=value))
         except InputError as error:
-            raise InputError(error.rule, field=f"components.{part}.{error.field}", value=error.value) from None
+            raise InputError(
+                error.rule, field=f"components.{part}.{error.field}", value=error.value
+            ) from None
     return tuple(found)
 
 
 def _value(table: InputTable) -> tuple[float, float | None, float | None]:
-    """The value, and the standard uncertainty or the half width where they stand in `value`, or in `low` and `high`."""
+    """The value, and the standard uncertainty or the half width where they stand in `value`, or in
+    `low` and `high`.
+    """
     if table.low is not None or table.high is not None:
         _refuse(table, "low", "u", "u_percent", "U", "k", "half_width")
         if table.low is None or table.high is None or not table.low < table.high:
             raise InputError("requires 'high' and must be smaller", field="low", value=table.low)
         middle = 0.5 * (table.low + table.high)
-        if table.value is not None and abs(_exact(table.value) - middle) > 1e-9 * (table.high - table.low):
-            raise InputError("must be the middle of low and high, or be left out", field="value", value=table.value)
+        if table.value is not None and abs(_exact(table.value) - middle) > 1e-9 * (
+            table.high - table.low
+        ):
+            raise InputError(
+                "must be the middle of low and high, or be left out",
+                field="value",
+                value=table.value,
+            )
         return middle, None, 0.5 * (table.high - table.low)
     if table.value is None:
         raise InputError("is missing (or give 'readings', or 'low' and 'high')", field="value")
     quantity = read_quantity(table.value, field="value")
     if not quantity.exact:
-        _refuse(table, "value", "u", "u_percent", "U", "k", "half_width", why="an uncertainty stands in 'value' already")
+        _refuse(
+            table,
+            "value",
+            "u",
+            "u_percent",
+            "U",
+            "k",
+            "half_width",
+            why="an uncertainty stands in 'value' already",
+        )
         return quantity.value, quantity.u, None
     return quantity.value, None, None
 
@@ -93,26 +142,44 @@ def _exact(value: str | float) -> float:
 
 
 def _stated(
-    name: str, table: ComponentTable, value: float, *, unit: str, scale: float | None = None, u: float | None = None,
-    half_width: float | None = None, may_be_exact: bool = False,
+    name: str,
+    table: ComponentTable,
+    value: float,
+    *,
+    unit: str,
+    scale: float | None = None,
+    u: float | None = None,
+    half_width: float | None = None,
+    may_be_exact: bool = False,
 ) -> Input:
     """scale : the value of the input that a component belongs to, for `u_percent`."""
-    given = {"u": table.u, "u_percent": table.u_percent, "U": table.U, "half_width": table.half_width}
+    given = {
+        "u": table.u,
+        "u_percent": table.u_percent,
+        "U": table.U,
+        "half_width": table.half_width,
+    }
     said = [key for key, number in given.items() if number is not None]
     if len(said) > 1:
         raise InputError(f"does not go with '{said[0]}': state the uncertainty once", field=said[1])
     for key in said:
         if not (math.isfinite(given[key] or 0.0) and (given[key] or 0.0) > 0.0):
-            raise InputError("must be > 0 (leave it out for an exact value)", field=key, value=given[key])
+            raise InputError(
+                "must be > 0 (leave it out for an exact value)", field=key, value=given[key]
+            )
     if (table.U is None) != (table.k is None) or not (table.k or 1.0) > 0.0:
-        raise InputError("requires 'U', an expanded uncertainty, and must be > 0", field="k", value=table.k)
+        raise InputError(
+            "requires 'U', an expanded uncertainty, and must be > 0", field="k", value=table.k
+        )
     dof = _dof(table)
     half_width = table.half_width if half_width is None else half_width
     distribution = _distribution(table, bounded=half_width is not None, dof=dof)
     if table.u_percent is not None:
         u = abs(value if scale is None else scale) * table.u_percent / 100.0
         if u == 0.0:
-            raise InputError("is undefined if the value is 0: state u", field="u_percent", value=table.u_percent)
+            raise InputError(
+                "is undefined if the value is 0: state u", field="u_percent", value=table.u_percent
+            )
     elif table.U is not None:
         u = table.U / (table.k or 1.0)
     elif table.u is not None:
@@ -120,16 +187,28 @@ def _stated(
     shape = _shape(table, distribution, half_width)
     if half_width is not None:
         if distribution not in BOUNDED:
-            raise InputError(f"must be one of {', '.join(BOUNDED)} where limits are stated", field="distribution", value=distribution)
+            raise InputError(
+                f"must be one of {', '.join(BOUNDED)} where limits are stated",
+                field="distribution",
+                value=distribution,
+            )
         half, bounded = half_width, distribution
-        return _named("half_width", lambda: Input.from_half_width(name, value, half, distribution=bounded, dof=dof, unit=unit, shape=shape))
+        return _named(
+            "half_width",
+            lambda: Input.from_half_width(
+                name, value, half, distribution=bounded, dof=dof, unit=unit, shape=shape
+            ),
+        )
     if u is None and distribution == "exponential" and value > 0.0:
         u = value
     if u is None:
         if not may_be_exact:
             raise InputError("is missing: state u, u_percent, U with k, or half_width", field="u")
         if table.distribution is not None or not math.isinf(dof):
-            raise InputError("also needs an uncertainty", field="distribution" if table.distribution is not None else "dof")
+            raise InputError(
+                "also needs an uncertainty",
+                field="distribution" if table.distribution is not None else "dof",
+            )
         return Input(name, value, 0.0, unit=unit)
     return _named("", lambda: Input(name, value, u, distribution, dof, unit, shape))
 
@@ -139,27 +218,42 @@ def _dof(table: ComponentTable) -> float:
     if table.relative_u_of_u is not None:
         _refuse(table, "relative_u_of_u", "dof")
         if not 0.0 < table.relative_u_of_u <= 1.0:
-            raise InputError("must lie between 0 and 1", field="relative_u_of_u", value=table.relative_u_of_u)
+            raise InputError(
+                "must lie between 0 and 1", field="relative_u_of_u", value=table.relative_u_of_u
+            )
         return 0.5 / table.relative_u_of_u**2
     return math.inf if table.dof is None else table.dof
 
 
 def _distribution(table: ComponentTable, *, bounded: bool, dof: float) -> Distribution:
-    """As stated; else rectangular between limits (GUM 4.3.7), t where u has degrees of freedom (JCGM 101, 6.4.9), normal."""
+    """As stated; else rectangular between limits (GUM 4.3.7), t where u has degrees of freedom
+    (JCGM 101, 6.4.9), normal.
+    """
     if table.distribution is None:
         return "rectangular" if bounded else "normal" if math.isinf(dof) else "t"
     named = _OTHER_NAMES.get(table.distribution.lower(), table.distribution.lower())
     for known in get_args(Distribution):
         if named == known:
             return known
-    raise InputError(f"must be one of {', '.join(get_args(Distribution))}", field="distribution", value=table.distribution)
+    raise InputError(
+        f"must be one of {', '.join(get_args(Distribution))}",
+        field="distribution",
+        value=table.distribution,
+    )
 
 
 def _shape(table: ComponentTable, distribution: str, half_width: float | None) -> float:
     if (table.plateau is None) != (distribution != "trapezoidal"):
-        raise InputError("goes with the trapezoidal distribution, and it with 'plateau' (width of the plateau / width of the base)", field="plateau")
+        raise InputError(
+            "goes with the trapezoidal distribution, and it with 'plateau' (width of the "
+            "plateau / width of the base)",
+            field="plateau",
+        )
     if (table.half_width_error is None) != (distribution != "curvilinear-trapezoidal"):
-        raise InputError("goes with the curvilinear-trapezoidal distribution, and it with 'half_width_error'", field="half_width_error")
+        raise InputError(
+            "goes with the curvilinear-trapezoidal distribution, and it with 'half_width_error'",
+            field="half_width_error",
+        )
     if table.half_width_error is not None:
         if half_width is None or not 0.0 < table.half_width_error <= half_width:
             rule = "requires a 'half_width' that is not smaller, and must be > 0"
@@ -180,4 +274,8 @@ def _named(field: str, make: Callable[[], Input]) -> Input:
         return make()
     except InputError as error:
         key = (error.field or "").rpartition(".")[2]
-        raise InputError(error.rule, field=field if key in ("", "half_width", "readings") and field else key, value=error.value) from None
+        raise InputError(
+            error.rule,
+            field=field if key in ("", "half_width", "readings") and field else key,
+            value=error.value,
+        ) from None

@@ -1,4 +1,5 @@
-"""The file of a measurement model: TOML to formulas, inputs and their correlations, every mistake with its line.
+"""The file of a measurement model: TOML to formulas, inputs and their correlations, every mistake
+with its line.
 
 `docs/propagation.md` explains the format to its users.
 """
@@ -54,7 +55,9 @@ class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A measurand.  unit : "1" for a number, and where none was stated and none follows.  stated : the unit that was stated, if any."""
+    """A measurand.  unit : "1" for a number, and where none was stated and none follows.  stated :
+    the unit that was stated, if any.
+    """
 
     name: str
     formula: Formula
@@ -65,7 +68,9 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """An input of the formulas: the sum of `parts`, independent inputs of the propagation, the first of which holds the value."""
+    """An input of the formulas: the sum of `parts`, independent inputs of the propagation, the
+    first of which holds the value.
+    """
 
     name: str
     unit: str
@@ -82,8 +87,10 @@ class Quantity:
 class MeasurementModel:
     """A measurement model as read.
 
-    correlation : of the parts of all quantities, in their order, None where there is none.  digits : of u, to which the Monte Carlo settles
-    and the GUM interval is tested.  draws : how many, None for as many as that takes.  interval : the Monte-Carlo interval that is quoted.
+    correlation : of the parts of all quantities, in their order, None where there is none.
+    digits : of u, to which the Monte Carlo settles and the GUM interval is tested.
+    draws : how many, None for as many as that takes.  interval : the Monte-Carlo interval that is
+        quoted.
     """
 
     path: Path
@@ -103,8 +110,15 @@ class MeasurementModel:
         return tuple(part for quantity in self.quantities for part in quantity.parts)
 
     def values(self, q: Mapping[str, Any]) -> list[Any]:
-        """Outputs at values of the inputs, numbers or arrays; a formula sees the outputs before it."""
-        symbols = {quantity.name: sum((q[part.name] for part in quantity.parts[1:]), start=q[quantity.name]) for quantity in self.quantities}
+        """Outputs at values of the inputs, numbers or arrays; a formula sees the outputs
+        before it.
+        """
+        symbols = {
+            quantity.name: sum(
+                (q[part.name] for part in quantity.parts[1:]), start=q[quantity.name]
+            )
+            for quantity in self.quantities
+        }
         found = []
         for output in self.outputs:
             symbols[output.name] = evaluate(output.formula.tree, symbols)
@@ -113,14 +127,18 @@ class MeasurementModel:
 
 
 def read_model(path: Path) -> MeasurementModel:
-    """The measurement model in the TOML file at `path`.  Raises InputError with file, line, key, rule and value."""
+    """The measurement model in the TOML file at `path`.  Raises InputError with file, line, key,
+    rule and value.
+    """
     text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     top = checked(tree, _TopTable, places, ())
     _check_choices(top, places)
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
     if not 1 <= sum(len(quantity.parts) for quantity in quantities) <= _MOST_INPUTS:
-        raise places.error(f"must hold 1 to {_MOST_INPUTS} inputs, their components counted", ("inputs",))
+        raise places.error(
+            f"must hold 1 to {_MOST_INPUTS} inputs, their components counted", ("inputs",)
+        )
     outputs = _outputs(top, places)
     _check_names(outputs, quantities, places)
     outputs = _in_units(outputs, quantities, places)
@@ -128,30 +146,53 @@ def read_model(path: Path) -> MeasurementModel:
     _check_sets(top, places)
     quantities = tuple(_together(quantity, top) for quantity in quantities)
     return MeasurementModel(
-        path, digest, top.title, top.source, outputs, quantities, correlation, top.probability, top.digits, top.draws,
+        path,
+        digest,
+        top.title,
+        top.source,
+        outputs,
+        quantities,
+        correlation,
+        top.probability,
+        top.digits,
+        top.draws,
         top.interval,
     )
 
 
 def _check_choices(top: _TopTable, places: Places) -> None:
     if not 0.5 <= top.probability <= 0.9999:
-        raise places.error("must lie between 0.5 and 0.9999", ("probability",), value=top.probability)
+        raise places.error(
+            "must lie between 0.5 and 0.9999", ("probability",), value=top.probability
+        )
     if not 1 <= top.digits <= 4:
         raise places.error("must be 1 to 4", ("digits",), value=top.digits)
     if top.draws is not None and not _LEAST_DRAWS <= top.draws <= _MOST_DRAWS:
-        raise places.error(f"must lie between {_LEAST_DRAWS} and {_MOST_DRAWS}", ("draws",), value=top.draws)
+        raise places.error(
+            f"must lie between {_LEAST_DRAWS} and {_MOST_DRAWS}", ("draws",), value=top.draws
+        )
 
 
 def _quantity(name: str, raw: Any, places: Places) -> Quantity:
     _check_name(name, ("inputs", name), places)
     if not isinstance(raw, dict):
-        raise places.error("must be a table, like {value = 1.0, u = 0.1}", ("inputs", name), value=raw)
+        raise places.error(
+            "must be a table, like {value = 1.0, u = 0.1}", ("inputs", name), value=raw
+        )
     table = checked(dict(raw), InputTable, places, ("inputs", name))
     try:
         parts = inputs_of(name, table)
     except InputError as error:
-        raise places.error(error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value) from None
-    return Quantity(name, table.unit, table.meaning, parts, (table.meaning, *(component.meaning for component in table.components.values())))
+        raise places.error(
+            error.rule, ("inputs", name, *(error.field or "").split(".")), value=error.value
+        ) from None
+    return Quantity(
+        name,
+        table.unit,
+        table.meaning,
+        parts,
+        (table.meaning, *(component.meaning for component in table.components.values())),
+    )
 
 
 def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
@@ -159,15 +200,23 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
     alone = isinstance(top.measurand.get("formula"), str)
     tables = {str(top.measurand.get("name", "y")): top.measurand} if alone else top.measurand
     if not 1 <= len(tables) <= _MOST_OUTPUTS:
-        raise places.error(f"must hold a formula, or 1 to {_MOST_OUTPUTS} tables [measurand.NAME]", ("measurand",))
+        raise places.error(
+            f"must hold a formula, or 1 to {_MOST_OUTPUTS} tables [measurand.NAME]", ("measurand",)
+        )
     found = []
     for name, raw in tables.items():
         path = ("measurand",) if alone else ("measurand", name)
         if not isinstance(raw, dict):
-            raise places.error("must be a table [measurand.NAME] with a formula, or stand beside 'formula'", path, field=f"measurand.{name}")
+            raise places.error(
+                "must be a table [measurand.NAME] with a formula, or stand beside 'formula'",
+                path,
+                field=f"measurand.{name}",
+            )
         table = checked(raw, _OutputTable, places, path)
         if table.name is not None and not alone:
-            raise places.error("does not go with several measurands: the table has the name", (*path, "name"))
+            raise places.error(
+                "does not go with several measurands: the table has the name", (*path, "name")
+            )
         _check_name(name, (*path, "name") if alone else path, places)
         try:
             formula = read_formula(table.formula, field="formula")
@@ -178,8 +227,16 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
 
 
 def _check_name(name: str, path: Sequence[str], places: Places) -> None:
-    if not name.isidentifier() or name.startswith("_") or (name in RESERVED and name != "x") or name == "power":
-        rule = "must be letters, digits and _, a letter first, and no constant or function of formulas (e, pi, sin, log, ...)"
+    if (
+        not name.isidentifier()
+        or name.startswith("_")
+        or (name in RESERVED and name != "x")
+        or name == "power"
+    ):
+        rule = (
+            "must be letters, digits and _, a letter first, and no constant or function of "
+            "formulas (e, pi, sin, log, ...)"
+        )
         raise places.error(rule, path, field="name", value=name)
 
 
@@ -187,29 +244,46 @@ def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], plac
     """Each formula names inputs and outputs above it, and every input is used."""
     known = [quantity.name for quantity in quantities]
     if alike := same_looks((*known, *(output.name for output in outputs))):
-        raise places.error("has two names that look alike: write both in the letters of one alphabet", ("inputs",), value=alike)
+        raise places.error(
+            "has two names that look alike: write both in the letters of one alphabet",
+            ("inputs",),
+            value=alike,
+        )
     used: set[str] = set()
     for output in outputs:
         path = _place_of_formula(output, places)
         if output.name in known:
-            raise places.error("must not be the name of an input or of another measurand", path, field="name", value=output.name)
+            raise places.error(
+                "must not be the name of an input or of another measurand",
+                path,
+                field="name",
+                value=output.name,
+            )
         names = (*output.formula.names, *(("x",) if output.formula.uses_x else ()))
         for name in names:
             if name not in known:
                 close = difflib.get_close_matches(name, known, n=1)
                 hint = f" (did you mean '{close[0]}'?)" if close else ""
-                raise places.error(f"names no input and no measurand above it{hint}", path, value=name)
+                raise places.error(
+                    f"names no input and no measurand above it{hint}", path, value=name
+                )
         if not names:
             raise places.error("must depend on an input", path, value=output.formula.text)
         used.update(names)
         known.append(output.name)
     for quantity in quantities:
         if quantity.name not in used:
-            raise places.error("is in no formula", ("inputs", quantity.name), field=f"inputs.{quantity.name}")
+            raise places.error(
+                "is in no formula", ("inputs", quantity.name), field=f"inputs.{quantity.name}"
+            )
 
 
-def _in_units(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> tuple[Output, ...]:
-    """The outputs with the units that follow where none were stated.  Raises InputError where a stated one is another, or a sine takes degrees."""
+def _in_units(
+    outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places
+) -> tuple[Output, ...]:
+    """The outputs with the units that follow where none were stated.  Raises InputError where a
+    stated one is another, or a sine takes degrees.
+    """
     units, found = {quantity.name: quantity.unit for quantity in quantities}, []
     for output in outputs:
         symbols = {name: name for name in (*output.formula.names, "x")}
@@ -217,35 +291,53 @@ def _in_units(outputs: Sequence[Output], quantities: Sequence[Quantity], places:
             unit = unit_that_follows(output.formula.tree, symbols, units, output.stated)
         except InputError as error:
             path = _place_of_formula(output, places)
-            raise places.error(error.rule, path if error.value is None else (*path[:-1], "unit"), value=error.value or output.formula.text) from None
+            raise places.error(
+                error.rule,
+                path if error.value is None else (*path[:-1], "unit"),
+                value=error.value or output.formula.text,
+            ) from None
         found.append(replace(output, unit=unit))
         units[output.name] = unit
     return tuple(found)
 
 
 def _place_of_formula(output: Output, places: Places) -> tuple[str, ...]:
-    return ("measurand", output.name, "formula") if ("measurand", output.name) in places.lines else ("measurand", "formula")
+    return (
+        ("measurand", output.name, "formula")
+        if ("measurand", output.name) in places.lines
+        else ("measurand", "formula")
+    )
 
 
-def _correlations(top: _TopTable, quantities: Sequence[Quantity], places: Places) -> dict[tuple[str, str], float] | None:
+def _correlations(
+    top: _TopTable, quantities: Sequence[Quantity], places: Places
+) -> dict[tuple[str, str], float] | None:
     """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
     parts = {part.name: part for quantity in quantities for part in quantity.parts}
     pairs: dict[tuple[str, str], float] = {}
     found: list[tuple[list[str], float, tuple[str | int, ...]]] = []
     found += [(one.between, one.r, ("correlations", i)) for i, one in enumerate(top.correlations)]
     for i, group in enumerate(top.simultaneous):
-        found += [([a, b], r, ("simultaneous", i)) for (a, b), r in _of_readings(top, group, places, ("simultaneous", i)).items()]
+        found += [
+            ([a, b], r, ("simultaneous", i))
+            for (a, b), r in _of_readings(top, group, places, ("simultaneous", i)).items()
+        ]
     for between, r, path in found:
         if len(between) != 2 or between[0] == between[1]:
             raise places.error("must name two inputs", (*path, "between"), value=", ".join(between))
         for name in between:
             if name not in parts or parts[name].u == 0.0:
-                rule = 'must name inputs with an uncertainty of their own (a component as "input: component")'
+                rule = (
+                    'must name inputs with an uncertainty of their own (a component as "input: '
+                    'component")'
+                )
                 raise places.error(rule, (*path, "between"), value=name)
         if not -1.0 <= r <= 1.0:
             raise places.error("must lie between -1 and 1", (*path, "r"), value=r)
         if tuple(between) in pairs or tuple(reversed(between)) in pairs:
-            raise places.error("must give each pair once", (*path, "between"), value=", ".join(between))
+            raise places.error(
+                "must give each pair once", (*path, "between"), value=", ".join(between)
+            )
         pairs[between[0], between[1]] = r
     return pairs or None
 
@@ -255,11 +347,16 @@ def _check_sets(top: _TopTable, places: Places) -> None:
     if top.simultaneous_dof == "n - 1":
         return
     if not top.simultaneous:
-        raise places.error("needs 'simultaneous'", ("simultaneous_dof",), value=top.simultaneous_dof)
+        raise places.error(
+            "needs 'simultaneous'", ("simultaneous_dof",), value=top.simultaneous_dof
+        )
     for group in top.simultaneous:
         n = len(top.inputs[group[0]]["readings"])
         if n <= len(group):
-            raise places.error(f"needs more sets of readings than inputs, here {n} sets of {len(group)}", ("simultaneous_dof",))
+            raise places.error(
+                f"needs more sets of readings than inputs, here {n} sets of {len(group)}",
+                ("simultaneous_dof",),
+            )
 
 
 def _together(quantity: Quantity, top: _TopTable) -> Quantity:
@@ -268,23 +365,46 @@ def _together(quantity: Quantity, top: _TopTable) -> Quantity:
     if at is None:
         return quantity
     own, *others = quantity.parts
-    joint_dof = own.dof + 1.0 - len(top.simultaneous[at]) if top.simultaneous_dof == "n - N" else 0.0
-    return replace(quantity, parts=(replace(own, group=f"readings {at}", joint_dof=joint_dof), *others))
+    joint_dof = (
+        own.dof + 1.0 - len(top.simultaneous[at]) if top.simultaneous_dof == "n - N" else 0.0
+    )
+    return replace(
+        quantity, parts=(replace(own, group=f"readings {at}", joint_dof=joint_dof), *others)
+    )
 
 
-def _of_readings(top: _TopTable, group: Sequence[str], places: Places, path: tuple[str | int, ...]) -> dict[tuple[str, str], float]:
+def _of_readings(
+    top: _TopTable, group: Sequence[str], places: Places, path: tuple[str | int, ...]
+) -> dict[tuple[str, str], float]:
     lists = []
     for name in group:
         if sum(name in other for other in top.simultaneous) > 1 or list(group).count(name) > 1:
             raise places.error("must name each input once", path, field="simultaneous", value=name)
         readings = top.inputs.get(name, {}).get("readings")
         if not isinstance(readings, list):
-            raise places.error("must name inputs that are given by readings", path, field="simultaneous", value=name)
+            raise places.error(
+                "must name inputs that are given by readings",
+                path,
+                field="simultaneous",
+                value=name,
+            )
         lists.append(readings)
     if len(group) < 2 or len({len(readings) for readings in lists}) != 1:
-        raise places.error("must name two inputs or more with equally many readings", path, field="simultaneous", value=", ".join(group))
+        raise places.error(
+            "must name two inputs or more with equally many readings",
+            path,
+            field="simultaneous",
+            value=", ".join(group),
+        )
     with np.errstate(all="ignore"):
         matrix = np.corrcoef(np.array(lists, dtype=float))
     if not np.all(np.isfinite(matrix)) or any(len(set(readings)) == 1 for readings in lists):
-        raise places.error("must name inputs whose readings scatter", path, field="simultaneous", value=", ".join(group))
-    return {(group[i], group[j]): float(matrix[i, j]) for i, j in combinations(range(len(group)), 2)}
+        raise places.error(
+            "must name inputs whose readings scatter",
+            path,
+            field="simultaneous",
+            value=", ".join(group),
+        )
+    return {
+        (group[i], group[j]): float(matrix[i, j]) for i, j in combinations(range(len(group)), 2)
+    }

@@ -35,8 +35,10 @@ _LOOSE = 0.05  # of the interval's length: what both its ends must be known to, 
 class Propagation:
     """What a measurement model gives; arrays (n_out,) in the order of `model.outputs`.
 
-    validation : of the GUM's interval by the Monte-Carlo one.  budgets : of the linear result.
-    second_order : standard uncertainties with the GUM's terms of the next order, None where inputs are correlated.
+    validation : of the GUM's interval by the Monte-Carlo one.
+    budgets : of the linear result.
+    second_order : standard uncertainties with the GUM's terms of the next order, None where inputs
+        are correlated.
     regions : of the pairs of outputs.
     """
 
@@ -50,27 +52,36 @@ class Propagation:
 
     @property
     def gum_holds(self) -> NDArray[np.bool_]:
-        """(n_out,) whether the interval of the GUM is that of the draws for certain; else the draws are quoted."""
+        """(n_out,) whether the interval of the GUM is that of the draws for certain; else the draws
+        are quoted.
+        """
         return self.validation.passes & self.validation.decided
 
     @property
     def interval(self) -> Interval:
         """The Monte-Carlo interval that the model asks for."""
-        return self.sampled.symmetric if self.model.interval == "symmetric" else self.sampled.shortest
+        return (
+            self.sampled.symmetric if self.model.interval == "symmetric" else self.sampled.shortest
+        )
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """(n_out,) whether there is an interval that can be quoted."""
         low, high = self.interval.low, self.interval.high
         error = np.maximum(self.interval.low_error, self.interval.high_error)
-        return np.asarray(np.isfinite(low) & np.isfinite(high) & (2.0 * error <= _LOOSE * (high - low)))
+        return np.asarray(
+            np.isfinite(low) & np.isfinite(high) & (2.0 * error <= _LOOSE * (high - low))
+        )
 
     @property
     def statuses(self) -> tuple[Status, ...]:
-        """Of each output: not identified where draws have no value, not converged where the ends of the interval have not settled."""
+        """Of each output: not identified where draws have no value, not converged where the ends of
+        the interval have not settled.
+        """
         undefined = self.sampled.undefined > 0.0
         return tuple(
-            Status.OK if known else Status.NOT_IDENTIFIED if lost else Status.NOT_CONVERGED for known, lost in zip(self.known, undefined, strict=True)
+            Status.OK if known else Status.NOT_IDENTIFIED if lost else Status.NOT_CONVERGED
+            for known, lost in zip(self.known, undefined, strict=True)
         )
 
     @property
@@ -78,30 +89,46 @@ class Propagation:
         return tuple(dict.fromkeys((*self.linear.notes, *self.sampled.notes)))
 
 
-def propagate(model: MeasurementModel, *, rng: np.random.Generator, progress: BatchProgress | None = None) -> Propagation:
+def propagate(
+    model: MeasurementModel, *, rng: np.random.Generator, progress: BatchProgress | None = None
+) -> Propagation:
     """GUM and Monte Carlo side by side (JCGM 100; JCGM 101, 7.9 and 8; JCGM 102).
 
-    Without a number of draws in the model there are as many as mean, u and interval need to settle to its digits of u; and where the comparison
-    is then still open, four times as many and so on, up to 4 10^6.
-    Raises InputError where the formulas and the inputs do not go together.
+    Without a number of draws in the model there are as many as mean, u and interval need to settle
+    to its digits of u; and where the comparison is then still open, four times as many and so on,
+    up to 4 10^6.  Raises InputError where the formulas and the inputs do not go together.
     """
     try:
-        linear = propagate_linear(model.values, model.inputs, correlation=model.correlation, probability=model.probability)
+        linear = propagate_linear(
+            model.values, model.inputs, correlation=model.correlation, probability=model.probability
+        )
         sampled, validation = _sampled(model, linear, rng, progress)
     except InputError as error:
         raise error.at(str(model.path)) from None
     budgets = tuple(budget(linear, output=i) for i in range(len(model.outputs)))
-    return Propagation(model, linear, sampled, validation, budgets, second_order_u(model), regions(linear, sampled))
+    return Propagation(
+        model, linear, sampled, validation, budgets, second_order_u(model), regions(linear, sampled)
+    )
 
 
 def _sampled(
-    model: MeasurementModel, linear: LinearResult, rng: np.random.Generator, progress: BatchProgress | None
+    model: MeasurementModel,
+    linear: LinearResult,
+    rng: np.random.Generator,
+    progress: BatchProgress | None,
 ) -> tuple[MonteCarloResult, Validation]:
     most, wanted = min(_MOST_DRAWS, _MOST_VALUES // len(model.outputs)), model.draws
     while True:
         sampled = propagate_monte_carlo(
-            model.values, model.inputs, rng=rng, n_draw=wanted, correlation=model.correlation, probability=model.probability, n_digits=model.digits,
-            watched=model.interval, progress=progress,
+            model.values,
+            model.inputs,
+            rng=rng,
+            n_draw=wanted,
+            correlation=model.correlation,
+            probability=model.probability,
+            n_digits=model.digits,
+            watched=model.interval,
+            progress=progress,
         )
         validation = compare(linear, sampled, n_digits=model.digits, kind=model.interval)
         undecided = validation.status == "undecided" and sampled.stabilised

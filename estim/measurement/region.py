@@ -1,4 +1,6 @@
-"""Coverage regions of two outputs (JCGM 102): ellipses and rectangles, by the GUM and by Monte Carlo."""
+"""Coverage regions of two outputs (JCGM 102): ellipses and rectangles, by the GUM and by Monte
+Carlo.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,10 @@ class Region:
     """Coverage regions of outputs number `pair`, for the probability of the results.
 
     value, covariance : (2,), (2, 2) linear.   mean, drawn : of the draws.
-    k_ellipse : ellipses are (y - centre)^T covariance^-1 (y - centre) <= k^2, by the GUM; k_drawn : by Monte Carlo.
-    k_rectangle : rectangles are centre -/+ k u, by the GUM (Bonferroni: holds whatever the correlation); k_rectangle_drawn : by Monte Carlo.
+    k_ellipse : ellipses are (y - centre)^T covariance^-1 (y - centre) <= k^2, by the GUM; k_drawn :
+        by Monte Carlo.
+    k_rectangle : rectangles are centre -/+ k u, by the GUM (Bonferroni: holds whatever the
+        correlation); k_rectangle_drawn : by Monte Carlo.
     held : share of the draws in the ellipse of the GUM.
     """
 
@@ -39,15 +43,19 @@ class Region:
     @property
     def correlation(self) -> tuple[float, float]:
         """Of the two outputs: linear, and of the draws."""
-        linear, drawn = (float(c[0, 1] / np.sqrt(c[0, 0] * c[1, 1])) for c in (self.covariance, self.drawn))
+        linear, drawn = (
+            float(c[0, 1] / np.sqrt(c[0, 0] * c[1, 1])) for c in (self.covariance, self.drawn)
+        )
         return linear, drawn
 
 
 def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ...]:
-    """A region for each pair of outputs with finite, not fully dependent draws; outputs (n_out,), n_out > 1.
+    """A region for each pair of outputs with finite, not fully dependent draws; outputs (n_out,),
+    n_out > 1.
 
-    Ellipse: k^2 = quantile of chi-squared with 2 degrees of freedom, and the quantile of the draws' own distances (JCGM 102, 6.5, 7.7).
-    Rectangle: k = normal quantile at 1 - (1 - p)/4, and the quantile of the larger standardised distance (JCGM 102, 6.5, 7.7).
+    Ellipse: k^2 = quantile of chi-squared with 2 degrees of freedom, and the quantile of the draws'
+    own distances (JCGM 102, 6.5, 7.7).  Rectangle: k = normal quantile at 1 - (1 - p)/4, and the
+    quantile of the larger standardised distance (JCGM 102, 6.5, 7.7).
     """
     found = []
     p = sampled.probability
@@ -63,8 +71,16 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
         k2 = float(chi2_quantile(p, 2))
         found.append(
             Region(
-                (i, j), p, linear.value[pair], covariance, mean, drawn, k2**0.5, float(np.quantile(_squares(draws, mean, drawn), p)) ** 0.5,
-                float(normal_quantile(1.0 - 0.25 * (1.0 - p))), float(np.quantile(standardised, p)),
+                (i, j),
+                p,
+                linear.value[pair],
+                covariance,
+                mean,
+                drawn,
+                k2**0.5,
+                float(np.quantile(_squares(draws, mean, drawn), p)) ** 0.5,
+                float(normal_quantile(1.0 - 0.25 * (1.0 - p))),
+                float(np.quantile(standardised, p)),
                 float(np.mean(_squares(draws, linear.value[pair], covariance) <= k2)),
             )
         )

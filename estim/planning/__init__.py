@@ -1,4 +1,6 @@
-"""What to measure next: expected standard deviations by linear theory, and how far that is to be trusted.  Read `planning` first."""
+"""What to measure next: expected standard deviations by linear theory, and how far that is to be
+trusted.  Read `planning` first.
+"""
 
 from estim.planning.halving import Halving
 from estim.planning.planning import FAR, Plan, plan

@@ -1,4 +1,6 @@
-"""What might be measured next: one record for all of it, and the list that a campaign itself suggests."""
+"""What might be measured next: one record for all of it, and the list that a campaign itself
+suggests.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,14 @@ class Readings:
 class Wish:
     """Something that might be measured; all of it together where several things are said.
 
-    words : what it is, for a reader.  own : whether the campaign's [plan] asks for it.
+    words : what it is, for a reader.
+    own : whether the campaign's [plan] asks for it.
     u : parameter -> standard uncertainty with which it would be stated, own unit.
-    frames : times as many frames (readings of one's own curve).  error : times as large an error of a reading.  reach : times as far.
-    runs, readings : further ones.  which : they are, where their number stands before it (" of heavy at φ = 4°"), for another number of them.
+    frames : times as many frames (readings of one's own curve).
+    error : times as large an error of a reading.  reach : times as far.
+    runs, readings : further ones.
+    which : they are, where their number stands before it (" of heavy at φ = 4°"), for another
+        number of them.
     """
 
     words: str
@@ -57,10 +63,20 @@ def by_quantity(parameters: Iterable[Parameter]) -> dict[str, tuple[Parameter, .
 
 
 def measured_better(problem: Problem, *, factor: float = 0.5) -> tuple[Wish, ...]:
-    """For each quantity of the curves that was measured: `factor` times its stated uncertainty, wherever it stands."""
-    stated = [p for p in problem.parameters if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)]
+    """For each quantity of the curves that was measured: `factor` times its stated uncertainty,
+    wherever it stands.
+    """
+    stated = [
+        p
+        for p in problem.parameters
+        if p.prior.measured and p.name not in problem.noise_names and n_uses(p.name, problem.runs)
+    ]
     return tuple(
-        Wish(better_words(every, {p.name: factor * p.prior.sd for p in every}), BETTER, u={p.name: factor * p.prior.sd for p in every})
+        Wish(
+            better_words(every, {p.name: factor * p.prior.sd for p in every}),
+            BETTER,
+            u={p.name: factor * p.prior.sd for p in every},
+        )
         for every in by_quantity(stated).values()
     )
 
@@ -75,11 +91,19 @@ def better_words(parameters: Sequence[Parameter], u: Mapping[str, float]) -> str
     n = len(parameters)
     several = "" if n == 1 else phrase(", both") if n == 2 else phrase(", all {n}", n=n)
     before = phrase(" (from {size})", size=f"{_range(old)}{unit}") if old else ""
-    return phrase("{symbol} to ±{size}{before}{several}", symbol=label.symbol, size=f"{_range(new)}{unit}", before=before, several=several)
+    return phrase(
+        "{symbol} to ±{size}{before}{several}",
+        symbol=label.symbol,
+        size=f"{_range(new)}{unit}",
+        before=before,
+        several=several,
+    )
 
 
 def _range(numbers: Sequence[str]) -> str:
-    return numbers[0] if len(numbers) == 1 else f"{min(numbers, key=float)}–{max(numbers, key=float)}"
+    return (
+        numbers[0] if len(numbers) == 1 else f"{min(numbers, key=float)}–{max(numbers, key=float)}"
+    )
 
 
 def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
@@ -89,7 +113,9 @@ def measured_otherwise(*, moving: bool) -> tuple[Wish, ...]:
         twice, fourfold = phrase("twice as many readings"), phrase("four times as many readings")
         return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half
     twice, fourfold = phrase("twice the frame rate"), phrase("four times the frame rate")
-    farther = Wish(phrase("1.5 times the path length, where the body reaches that far"), OTHERWISE, reach=1.5)
+    farther = Wish(
+        phrase("1.5 times the path length, where the body reaches that far"), OTHERWISE, reach=1.5
+    )
     return Wish(twice, OTHERWISE, frames=2.0), Wish(fourfold, OTHERWISE, frames=4.0), half, farther
 
 
@@ -100,4 +126,8 @@ def which_place(x: float, run: str) -> str:
 
 def further_readings(n: int, which: str) -> str:
     """'3 further readings at x = 3'."""
-    return phrase("{n} additional readings{which}", n=n, which=which) if n > 1 else phrase("{n} additional reading{which}", n=n, which=which)
+    return (
+        phrase("{n} additional readings{which}", n=n, which=which)
+        if n > 1
+        else phrase("{n} additional reading{which}", n=n, which=which)
+    )

@@ -9,7 +9,15 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import phrase
-from estim.planning.changes import MORE, OTHERWISE, Readings, Wish, better_words, by_quantity, measured_better
+from estim.planning.changes import (
+    MORE,
+    OTHERWISE,
+    Readings,
+    Wish,
+    better_words,
+    by_quantity,
+    measured_better,
+)
 from estim.planning.options import Basis, Option, sds_with, weigh
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again
@@ -22,7 +30,9 @@ _DOUBLINGS = 4
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """One way: `words` says how much of it, `ratio` what is reached: at most a half where it is enough."""
+    """One way: `words` says how much of it, `ratio` what is reached: at most a half where it is
+    enough.
+    """
 
     words: str
     ratio: float
@@ -34,24 +44,44 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Halving:
-    """The ways for one target: those that are enough, stated quantities before data, then the others, the best first."""
+    """The ways for one target: those that are enough, stated quantities before data, then the
+    others, the best first.
+    """
 
     target: Parameter
     ways: tuple[Way, ...]
 
 
-def ways_to_halve(basis: Basis, here: Outlook, targets: Sequence[Parameter], now: FloatArray, options: Sequence[Option]) -> tuple[Halving, ...]:
-    """For each target: each stated quantity measured better, more frames, smaller errors, and the best further run or reading many times."""
+def ways_to_halve(
+    basis: Basis,
+    here: Outlook,
+    targets: Sequence[Parameter],
+    now: FloatArray,
+    options: Sequence[Option],
+) -> tuple[Halving, ...]:
+    """For each target: each stated quantity measured better, more frames, smaller errors, and the
+    best further run or reading many times.
+    """
     found = []
     for k, target in enumerate(targets):
         sd = float(now[k])
-        ways = [_better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)]
+        ways = [
+            _better(here, wish, target, sd) for wish in measured_better(here.problem, factor=1.0)
+        ]
         ways += _steps(basis, here, target, sd)
-        more = [option for option in options if option.wish.group == MORE and (len(option.wish.runs) == 1 or option.wish.readings)]
+        more = [
+            option
+            for option in options
+            if option.wish.group == MORE and (len(option.wish.runs) == 1 or option.wish.readings)
+        ]
         more = [option for option in more if option.wish.runs or not option.wish.own] or more
         if more:
-            ways.append(_many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd))
-        found.append(Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio))))
+            ways.append(
+                _many(basis, here, min(more, key=lambda option: option.ratio[k]), target, sd)
+            )
+        found.append(
+            Halving(target, tuple(sorted(ways, key=lambda way: 0.0 if way.enough else way.ratio)))
+        )
     return tuple(found)
 
 
@@ -60,7 +90,10 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
     parameters = [p for p in here.problem.parameters if p.name in wish.u]
 
     def ratio(factor: float) -> float:
-        return float(sds_with(here, {name: factor * u for name, u in wish.u.items()}, [target])[0]) / now
+        return (
+            float(sds_with(here, {name: factor * u for name, u in wish.u.items()}, [target])[0])
+            / now
+        )
 
     least = ratio(_EXACT)
     if least > _HALF:
@@ -77,10 +110,16 @@ def _better(here: Outlook, wish: Wish, target: Parameter, now: float) -> Way:
 
 def _steps(basis: Basis, here: Outlook, target: Parameter, now: float) -> list[Way]:
     def of(frames: float = 1.0, error: float = 1.0) -> float:
-        option = weigh(basis, here, Wish("", OTHERWISE, frames=frames, error=error), [target], np.array([now]))
+        option = weigh(
+            basis, here, Wish("", OTHERWISE, frames=frames, error=error), [target], np.array([now])
+        )
         return float("inf") if option.reason else float(option.ratio[0])
 
-    more = phrase("{n} times as many readings") if here.problem.runs[0].motion is None else phrase("{n} times as many frames")
+    more = (
+        phrase("{n} times as many readings")
+        if here.problem.runs[0].motion is None
+        else phrase("{n} times as many frames")
+    )
     return [
         _doubled(lambda n: (more.format(n=n), of(frames=float(n)))),
         _doubled(lambda n: (phrase("1/{n} of the error of a reading", n=n), of(error=1.0 / n))),
@@ -100,11 +139,19 @@ def _many(basis: Basis, here: Outlook, best: Option, target: Parameter, now: flo
 
 def _more_often(wish: Wish, times: int) -> Wish:
     readings = tuple(Readings(one.run, one.x, one.n * times) for one in wish.readings)
-    return replace(wish, words=phrase("{n} additional readings{which}", n=wish.readings[0].n * times, which=wish.which), readings=readings)
+    return replace(
+        wish,
+        words=phrase(
+            "{n} additional readings{which}", n=wish.readings[0].n * times, which=wish.which
+        ),
+        readings=readings,
+    )
 
 
 def _doubled(of: Callable[[int], tuple[str, float]], *, between: bool = False) -> Way:
-    """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had.  between: or the least number of times."""
+    """The first of 2, 4, 8, 16 times that is enough, else the best of them that can be had.
+    between: or the least number of times.
+    """
     ways: list[Way] = []
     for i in range(1, _DOUBLINGS + 1):
         ways.append(Way(*of(2**i)))

@@ -19,15 +19,19 @@ class Basis(Protocol):
     """What plans start from: a campaign and its fit."""
 
     def outlook(self, wish: Wish) -> Outlook:
-        """What the runs would say if the wish came true, its `u` left aside.  Raises InputError where that cannot be measured."""
+        """What the runs would say if the wish came true, its `u` left aside.  Raises InputError
+        where that cannot be measured.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Option:
     """A wish and what comes of it.
 
-    u : (n_target,) expected standard deviations; empty where it cannot be measured, and `reason` says why.
-    ratio : (n_target,) of these to those as things are.  remarks : what is worth saying of it.
+    u : (n_target,) expected standard deviations; empty where it cannot be measured, and `reason`
+        says why.
+    ratio : (n_target,) of these to those as things are.
+    remarks : what is worth saying of it.
     """
 
     wish: Wish
@@ -42,19 +46,29 @@ class Option:
         return float(np.exp(np.mean(np.log(self.ratio))))
 
 
-def weigh(basis: Basis, here: Outlook, wish: Wish, targets: Sequence[Parameter], now: FloatArray) -> Option:
-    """What the wish would do beside `here`, the campaign as it is, with standard deviations `now` (n_target,)."""
+def weigh(
+    basis: Basis, here: Outlook, wish: Wish, targets: Sequence[Parameter], now: FloatArray
+) -> Option:
+    """What the wish would do beside `here`, the campaign as it is, with standard deviations `now`
+    (n_target,).
+    """
     stays = wish.frames == wish.error == wish.reach == 1.0 and not wish.runs and not wish.readings
     try:
         there = here if stays else basis.outlook(wish)
         u = sds_with(there, wish.u, targets)
     except InputError as error:
-        return Option(wish, np.array([]), np.array([]), phrase(error.rule) if not error.value else f"{error.field}: {phrase(error.rule)}")
+        return Option(
+            wish,
+            np.array([]),
+            np.array([]),
+            phrase(error.rule) if not error.value else f"{error.field}: {phrase(error.rule)}",
+        )
     return Option(wish, u, u / now, remarks=there.remarks)
 
 
 def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter]) -> FloatArray:
-    """(n_target,) standard deviations where quantities are stated with the uncertainties `u` in place of their own.
+    """(n_target,) standard deviations where quantities are stated with the uncertainties `u` in
+    place of their own.
 
     Raises InputError where the targets are not determined.
     """
@@ -68,11 +82,17 @@ def sds_with(there: Outlook, u: Mapping[str, float], targets: Sequence[Parameter
 
 
 def sds_of(information: FloatArray, columns: Sequence[int]) -> FloatArray:
-    """(n,) standard deviations of the parameters in `columns`.  Raises InputError where they are not determined."""
+    """(n,) standard deviations of the parameters in `columns`.  Raises InputError where they are
+    not determined.
+    """
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
     try:
         lower = np.linalg.cholesky(information / np.outer(scale, scale))
     except np.linalg.LinAlgError:
-        raise InputError("data and what is stated do not determine every unknown", field="plan") from None
+        raise InputError(
+            "data and what is stated do not determine every unknown", field="plan"
+        ) from None
     inverse = np.linalg.inv(lower)
-    return np.asarray(np.sqrt(np.sum(np.square(inverse), axis=0))[list(columns)] / scale[list(columns)])
+    return np.asarray(
+        np.sqrt(np.sum(np.square(inverse), axis=0))[list(columns)] / scale[list(columns)]
+    )

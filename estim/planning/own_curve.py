@@ -1,4 +1,6 @@
-"""A user's own curve with further readings: tables without errors, at the fit, and the problem that they pose."""
+"""A user's own curve with further readings: tables without errors, at the fit, and the problem that
+they pose.
+"""
 
 from __future__ import annotations
 
@@ -31,19 +33,27 @@ class CurveBasis:
     fit: Fit
 
     def outlook(self, wish: Wish) -> Outlook:
-        """What the readings would say if the wish came true, its `u` left aside.  Raises InputError where that cannot be measured."""
+        """What the readings would say if the wish came true, its `u` left aside.  Raises InputError
+        where that cannot be measured.
+        """
         x_column, y_column = axis_columns(self.campaign)
         named, tables = self.fit.problem.named(self.fit.values), dict(self.campaign.tables)
         for run in self.fit.problem.runs:
             table = tables[run.name]
             further = [readings for readings in wish.readings if readings.run == run.name]
             rows = _every_so_often(table.columns[x_column], wish.frames)
-            rows = np.append(rows, [_nearest(table.columns[x_column], one.x) for one in further for _ in range(one.n)]).astype(int)
+            rows = np.append(
+                rows,
+                [_nearest(table.columns[x_column], one.x) for one in further for _ in range(one.n)],
+            ).astype(int)
             x = table.columns[x_column][rows].copy()
             new = [one.x for one in further for _ in range(one.n)]
             if new:
                 x[-len(new) :] = new
-            columns = {name: column[rows].copy() for name, column in table.columns.items()} | {x_column: x, y_column: _curve(run, x, named)}
+            columns = {name: column[rows].copy() for name, column in table.columns.items()} | {
+                x_column: x,
+                y_column: _curve(run, x, named),
+            }
             tables[run.name] = _sorted(table, columns, x_column)
         campaign = with_tables(self.campaign, tables)
         problem = campaign.problem(self.names)
@@ -60,12 +70,18 @@ class CurveBasis:
         for one in wish.readings:
             run = next(run for run in problem.runs if run.name == one.run)
             if not np.any(run.x == one.x):
-                raise InputError(later("lies outside the window, or between the selected points"), field="x", value=one.x)
+                raise InputError(
+                    later("lies outside the window, or between the selected points"),
+                    field="x",
+                    value=one.x,
+                )
             if not np.all(np.isfinite(run.y)):
                 raise InputError(later("the curve is not finite there"), field="x", value=one.x)
 
     def places(self, run: str) -> FloatArray:
-        """(n,) abscissas at which a further reading is weighed: over the range of the run, and a quarter of it on either side."""
+        """(n,) abscissas at which a further reading is weighed: over the range of the run, and a
+        quarter of it on either side.
+        """
         x = next(one.x for one in self.fit.problem.runs if one.name == run)
         low, high = float(np.min(x)), float(np.max(x))
         beyond = _BEYOND * (high - low)
@@ -98,8 +114,12 @@ def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) ->
     return y
 
 
-def _errors_times(problem: Problem, values: FloatArray, factor: float) -> tuple[Problem, FloatArray]:
-    """The problem, and the values, with errors of the readings `factor` times as large, whether stated or inferred."""
+def _errors_times(
+    problem: Problem, values: FloatArray, factor: float
+) -> tuple[Problem, FloatArray]:
+    """The problem, and the values, with errors of the readings `factor` times as large, whether
+    stated or inferred.
+    """
     if factor == 1.0:
         return problem, values
     runs, inferred = [], set[str]()

@@ -1,12 +1,16 @@
-"""What to measure next: expected standard deviations for everything that might be measured, by linear theory, and which is best.
+"""What to measure next: expected standard deviations for everything that might be measured, by
+linear theory, and which is best.
 
-The information of the campaign as it stands (data and what is stated) is set beside that of the same campaign with each wish come true:
+The information of the campaign as it stands (data and what is stated) is set beside that of the
+same campaign with each wish come true:
 
-    u = sqrt(diag (sum J^T C^-1 J + P)^-1)        J: slopes of the curves at the fit, C: covariance of the errors, P: what is stated
+    u = sqrt(diag (sum J^T C^-1 J + P)^-1)        J: slopes of the curves at the fit, C: covariance
+    of the errors, P: what is stated
 
-Everything is taken at the fit, without the errors of the data at hand, so that all rows of the table are alike.  C has the free start and the
-unmodelled force of a default analysis (`estim.deviation.expected`).  Linear theory knows no edges and no bends: the present posterior, drawn,
-says how far it is to be trusted.
+Everything is taken at the fit, without the errors of the data at hand, so that all rows of the
+table are alike.  C has the free start and the unmodelled force of a default analysis
+(`estim.deviation.expected`).  Linear theory knows no edges and no bends: the present posterior,
+drawn, says how far it is to be trusted.
 """
 
 from __future__ import annotations
@@ -51,11 +55,16 @@ Progress = Callable[[int, int], None]
 class Plan:
     """What further measurements would do.
 
-    targets : the quantities that are wanted.  values : (n_target,) at the fit.
-    now : (n_target,) standard deviations as things are, by linear theory.  drawn : (n_target,) those of the drawn posterior of the data at hand.
-    how : what drew it.  options : everything that was weighed, the best first.  refused : what cannot be measured.
-    halving : for each target what would halve its standard deviation.  along : of a user's own curve, one further reading at each place.
-    force : whether an unmodelled force is part of the errors.  findings : what is wrong with the fit that all this comes from.
+    targets : the quantities that are wanted.
+    values : (n_target,) at the fit.
+    now : (n_target,) standard deviations as things are, by linear theory.
+    drawn : (n_target,) those of the drawn posterior of the data at hand.
+    how : what drew it.
+    options : everything that was weighed, the best first.  refused : what cannot be measured.
+    halving : for each target what would halve its standard deviation.
+    along : of a user's own curve, one further reading at each place.
+    force : whether an unmodelled force is part of the errors.
+    findings : what is wrong with the fit that all this comes from.
     """
 
     campaign: Campaign
@@ -81,21 +90,38 @@ class Plan:
         return tuple(p for p, far in zip(self.targets, off, strict=True) if far)
 
 
-def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = (), seed: int, progress: Progress | None = None) -> Plan:
-    """What to measure next of the runs `names` of a campaign, fit together; the same seed gives the same numbers.  Raises InputError.
+def plan(
+    campaign: Campaign,
+    names: Sequence[str],
+    *,
+    wanted: Sequence[str] = (),
+    seed: int,
+    progress: Progress | None = None,
+) -> Plan:
+    """What to measure next of the runs `names` of a campaign, fit together; the same seed gives the
+    same numbers.  Raises InputError.
 
-    wanted : names of parameters, at any level; none for those that [plan] names, or that the campaign leaves unknown.
+    wanted : names of parameters, at any level; none for those that [plan] names, or that the
+        campaign leaves unknown.
     """
     problem = campaign.problem(names)
     if any(run.positions for run in problem.runs):
         problem = as_complete(problem, "estim plan")
     campaign.require_unknowns(problem)
     targets = targets_of(campaign, problem, wanted)
-    asked = (*_asked_changes(campaign, problem), *planned_runs(campaign), *_asked_readings(campaign, names))
+    asked = (
+        *_asked_changes(campaign, problem),
+        *planned_runs(campaign),
+        *_asked_readings(campaign, names),
+    )
     fit = campaign.fit(problem, rng=stream(seed, Stream.PLAN_FIT))
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)), dof=fit.dof)
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
-    basis = rolling_basis(campaign, names, fit) if campaign.formula is None else CurveBasis(campaign, tuple(names), fit)
+    basis = (
+        rolling_basis(campaign, names, fit)
+        if campaign.formula is None
+        else CurveBasis(campaign, tuple(names), fit)
+    )
     nothing = Wish(phrase("present experiment"), OTHERWISE)
     here = basis.outlook(nothing)
     columns = [here.problem.names.index(p.name) for p in targets]
@@ -106,26 +132,50 @@ def plan(campaign: Campaign, names: Sequence[str], *, wanted: Sequence[str] = ()
         done.append(weigh(basis, here, wish, targets, now))
         if progress is not None:
             progress(i + 1, len(wishes))
-    possible = sorted((option for option in done if not option.reason), key=lambda option: option.score)
+    possible = sorted(
+        (option for option in done if not option.reason), key=lambda option: option.score
+    )
     draws, how, _ = posterior_draws(fit, Engine(ess=_ESS), stream(seed, Stream.PLAN_DRAWS))
     drawn = np.std(draws[:, [fit.names.index(p.name) for p in targets]], axis=0)
     halving = ways_to_halve(basis, here, targets, now, possible)
     along = weigh_places(basis, here, targets) if isinstance(basis, CurveBasis) else ()
     return Plan(
-        campaign, tuple(names), fit, targets, here.values[columns], now, drawn, how, tuple(possible),
-        tuple(option for option in done if option.reason), halving, along, bool(getattr(basis, "sizes", {})), findings, seed,
+        campaign,
+        tuple(names),
+        fit,
+        targets,
+        here.values[columns],
+        now,
+        drawn,
+        how,
+        tuple(possible),
+        tuple(option for option in done if option.reason),
+        halving,
+        along,
+        bool(getattr(basis, "sizes", {})),
+        findings,
+        seed,
     )
 
 
-def targets_of(campaign: Campaign, problem: Problem, wanted: Sequence[str]) -> tuple[Parameter, ...]:
-    """The quantities that are wanted: as named here or in [plan], else those that the campaign leaves unknown.  Raises InputError."""
-    asked, place = (list(wanted), None) if wanted else (campaign.source.plan.wanted, ("plan", "for"))
+def targets_of(
+    campaign: Campaign, problem: Problem, wanted: Sequence[str]
+) -> tuple[Parameter, ...]:
+    """The quantities that are wanted: as named here or in [plan], else those that the campaign
+    leaves unknown.  Raises InputError.
+    """
+    asked, place = (
+        (list(wanted), None) if wanted else (campaign.source.plan.wanted, ("plan", "for"))
+    )
     of_curve = [p for p in problem.parameters if n_uses(p.name, problem.runs)]
     found: list[Parameter] = []
     for name in asked:
         named = [p for p in problem.parameters if name in (p.name, split_level(p.name)[0])]
         if not named:
-            rule = f"must name an unknown of these runs ({', '.join(dict.fromkeys(split_level(p.name)[0] for p in problem.parameters))})"
+            rule = (
+                "must name an unknown of these runs "
+                f"({', '.join(dict.fromkeys(split_level(p.name)[0] for p in problem.parameters))})"
+            )
             if place is None:
                 raise InputError(rule, field="--for", value=name, file=campaign.source.path)
             raise campaign.source.places.error(rule, place, value=name)
@@ -133,12 +183,27 @@ def targets_of(campaign: Campaign, problem: Problem, wanted: Sequence[str]) -> t
     if found:
         return tuple(found)
     unknown = [p for p in of_curve if not p.prior.informative]
-    return tuple(unknown or [p for p in of_curve if not p.prior.measured] or of_curve or problem.parameters)
+    return tuple(
+        unknown or [p for p in of_curve if not p.prior.measured] or of_curve or problem.parameters
+    )
 
 
-def _suggested(campaign: Campaign, basis: RollingBasis | CurveBasis, here: Outlook, targets: Sequence[Parameter]) -> tuple[Wish, ...]:
-    more = more_readings(basis, here, targets) if isinstance(basis, CurveBasis) else more_runs(campaign, basis.fit)
-    return (*measured_better(here.problem), *measured_otherwise(moving=campaign.formula is None), *more)
+def _suggested(
+    campaign: Campaign,
+    basis: RollingBasis | CurveBasis,
+    here: Outlook,
+    targets: Sequence[Parameter],
+) -> tuple[Wish, ...]:
+    more = (
+        more_readings(basis, here, targets)
+        if isinstance(basis, CurveBasis)
+        else more_runs(campaign, basis.fit)
+    )
+    return (
+        *measured_better(here.problem),
+        *measured_otherwise(moving=campaign.formula is None),
+        *more,
+    )
 
 
 def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
@@ -147,7 +212,15 @@ def _asked_readings(campaign: Campaign, names: Sequence[str]) -> list[Wish]:
         run = one.run or names[0]
         if run in names:
             which = which_place(one.x, run if len(names) > 1 else "")
-            wishes.append(Wish(further_readings(one.n, which), MORE, own=True, readings=(Readings(run, one.x, one.n),), which=which))
+            wishes.append(
+                Wish(
+                    further_readings(one.n, which),
+                    MORE,
+                    own=True,
+                    readings=(Readings(run, one.x, one.n),),
+                    which=which,
+                )
+            )
     return wishes
 
 
@@ -159,21 +232,52 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
         words = []
         for key, size in change.u.items():
             bare, level = split_level(key)
-            name, factor = (bare, 1.0) if campaign.formula is not None else quantity_of_key(bare) or (bare, 1.0)
-            hit = [p for p in problem.parameters if split_level(p.name)[0] == name and (not level or split_level(p.name)[1] == level)]
+            name, factor = (
+                (bare, 1.0)
+                if campaign.formula is not None
+                else quantity_of_key(bare) or (bare, 1.0)
+            )
+            hit = [
+                p
+                for p in problem.parameters
+                if split_level(p.name)[0] == name and (not level or split_level(p.name)[1] == level)
+            ]
             path = ("plan", "change", i, "u", key)
             if not hit:
-                raise campaign.source.places.error("is not an unknown of these runs: it is exact here, or its key does not exist", path)
+                raise campaign.source.places.error(
+                    "is not an unknown of these runs: it is exact here, or its key does not exist",
+                    path,
+                )
             for p in hit:
                 if p.prior.measured and size * factor >= p.prior.sd:
-                    raise campaign.source.places.error(f"is no better than what is stated of {p.name}", path, value=size)
+                    raise campaign.source.places.error(
+                        f"is no better than what is stated of {p.name}", path, value=size
+                    )
             new = {p.name: size * factor for p in hit}
             u |= new
             words.append(better_words(hit, new))
-        words += [phrase("{n:g} times as many frames", n=change.frames)] if change.frames != 1.0 else []
-        words += [phrase("{n:g} times the error of a reading", n=change.reading_error)] if change.reading_error != 1.0 else []
-        words += [phrase("{n:g} times the path length", n=change.reach)] if change.reach != 1.0 else []
+        words += (
+            [phrase("{n:g} times as many frames", n=change.frames)] if change.frames != 1.0 else []
+        )
+        words += (
+            [phrase("{n:g} times the error of a reading", n=change.reading_error)]
+            if change.reading_error != 1.0
+            else []
+        )
+        words += (
+            [phrase("{n:g} times the path length", n=change.reach)] if change.reach != 1.0 else []
+        )
         said = f"{change.name} ({'; '.join(words)})" if change.name else "; ".join(words)
         group = BETTER if len(words) == len(change.u) else OTHERWISE
-        wishes.append(Wish(said, group, own=True, u=u, frames=change.frames, error=change.reading_error, reach=change.reach))
+        wishes.append(
+            Wish(
+                said,
+                group,
+                own=True,
+                u=u,
+                frames=change.frames,
+                error=change.reading_error,
+                reach=change.reach,
+            )
+        )
     return wishes

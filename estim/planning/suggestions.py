@@ -15,12 +15,15 @@ from estim.problem import Observations
 
 _TILTS = (0.5, 1.0, 1.5, 2.0)  # times the middle one
 _TURNS = (-30.0, -15.0, 0.0, 15.0, 30.0)  # degrees beside the middle angle at release
-_GAMMAS = ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5))  # times that of the body, and the tilt that goes with it
+# times that of the body, and the tilt that goes with it
+_GAMMAS = ((0.5, 0.5), (1.5, 1.0), (1.5, 1.5))
 _RELEASES = (1.0, 179.0)  # degrees, of a body that climbs
 
 
 def more_runs(campaign: Campaign, fit: Fit) -> tuple[Wish, ...]:
-    """Every run once more, all of them, and for each body runs on other ramps, from other angles, with other particles."""
+    """Every run once more, all of them, and for each body runs on other ramps, from other angles,
+    with other particles.
+    """
     runs, named = fit.problem.runs, fit.problem.named(fit.values)
     wishes = [_once_more([run.name], campaign) for run in runs]
     if len(runs) > 1:
@@ -36,17 +39,29 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
     wishes = []
     for i, table in enumerate(campaign.source.plan.runs):
         said = planned_quantities(campaign.source, table, i)
-        new = tuple(NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats))
-        which = _which(campaign.study.body_of(table.like) or "", said) if said else phrase(" like {run}", run=table.like)
+        new = tuple(
+            NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats)
+        )
+        which = (
+            _which(campaign.study.body_of(table.like) or "", said)
+            if said
+            else phrase(" like {run}", run=table.like)
+        )
         n = table.repeats
-        words = phrase("{n} runs{which}", n=n, which=which) if n > 1 else phrase("a run{which}", which=which)
+        words = (
+            phrase("{n} runs{which}", n=n, which=which)
+            if n > 1
+            else phrase("a run{which}", which=which)
+        )
         wishes.append(Wish(words, MORE, own=True, runs=new, which=which))
     return tuple(wishes)
 
 
 def again(wish: Wish, times: int) -> Wish:
     """The wish with each of its runs so many times."""
-    runs = tuple(NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times))
+    runs = tuple(
+        NewRun(f"{run.name}.{k}", run.like, run.said) for run in wish.runs for k in range(times)
+    )
     words = phrase("{words}, {n} times", words=wish.words, n=times)
     if wish.which:
         words = phrase("{n} runs{which}", n=times * len(wish.runs), which=wish.which)
@@ -54,15 +69,29 @@ def again(wish: Wish, times: int) -> Wish:
 
 
 def _once_more(names: Sequence[str], campaign: Campaign) -> Wish:
-    words = phrase("{run} repeated", run=names[0]) if len(names) == 1 else phrase("every run repeated ({n} runs)", n=len(names))
-    return Wish(words, MORE, runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)))
+    words = (
+        phrase("{run} repeated", run=names[0])
+        if len(names) == 1
+        else phrase("every run repeated ({n} runs)", n=len(names))
+    )
+    return Wish(
+        words,
+        MORE,
+        runs=tuple(NewRun(_free_name(campaign, i, 0), name, {}) for i, name in enumerate(names)),
+    )
 
 
-def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, object], body: str) -> list[Wish]:
-    tilts, releases = ([float(_value(run, argument, named)) for run in runs] for argument in ("phi", "theta0"))
+def _other_runs(
+    runs: Sequence[Observations], fit: Fit, named: Mapping[str, object], body: str
+) -> list[Wish]:
+    tilts, releases = (
+        [float(_value(run, argument, named)) for run in runs] for argument in ("phi", "theta0")
+    )
     middle = int(np.argsort(tilts)[len(tilts) // 2])
     like, tilt, release = runs[middle], tilts[middle], releases[middle]
-    u_tilt, u_release, u_gamma = (_stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma"))
+    u_tilt, u_release, u_gamma = (
+        _stated_u(like, argument, fit) for argument in ("phi", "theta0", "gamma")
+    )
     gamma, wishes = _value(like, "gamma", named), list[Wish]()
     for factor in _TILTS:
         for turn in _TURNS:
@@ -83,10 +112,22 @@ def _other_runs(runs: Sequence[Observations], fit: Fit, named: Mapping[str, obje
     return wishes
 
 
-def _run(number: str, like: Observations, said: Mapping[str, Quantity], body: str, tilt: float, release: float) -> Wish:
+def _run(
+    number: str,
+    like: Observations,
+    said: Mapping[str, Quantity],
+    body: str,
+    tilt: float,
+    release: float,
+) -> Wish:
     shown = {"phi": Quantity(tilt), "theta0": Quantity(release)} | dict(said)
     which = _which(body, shown)
-    return Wish(phrase("a run{which}", which=which), MORE, runs=(NewRun(f"{like.name}+{number}", like.name, said),), which=which)
+    return Wish(
+        phrase("a run{which}", which=which),
+        MORE,
+        runs=(NewRun(f"{like.name}+{number}", like.name, said),),
+        which=which,
+    )
 
 
 def _which(body: str, said: Mapping[str, Quantity]) -> str:
@@ -97,7 +138,12 @@ def _which(body: str, said: Mapping[str, Quantity]) -> str:
         places.append(f"θ₀ = {degrees(said['theta0'].value):.0f}°")
     at = phrase(" at {places}", places=", ".join(places)) if places else ""
     if "gamma" in said:
-        return phrase(" of the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value) + at
+        return (
+            phrase(
+                " of the disk of {body} with γ = {gamma:.2g}", body=body, gamma=said["gamma"].value
+            )
+            + at
+        )
     return phrase(" of {body}", body=body) + at
 
 
@@ -109,7 +155,9 @@ def _value(run: Observations, argument: str, named: Mapping[str, object]) -> flo
 def _stated_u(run: Observations, argument: str, fit: Fit) -> float:
     """The standard uncertainty with which a quantity of a run was stated; 0 for an exact one."""
     source = run.arguments[argument]
-    return fit.problem.parameters[fit.names.index(source)].prior.sd if isinstance(source, str) else 0.0
+    return (
+        fit.problem.parameters[fit.names.index(source)].prior.sd if isinstance(source, str) else 0.0
+    )
 
 
 def _two_digits(value: float) -> float:

@@ -1,4 +1,7 @@
-"""What is assumed: curves, priors, noise, and the density they make.  Read `posterior`, then `noise` (which sigma is which) and `likelihood`."""
+"""What is assumed: curves, priors, noise, and the density they make.  Read `posterior`, then
+`noise` (which sigma is which) and `likelihood`.
+"""
+
 from estim.problem.abscissas import hide_the_range
 from estim.problem.curve import (
     EXACT,
@@ -16,12 +19,50 @@ from estim.problem.curve import (
 )
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.differences import Differences
-from estim.problem.likelihood import Ends, Likelihood, Noise, NormalErrors, Points, StackedPoints, n_draws, reading_sd
-from estim.problem.noise import STENCILS, Derivative, Differentiated, Independent, Named, Scale, Size, differentiate
+from estim.problem.likelihood import (
+    Ends,
+    Likelihood,
+    Noise,
+    NormalErrors,
+    Points,
+    StackedPoints,
+    n_draws,
+    reading_sd,
+)
+from estim.problem.noise import (
+    STENCILS,
+    Derivative,
+    Differentiated,
+    Independent,
+    Named,
+    Scale,
+    Size,
+    differentiate,
+)
 from estim.problem.normal import GaussianErrors
-from estim.problem.observations import MAX_LACKING, Discrepancy, Observations, Parameter, n_uses, shared_first, uses_of
+from estim.problem.observations import (
+    MAX_LACKING,
+    Discrepancy,
+    Observations,
+    Parameter,
+    n_uses,
+    shared_first,
+    uses_of,
+)
 from estim.problem.posterior import Group, Measure, Posterior, Problem
-from estim.problem.priors import PRIORS, Flat, HalfNormal, LogNormal, Normal, Prior, TruncatedNormal, Uniform, Unstated, DefaultError, as_prior
+from estim.problem.priors import (
+    PRIORS,
+    Flat,
+    HalfNormal,
+    LogNormal,
+    Normal,
+    Prior,
+    TruncatedNormal,
+    Uniform,
+    Unstated,
+    DefaultError,
+    as_prior,
+)
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves

@@ -3,8 +3,9 @@
 - `Poisson`: events in a bin or a fixed time; y is their number, m the number expected.
 - `Binomial`: y is the fraction of n trials that succeeded, m the probability of one.
 
-Each is an exponential family in its mean m: with V the variance of y, d log p/dm = (y - m)/V, and 1/V is the Fisher information about m.
-`size` (n_obs,) is the number of trials; a Poisson count has none, and 1 is given.
+Each is an exponential family in its mean m: with V the variance of y, d log p/dm = (y - m)/V, and
+1/V is the Fisher information about m.  `size` (n_obs,) is the number of trials; a Poisson count has
+none, and 1 is given.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from estim.common import later
 
 
 class Law(Protocol):
-    """Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of what cannot be is -inf."""
+    """Functions of y and m, which broadcast with `size`; nan where m is no mean, and the density of
+    what cannot be is -inf.
+    """
 
     @property
     def word(self) -> str:
@@ -70,7 +73,9 @@ class Poisson:
         return np.asarray(_y_log(y, mean) - mean - gammaln(y + 1.0))
 
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-        return np.asarray(2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean)))
+        return np.asarray(
+            2.0 * (_y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean) - (y - mean))
+        )
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean + 0.0 * size)
@@ -85,7 +90,11 @@ class Poisson:
         from scipy.special import pdtr
 
         reach = 9.0 * np.sqrt(mean) + 20.0
-        y = np.unique(np.floor(np.linspace(max(0.0, mean - reach), mean + reach, min(2 * int(reach) + 2, 4000))))
+        y = np.unique(
+            np.floor(
+                np.linspace(max(0.0, mean - reach), mean + reach, min(2 * int(reach) + 2, 4000))
+            )
+        )
         return y, pdtr(y, mean)
 
 
@@ -106,7 +115,11 @@ class Binomial:
     def deviance(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
         rest, of_rest = 1.0 - y, 1.0 - mean
         hits = _y_log(y, np.where(y > 0.0, y, 1.0)) - _y_log(y, mean)
-        return np.asarray(2.0 * size * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest)))
+        return np.asarray(
+            2.0
+            * size
+            * (hits + _y_log(rest, np.where(rest > 0.0, rest, 1.0)) - _y_log(rest, of_rest))
+        )
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean * (1.0 - mean) / size)
@@ -122,8 +135,18 @@ class Binomial:
         from scipy.special import betainc
 
         middle, reach = size * mean, 9.0 * np.sqrt(size * mean * (1.0 - mean)) + 20.0
-        hits = np.unique(np.floor(np.linspace(max(0.0, middle - reach), min(size, middle + reach), min(2 * int(reach) + 2, 4000))))
-        return hits / size, np.where(hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0)
+        hits = np.unique(
+            np.floor(
+                np.linspace(
+                    max(0.0, middle - reach),
+                    min(size, middle + reach),
+                    min(2 * int(reach) + 2, 4000),
+                )
+            )
+        )
+        return hits / size, np.where(
+            hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0
+        )
 
 
 POISSON, BINOMIAL = Poisson(), Binomial()
@@ -133,7 +156,8 @@ POISSON, BINOMIAL = Poisson(), Binomial()
 class Counted:
     """How the y of a run were counted.
 
-    trials : (n_obs,), 1 where the law has none.  bins : (n_obs, 2) edges, None where a count belongs to one x.
+    trials : (n_obs,), 1 where the law has none.
+    bins : (n_obs, 2) edges, None where a count belongs to one x.
     single : whether the likelihood uses the time of every event, and y are for figures and tests.
     """
 
@@ -144,11 +168,16 @@ class Counted:
 
 
 def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
-    """r with r^2/2 = log p(y | y) - log p(y | m), signed as y - m: least squares on it are the maximum of the likelihood."""
+    """r with r^2/2 = log p(y | y) - log p(y | m), signed as y - m: least squares on it are the
+    maximum of the likelihood.
+    """
     with np.errstate(all="ignore"):
         close = (y - mean) ** 2 / law.variance(mean, size)
         small = np.abs(y - mean) < 1e-5 * mean  # there the difference of two logarithms is rounding
-        return np.asarray(np.sign(y - mean) * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0))))
+        return np.asarray(
+            np.sign(y - mean)
+            * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0)))
+        )
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:

@@ -1,9 +1,11 @@
 """Counted readings: how many events fell into each bin, or what fraction of trials succeeded.
 
-`Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations (`estim.problem.count_distributions` says which y
-and which law).  Residuals are signed roots of the deviance, so that least squares on them are the maximum of the likelihood; where counts are few
-they are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted least squares (McCullagh and Nelder,
-Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests see the same residuals against counts that are drawn at the fit.
+`Counts` is the noise, `CountErrors` what it makes of points and the curve of their expectations
+(`estim.problem.count_distributions` says which y and which law).  Residuals are signed roots of the
+deviance, so that least squares on them are the maximum of the likelihood; where counts are few they
+are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted
+least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests
+see the same residuals against counts that are drawn at the fit.
 """
 
 from __future__ import annotations
@@ -28,13 +30,16 @@ _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
 
 @dataclass(frozen=True, eq=False)
 class CountErrors(Likelihood):
-    """Independent counts y (n_obs,) about the curve; trials : (n_obs,), 1 where the law has none."""
+    """Independent counts y (n_obs,) about the curve; trials : (n_obs,), 1 where the law has
+    none.
+    """
 
     points: Points
     law: Law
     trials: FloatArray
 
     creeps = True
+
     def pointwise(self, named: Named) -> FloatArray:
         return self.law.log_density(self.y, self._mean(named), self.trials)
 
@@ -47,7 +52,11 @@ class CountErrors(Likelihood):
         r = CountErrors.residuals(self, named)[0]
         near = np.abs(r) < 1e-6
         with np.errstate(all="ignore"):
-            slope = np.where(near, -1.0 / np.sqrt(variance), (mean - self.y) / (variance * np.where(near, 1.0, r)))
+            slope = np.where(
+                near,
+                -1.0 / np.sqrt(variance),
+                (mean - self.y) / (variance * np.where(near, 1.0, r)),
+            )
         return np.asarray(slope[:, None] * self.points.gradient(named, names))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -62,7 +71,9 @@ class CountErrors(Likelihood):
 
     def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
         mean = self._mean(named)[0]
-        return CountedResiduals(self.law, self.y, mean, self.trials, self._slopes(named, names), self.sd(named))
+        return CountedResiduals(
+            self.law, self.y, mean, self.trials, self._slopes(named, names), self.sd(named)
+        )
 
     def sd(self, named: Named) -> FloatArray:
         return np.asarray(np.sqrt(self._variance(named)))
@@ -70,7 +81,9 @@ class CountErrors(Likelihood):
     def _mean(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) expectations."""
         value = self.points.value(named)
-        return np.broadcast_to(value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size))
+        return np.broadcast_to(
+            value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size)
+        )
 
     def _variance(self, named: Named) -> FloatArray:
         return np.maximum(self.law.variance(self._mean(named)[0], self.trials), _LEAST)
@@ -82,7 +95,8 @@ class CountErrors(Likelihood):
 
 @dataclass(frozen=True, eq=False)
 class CountedResiduals:
-    """Signed roots of the deviance as tests see them, and those of counts drawn at the fit, which move its expectations.
+    """Signed roots of the deviance as tests see them, and those of counts drawn at the fit, which
+    move its expectations.
 
     mean, sd : (n_obs,) at the fit.  root : (n_obs, n_par) derivatives of the mean over sd.
     """
@@ -102,13 +116,25 @@ class CountedResiduals:
         return np.asarray((self._counts(errors) - self.mean[:, None]) / self.sd[:, None])
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
-        """To first order, and by a factor where that would leave less than half of an expectation (of a fraction: of its complement)."""
-        by, mean, trials = self.sd[:, None] * (self.root @ shifts), self.mean[:, None], self.trials[:, None]
+        """To first order, and by a factor where that would leave less than half of an expectation
+        (of a fraction: of its complement).
+        """
+        by = self.sd[:, None] * (self.root @ shifts)
+        mean = self.mean[:, None]
+        trials = self.trials[:, None]
         with np.errstate(all="ignore"):
             slack = np.maximum(self.sd[:, None] ** 2 * trials, _LEAST)  # m, or m (1 - m)
-            moved = np.where(by > -0.5 * slack, mean + by, mean - slack * (1.0 - 0.5 * np.exp(2.0 * by / slack + 1.0)))
+            moved = np.where(
+                by > -0.5 * slack,
+                mean + by,
+                mean - slack * (1.0 - 0.5 * np.exp(2.0 * by / slack + 1.0)),
+            )
             if math.isfinite(self.law.ceiling):
-                moved = np.where(by > 0.5 * slack, mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)), moved)
+                moved = np.where(
+                    by > 0.5 * slack,
+                    mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)),
+                    moved,
+                )
         return deviance_residual(self.law, self._counts(errors), moved, trials)
 
     def _counts(self, errors: FloatArray) -> FloatArray:
@@ -116,7 +142,9 @@ class CountedResiduals:
         from scipy.special import ndtri
 
         found = np.empty_like(errors)
-        for row, error, mean, size in zip(found, errors, self.mean.tolist(), self.trials.tolist(), strict=True):
+        for row, error, mean, size in zip(
+            found, errors, self.mean.tolist(), self.trials.tolist(), strict=True
+        ):
             y, below = self.law.table(max(mean, 0.0), size)
             row[:] = y[np.minimum(np.searchsorted(ndtri(below), error), y.size - 1)]
         return found
@@ -124,7 +152,8 @@ class CountedResiduals:
 
 @dataclass(frozen=True, eq=False)
 class Counts:
-    """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was read.  what : is counted.
+    """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was
+    read.  what : is counted.
 
     bins : (n_obs, 2) edges of the bins, None where a count belongs to one x.
     """
@@ -169,16 +198,24 @@ class Counts:
     def x_gain(self) -> FloatArray:
         return np.zeros(self.trials.size)
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return self.law.draw(true, self.trials, rng)
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
         variance = np.square(self.typical)
         return np.diag(by_y**2 * variance), variance
 
@@ -186,8 +223,18 @@ class Counts:
         """The noise in words."""
         where = "" if self.bins is None else phrase(", the curve integrated over each bin")
         if self.law.word == "counts":
-            return phrase("Poisson counts of {what}, whose expectation is the curve", what=self.what) + where
-        return phrase("binomial {law} of {what}, whose expectation is the curve", law=phrase(self.law.word), what=self.what) + where
+            return (
+                phrase("Poisson counts of {what}, whose expectation is the curve", what=self.what)
+                + where
+            )
+        return (
+            phrase(
+                "binomial {law} of {what}, whose expectation is the curve",
+                law=phrase(self.law.word),
+                what=self.what,
+            )
+            + where
+        )
 
 
 def counted_words(what: str, new: str) -> Wording:

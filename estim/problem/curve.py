@@ -1,6 +1,8 @@
-"""What estim asks of a curve y = f(x; arguments): its value, its slope and its gradient, vectorised over draws.
+"""What estim asks of a curve y = f(x; arguments): its value, its slope and its gradient, vectorised
+over draws.
 
-The phase curve of a rolling body is one such curve; anything else that keeps to this protocol can be fit in its place.
+The phase curve of a rolling body is one such curve; anything else that keeps to this protocol can
+be fit in its place.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ from estim.arrays import FloatArray
 from estim.common import Label, Notation, later
 from estim.problem.priors import Prior
 
-EXACT = 2.3e-16  # relative error of derivatives that are exact but for rounding; a curve whose are not says so as `precision`
+# relative error of derivatives that are exact but for rounding; a curve whose are not says so as
+# `precision`
+EXACT = 2.3e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +37,9 @@ class LocalCurve:
 
 @dataclass(frozen=True, eq=False)
 class Derived:
-    """A quantity computed from the parameters: unit, (n_draw, 1) values, what it is, and how it is written."""
+    """A quantity computed from the parameters: unit, (n_draw, 1) values, what it is, and how it is
+    written.
+    """
 
     unit: str
     values: FloatArray
@@ -49,7 +55,9 @@ class Derived:
 class DerivedQuantity(Protocol):
     """A quantity that a user wants computed from the parameters.
 
-    text : how it follows.  unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact number.
+    text : how it follows.
+    unit : of it.  others : names beside the arguments of the run's curve -> parameter, or an exact
+        number.
     lacking : such names that nothing in this fit stands for, so that it cannot be computed.
     """
 
@@ -69,15 +77,18 @@ class DerivedQuantity(Protocol):
     def lacking(self) -> tuple[str, ...]: ...
 
     def of(self, known: Mapping[str, ArrayLike]) -> Derived | None:
-        """Its values, where `known` has scalars or (n_draw, 1) of every name that it needs; None where it lacks one."""
+        """Its values, where `known` has scalars or (n_draw, 1) of every name that it needs; None
+        where it lacks one.
+        """
 
 
 @dataclass(frozen=True, eq=False)
 class Footing:
     """How a body presses on its ramp along the way from the release, all (n_draw, n).
 
-    along : position, as it is read.  normal : N over the weight.  needed : the coefficient of friction that rolling needs there, |F|/N; inf where
-        the ramp would have to pull.  Both nan where a draw does not get.
+    along : position, as it is read.
+    normal : N over the weight.  needed : the coefficient of friction that rolling needs there,
+        |F|/N; inf where the ramp would have to pull.  Both nan where a draw does not get.
     """
 
     along: FloatArray
@@ -87,10 +98,13 @@ class Footing:
 
 @dataclass(frozen=True, eq=False)
 class CommonError:
-    """An error that all points of a run may have in common, which no residual shows, and how a fit accounts for it.
+    """An error that all points of a run may have in common, which no residual shows, and how a fit
+    accounts for it.
 
-    name : of what is wrong ("clock").  size : how large the error is taken, in `unit` ("1": a share).
-    curve : of what is measured with the error.  arguments : argument of that curve -> its value, in place of the run's or beside them.
+    name : of what is wrong ("clock").
+    size : how large the error is taken, in `unit` ("1": a share).
+    curve : of what is measured with the error.
+    arguments : argument of that curve -> its value, in place of the run's or beside them.
     along : m, length of the ramp that a sag is about; None for other errors.
     """
 
@@ -103,7 +117,9 @@ class CommonError:
 
 
 class Curve(Protocol):
-    """A curve; arguments are scalars or shaped (n_draw, 1), x is (n_obs,), results are (n_draw, n_obs)."""
+    """A curve; arguments are scalars or shaped (n_draw, 1), x is (n_obs,), results are (n_draw,
+    n_obs).
+    """
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """f(x; arguments)."""
@@ -116,13 +132,19 @@ class Curve(Protocol):
 class SpeedCurve(Curve, Protocol):
     """A curve of speeds dx/dt = f(x), which speeds made by differences of positions need."""
 
-    def time_derivative(self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int) -> FloatArray:
-        """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by differences adds to its mean."""
+    def time_derivative(
+        self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
+    ) -> FloatArray:
+        """d^order f/dt^order along the motion dx/dt = f(x), for even `order`: what a derivative by
+        differences adds to its mean.
+        """
 
 
 @runtime_checkable
 class SquaredCurve(Curve, Protocol):
-    """A curve of speeds whose square is known also where it is negative: where the energy does not suffice."""
+    """A curve of speeds whose square is known also where it is negative: where the energy does not
+    suffice.
+    """
 
     def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """(n_draw, n_obs) f^2."""
@@ -135,12 +157,16 @@ class SquaredCurve(Curve, Protocol):
 class PositionCurve(Curve, Protocol):
     """A curve of positions against time."""
 
-    def state(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def state(
+        self, t: FloatArray, arguments: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
         """Positions and velocities (n_draw, n_obs) at times t (n_obs,) s of the data's clock."""
 
 
 class Motion(Protocol):
-    """What is known of a body whose motion was measured, beside the curve that is fit; a plain curve has none."""
+    """What is known of a body whose motion was measured, beside the curve that is fit; a plain
+    curve has none.
+    """
 
     @property
     def mass(self) -> float | None:
@@ -173,25 +199,37 @@ class Motion(Protocol):
     def radian(self, arguments: Mapping[str, ArrayLike]) -> ArrayLike:
         """Positions passed while the body turns by one radian."""
 
-    def energies(self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds v."""
+    def energies(
+        self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Kinetic and potential energy per unit mass (J/kg) at measured positions x and speeds
+        v.
+        """
 
-    def errors_in_common(self, curve: Curve, arguments: Mapping[str, str | float]) -> tuple[CommonError, ...]:
-        """What clock, scale and ramp may suffer, and those arguments of `curve` that are taken as exact: a number in place of a parameter's name."""
+    def errors_in_common(
+        self, curve: Curve, arguments: Mapping[str, str | float]
+    ) -> tuple[CommonError, ...]:
+        """What clock, scale and ramp may suffer, and those arguments of `curve` that are taken as
+        exact: a number in place of a parameter's name.
+        """
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         """Quantities that follow from the arguments and mean something to a reader, by name."""
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """Abscissa behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never ends."""
+        """Abscissa behind which the motion does not go, (n_draw, 1) or (1, 1); inf where it never
+        ends.
+        """
 
 
 @dataclass(frozen=True)
 class Wording:
     """How the measured numbers of a run are spoken of, and drawn.
 
-    what : all of them.  reading : one that the instrument gave.
-    new : one more of them, for the legend of a predictive band, where {y} is the name of the ordinate.
+    what : all of them.
+    reading : one that the instrument gave.
+    new : one more of them, for the legend of a predictive band, where {y} is the name of the
+        ordinate.
     rows : what they are counted in.
     from_release : whether axes begin at 0, where the motion is released; else where the data begin.
     """

@@ -1,12 +1,16 @@
-"""Speeds from positions: the linear stencils in use, where each can be applied, and what truncation does to its mean.
+"""Speeds from positions: the linear stencils in use, where each can be applied, and what truncation
+does to its mean.
 
 v_i = (1/dt) sum_k w_k x_{i+k}
 
-- `central` (x[+1] - x[-1])/(2 dt): the midpoint rule of the paper and the default of the program Tracker.
+- `central` (x[+1] - x[-1])/(2 dt): the midpoint rule of the paper and the default of the program
+  Tracker.
 - `five-point` (x[-2] - 8 x[-1] + 8 x[+1] - x[+2])/(12 dt): smaller truncation, more noise.
-- `spill2` (2 x[+2] + x[+1] - x[-1] - 2 x[-2])/(10 dt): least squares over five frames, least noise, most truncation.
+- `spill2` (2 x[+2] + x[+1] - x[-1] - 2 x[-2])/(10 dt): least squares over five frames, least noise,
+  most truncation.
 
-Neighbouring speeds share positions, so their errors are correlated; the matrix of the stencil says exactly how.
+Neighbouring speeds share positions, so their errors are correlated; the matrix of the stencil says
+exactly how.
 """
 
 from __future__ import annotations
@@ -40,14 +44,18 @@ class Stencil:
 
     @property
     def noise_gain(self) -> float:
-        """Standard deviation of the result for unit independent errors of the positions, times dt."""
+        """Standard deviation of the result for unit independent errors of the positions, times
+        dt.
+        """
         return float(np.sqrt(np.sum(np.square(self.weights))))
 
 
 STENCILS: Mapping[str, Stencil] = MappingProxyType(
     {
         "central": Stencil(later("central"), (-1, 1), (-1 / 2, 1 / 2), 2, 1 / 6),
-        "five-point": Stencil(later("five-point"), (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30),
+        "five-point": Stencil(
+            later("five-point"), (-2, -1, 1, 2), (1 / 12, -8 / 12, 8 / 12, -1 / 12), 4, -1 / 30
+        ),
         "spill2": Stencil("spill2", (-2, -1, 1, 2), (-2 / 10, -1 / 10, 1 / 10, 2 / 10), 2, 17 / 30),
     }
 )
@@ -72,11 +80,19 @@ class Derivative:
     n_gap: int
 
 
-def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file: str = "data", lines: NDArray[np.int64] | None = None) -> Derivative:
-    """Derivative of `position` (n_row,) at equally spaced times `t` (n_row,) s, where frames may be missing.
+def differentiate(
+    t: FloatArray,
+    position: FloatArray,
+    stencil: Stencil,
+    *,
+    file: str = "data",
+    lines: NDArray[np.int64] | None = None,
+) -> Derivative:
+    """Derivative of `position` (n_row,) at equally spaced times `t` (n_row,) s, where frames may be
+    missing.
 
-    A speed next to a missing frame does not exist and is left out, as Tracker leaves it blank.  Raises InputError where
-    the steps of time are no multiples of one interval.
+    A speed next to a missing frame does not exist and is left out, as Tracker leaves it blank.
+    Raises InputError where the steps of time are no multiples of one interval.
     """
     interval, frame = _frames(t, file=file, lines=lines)
     row_of = {int(f): row for row, f in enumerate(frame)}
@@ -87,9 +103,15 @@ def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file
             rows.append(row)
             entries.append(neighbours)
     if not rows:
-        raise InputError(f"leaves no frame with the neighbours that the {stencil.name} derivative needs", field="t_s", file=file)
+        raise InputError(
+            f"leaves no frame with the neighbours that the {stencil.name} derivative needs",
+            field="t_s",
+            file=file,
+        )
     places = np.array(entries)
-    matrix = Differences(places, np.tile(np.array(stencil.weights) / interval, (len(rows), 1)), t.size)
+    matrix = Differences(
+        places, np.tile(np.array(stencil.weights) / interval, (len(rows), 1)), t.size
+    )
     chosen = np.array(rows)
     value = matrix @ position
     for array in (chosen, value, places, matrix.weights):
@@ -97,7 +119,9 @@ def differentiate(t: FloatArray, position: FloatArray, stencil: Stencil, *, file
     return Derivative(stencil, chosen, value, matrix, interval, int(frame[-1] + 1 - frame.size))
 
 
-def _frames(t: FloatArray, *, file: str, lines: NDArray[np.int64] | None) -> tuple[float, NDArray[np.int64]]:
+def _frames(
+    t: FloatArray, *, file: str, lines: NDArray[np.int64] | None
+) -> tuple[float, NDArray[np.int64]]:
     """The frame interval (s) and the frame number of each row."""
     steps = np.diff(t)
     counts = np.rint(steps / np.median(steps))
@@ -110,6 +134,10 @@ def _frames(t: FloatArray, *, file: str, lines: NDArray[np.int64] | None) -> tup
         off = np.where(counts >= 1, 0.0, 1.0)
     row = int(np.argmax(off)) + 1
     raise InputError(
-        "must advance by equal steps (or whole multiples of one step) for a derivative by differences",
-        field="t_s", value=float(t[row]), file=file, line=None if lines is None else int(lines[row]),
+        "must advance by equal steps (or whole multiples of one step) for a derivative by "
+        "differences",
+        field="t_s",
+        value=float(t[row]),
+        file=file,
+        line=None if lines is None else int(lines[row]),
     )

@@ -1,4 +1,6 @@
-"""A matrix whose rows hold a few numbers each: what shifts of single readings do to points that are differences of neighbouring readings."""
+"""A matrix whose rows hold a few numbers each: what shifts of single readings do to points that are
+differences of neighbouring readings.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,9 @@ _NOTHING = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class Differences:
-    """A (n_obs, n_row).  places, weights : (n_obs, n_each), A[i, places[i, k]] is the sum of the weights[i, k] that stand there."""
+    """A (n_obs, n_row).  places, weights : (n_obs, n_each), A[i, places[i, k]] is the sum of the
+    weights[i, k] that stand there.
+    """
 
     places: NDArray[np.int64]
     weights: FloatArray
@@ -28,7 +32,12 @@ class Differences:
     def __matmul__(self, columns: FloatArray) -> FloatArray:
         """A times (n_row,) or (n_row, n)."""
         shape = (-1,) + (1,) * (columns.ndim - 1)
-        return np.asarray(sum(self.weights[:, k].reshape(shape) * columns[self.places[:, k]] for k in range(self.places.shape[1])))
+        return np.asarray(
+            sum(
+                self.weights[:, k].reshape(shape) * columns[self.places[:, k]]
+                for k in range(self.places.shape[1])
+            )
+        )
 
     def back(self, columns: FloatArray) -> FloatArray:
         """A^T times (n_obs, n): (n_row, n)."""
@@ -54,7 +63,11 @@ class Differences:
 
     def less(self, at: NDArray[np.int64], slope: FloatArray) -> Differences:
         """A less slope (n_obs,) in the columns `at` (n_obs,)."""
-        return replace(self, places=np.column_stack([self.places, at]), weights=np.column_stack([self.weights, -slope]))
+        return replace(
+            self,
+            places=np.column_stack([self.places, at]),
+            weights=np.column_stack([self.weights, -slope]),
+        )
 
     def times(self, relative: FloatArray) -> Differences:
         """A diag(relative), relative (n_row,)."""
@@ -72,7 +85,8 @@ class Differences:
         return found
 
     def covariance(self, correlation: float = 0.0) -> FloatArray:
-        """A R A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i), with R_jk = correlation^|j - k|; below 1e-14 R counts as 0.
+        """A R A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i), with R_jk =
+        correlation^|j - k|; below 1e-14 R counts as 0.
 
         correlation : between -1 and 1.
 
@@ -80,12 +94,18 @@ class Differences:
         """
         n, bands = len(self.places), []
         reach = int(np.log(_NOTHING) / np.log(abs(correlation))) if correlation else 0
-        first, last = np.min(self.places, axis=1), np.maximum.accumulate(np.max(self.places, axis=1))
+        first = np.min(self.places, axis=1)
+        last = np.maximum.accumulate(np.max(self.places, axis=1))
         powers = np.append(correlation ** np.arange(reach + 1), 0.0)
         for d in range(n):
             if d and not np.any(first[d:] <= last[: n - d] + reach):
                 break
             apart = np.abs(self.places[d:, :, None] - self.places[: n - d, None, :])
             bands.append(np.zeros(n))
-            bands[-1][: n - d] = np.einsum("ia,iab,ib->i", self.weights[d:], powers[np.minimum(apart, reach + 1)], self.weights[: n - d])
+            bands[-1][: n - d] = np.einsum(
+                "ia,iab,ib->i",
+                self.weights[d:],
+                powers[np.minimum(apart, reach + 1)],
+                self.weights[: n - d],
+            )
         return np.array(bands)

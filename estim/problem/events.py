@@ -1,10 +1,13 @@
-"""Times of single events, without bins: the density of the events is a curve, normalised over a window.
+"""Times of single events, without bins: the density of the events is a curve, normalised over a
+window.
 
-`Events` is the noise.  Its points are the numbers of events in cells of the window, which figures and tests show; the likelihood uses every time:
+`Events` is the noise.  Its points are the numbers of events in cells of the window, which figures
+and tests show; the likelihood uses every time:
 
     log L = sum_i log rate(t_i) - sum_k (expected number in cell k) + constant
 
-With the rate scaled so that as many events are expected in the window as there are, this is the likelihood of the times given their number.
+With the rate scaled so that as many events are expected in the window as there are, this is the
+likelihood of the times given their number.
 """
 
 from __future__ import annotations
@@ -31,7 +34,9 @@ from estim.problem.latent import rooted
 from estim.problem.likelihood import Likelihood, Points, n_draws
 from estim.problem.size import Named
 
-_ROOM = 3.0  # the exponential of it is how far a rate may exceed one event between an event and its nearest neighbour
+# the exponential of it is how far a rate may exceed one event between an event and its nearest
+# neighbour
+_ROOM = 3.0
 
 
 @runtime_checkable
@@ -42,7 +47,9 @@ class RateCurve(Curve, Protocol):
         """Times and weights (n_node,) of an integral over all cells, for single arguments."""
 
     def rate(self, arguments: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        """(n_draw, n_event) events per unit of time at the events and (n_draw, n_cell) their expected number; nan where it is no rate."""
+        """(n_draw, n_event) events per unit of time at the events and (n_draw, n_cell) their
+        expected number; nan where it is no rate.
+        """
 
     def local_rate(self, t: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         """The same with its gradient."""
@@ -50,7 +57,9 @@ class RateCurve(Curve, Protocol):
 
 @dataclass(frozen=True, eq=False)
 class EventErrors(CountErrors):
-    """Events at `times` (n_event,) in cells, number first[k] to first[k + 1] of them in cell k; spacing : (n_event,) between neighbours."""
+    """Events at `times` (n_event,) in cells, number first[k] to first[k + 1] of them in cell k;
+    spacing : (n_event,) between neighbours.
+    """
 
     times: FloatArray
     first: NDArray[np.int64]
@@ -60,49 +69,72 @@ class EventErrors(CountErrors):
         """Of each cell: the density of the times of its events, and of their number."""
         with np.errstate(all="ignore"):
             rate, expected = self._rates.rate(self.points.bind(named))
-            return np.asarray(np.broadcast_to(self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)))
+            return np.asarray(
+                np.broadcast_to(
+                    self._by_cell(np.log(rate)) - expected, (n_draws(named), self.y.size)
+                )
+            )
 
     def standardised(self, named: Named) -> FloatArray:
         """Of the numbers in cells."""
         return super().residuals(named)
 
     def residuals(self, named: Named) -> FloatArray:
-        """Up to a constant that keeps the squares positive: no density of single times is the highest."""
+        """Up to a constant that keeps the squares positive: no density of single times is the
+        highest.
+        """
         highest = self._by_cell(-np.log(self.spacing)[None, :])[0] + _ROOM * self.y + 1.0
         with np.errstate(all="ignore"):
             rate, expected = self._rates.rate(self.points.bind(named))
-            sign = np.where(self.y < expected, -1.0, 1.0)  # never 0: the number in a cell says nothing of where in it events lie
-            return np.asarray(sign * np.sqrt(2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0)))
+            # never 0: the number in a cell says nothing of where in it events lie
+            sign = np.where(self.y < expected, -1.0, 1.0)
+            return np.asarray(
+                sign
+                * np.sqrt(2.0 * np.maximum(highest - self._by_cell(np.log(rate)) + expected, 0.0))
+            )
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         with np.errstate(all="ignore"):
             return np.asarray(-self._scores(named, names) / self.residuals(named)[0][:, None])
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        return rooted(self.information(named, names, {}), np.sum(self._scores(named, names), axis=0), self.y.size)
+        return rooted(
+            self.information(named, names, {}),
+            np.sum(self._scores(named, names), axis=0),
+            self.y.size,
+        )
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_node, n_par): the information is the integral of the squared derivatives of the rate over the rate."""
+        """(n_node, n_par): the information is the integral of the squared derivatives of the rate
+        over the rate.
+        """
         times, weights = self._rates.nodes(self.points.bind(named))
         rate, slopes = self._rate_and_slopes(times, named, names)
         with np.errstate(all="ignore"):
-            root = np.where(rate > 0.0, np.sqrt(weights) / np.sqrt(rate), 0.0)  # the quotient first would overflow for a rate that is all but 0
+            # the quotient first would overflow for a rate that is all but 0
+            root = np.where(rate > 0.0, np.sqrt(weights) / np.sqrt(rate), 0.0)
             return np.asarray(root[:, None] * slopes)
 
     def _scores(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `pointwise`."""
         rate, slopes = self._rate_and_slopes(self.times, named, names)
         with np.errstate(all="ignore"):
-            return np.asarray(self._by_cell((slopes / rate[:, None]).T).T - self.points.gradient(named, names))
+            return np.asarray(
+                self._by_cell((slopes / rate[:, None]).T).T - self.points.gradient(named, names)
+            )
 
-    def _rate_and_slopes(self, times: FloatArray, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    def _rate_and_slopes(
+        self, times: FloatArray, named: Named, names: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray]:
         local = self._rates.local_rate(times, self.points.bind(named))
         there = Points(self.points.curve, times, times, self.points.arguments)
         return np.broadcast_to(local.value, (1, times.size))[0], there.gradients(local, names, 1)[0]
 
     def _by_cell(self, of_events: FloatArray) -> FloatArray:
         """Sums (n, n_obs) over the events (n, n_event) of each cell."""
-        total = np.concatenate([np.zeros((of_events.shape[0], 1)), np.cumsum(of_events, axis=1)], axis=1)
+        total = np.concatenate(
+            [np.zeros((of_events.shape[0], 1)), np.cumsum(of_events, axis=1)], axis=1
+        )
         return np.asarray(np.diff(total[:, self.first], axis=1))
 
     @property
@@ -125,13 +157,17 @@ class Events(Counts):
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         assert self.bins is not None, "events have cells"
-        first = np.append(np.searchsorted(self.times, self.bins[:, 0], side="left"), self.times.size)
+        first = np.append(
+            np.searchsorted(self.times, self.bins[:, 0], side="left"), self.times.size
+        )
         first[0] = 0
         return EventErrors(points, self.law, self.trials, self.times, first, self._spacing)
 
     @cached_property
     def _spacing(self) -> FloatArray:
-        """(n_event,) from each event to the nearest other, of those at one time the least of all: no cell shows how high a rate may be."""
+        """(n_event,) from each event to the nearest other, of those at one time the least of all:
+        no cell shows how high a rate may be.
+        """
         low, high = self.window
         gaps = np.diff(self.times, prepend=2.0 * low - high, append=2.0 * high - low)
         nearest = np.minimum(gaps[:-1], gaps[1:])
@@ -142,7 +178,12 @@ class Events(Counts):
         unit = "" if x_unit == "1" else f" {x_unit}"
         low, high = self.window
         return phrase(
-            "{n} times of single events, unbinned, the curve normalised over the window from {low:.6g} to {high:.6g}{unit}; "
+            "{n} times of single events, unbinned, the curve normalised over the window "
+            "from {low:.6g} to {high:.6g}{unit}; "
             "figures and tests count them in {cells} cells",
-            n=self.times.size, low=low, high=high, unit=unit, cells=self.trials.size,
+            n=self.times.size,
+            low=low,
+            high=high,
+            unit=unit,
+            cells=self.trials.size,
         )

@@ -1,7 +1,9 @@
-"""Runs whose errors are not independent of each other, because they share what their curves lack: one likelihood for all of them.
+"""Runs whose errors are not independent of each other, because they share what their curves lack:
+one likelihood for all of them.
 
-A posterior is a sum over groups.  Most hold one run, whose likelihood is that of its own noise; runs that share something have a `SharedNoise`
-beside their own, which makes one likelihood of their points below each other.
+A posterior is a sum over groups.  Most hold one run, whose likelihood is that of its own noise;
+runs that share something have a `SharedNoise` beside their own, which makes one likelihood of their
+points below each other.
 """
 
 from __future__ import annotations
@@ -46,7 +48,9 @@ class Group:
         return np.concatenate([run.y for run in self.runs])
 
     def likelihood(self, named: Named) -> Likelihood:
-        """Of all points of the group, the curves taken at the values `named` where they matter little."""
+        """Of all points of the group, the curves taken at the values `named` where they matter
+        little.
+        """
         if self.shared is None:
             (run,) = self.runs
             return run.likelihood(named)

@@ -16,7 +16,9 @@ from estim.problem.whitened import Linear
 
 @dataclass(frozen=True, eq=False)
 class RobustErrors(Likelihood):
-    """Points with independent errors of variance (sigma^2 + step^2/12) weight + scatter^2; weight : (n_obs,).  tails : of y - f over its root."""
+    """Points with independent errors of variance (sigma^2 + step^2/12) weight + scatter^2; weight :
+    (n_obs,).  tails : of y - f over its root.
+    """
 
     points: Points
     size: Size
@@ -29,7 +31,9 @@ class RobustErrors(Likelihood):
         return np.asarray(self.tails.log_density(z, named) - 0.5 * np.log(variance))
 
     def standardised(self, named: Named) -> FloatArray:
-        return np.asarray((self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named)))
+        return np.asarray(
+            (self.y - self.points.value(named)) / np.sqrt(self.size.variance(self.weight, named))
+        )
 
     def residuals(self, named: Named) -> FloatArray:
         return self.tails.deviance_residual(self.standardised(named), named)[0]
@@ -39,7 +43,9 @@ class RobustErrors(Likelihood):
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
         z = np.broadcast_to(self.standardised(named), (1, self.y.size))[0]
-        return np.asarray(self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names))
+        return np.asarray(
+            self.tails.deviance_residual(z, named)[1][:, None] * self._slopes(named, names)
+        )
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return np.asarray(np.sqrt(self.tails.information(named)[0]) * self._slopes(named, names))
@@ -49,7 +55,9 @@ class RobustErrors(Likelihood):
         total = root.T @ root + 0.5 * about_scale * self.size.information(self.weight, named, names)
         for name in self.tails.parameters:
             if name in ends:
-                total[names.index(name), names.index(name)] += self.y.size * score_information(self.tails, named, ends[name])
+                total[names.index(name), names.index(name)] += self.y.size * score_information(
+                    self.tails, named, ends[name]
+                )
         return np.asarray(total)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
@@ -57,7 +65,9 @@ class RobustErrors(Likelihood):
         return Linear(self.tails.normal_score(z, named), -self._slopes(named, names))
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(np.broadcast_to(self.size.variance(self.weight, named), (1, self.y.size))[0]))
+        return np.asarray(
+            np.sqrt(np.broadcast_to(self.size.variance(self.weight, named), (1, self.y.size))[0])
+        )
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of `standardised` in the parameters of the curve."""

@@ -1,15 +1,21 @@
-"""The likelihood of independent points whose abscissas have errors (`estim.problem.abscissas` says what it is), with its derivatives.
+"""The likelihood of independent points whose abscissas have errors (`estim.problem.abscissas` says
+what it is), with its derivatives.
 
-`LatentErrors` is a likelihood like any other (`estim.problem.likelihood`): densities, residuals, information and tests of such a run.
+`LatentErrors` is a likelihood like any other (`estim.problem.likelihood`): densities, residuals,
+information and tests of such a run.
 
-The estimated mean and variance of the true abscissas move all points in common.  With t_i the derivatives of the mean of y_i in these two
-displacements, in standard deviations of both, and z_i = (y_i - mean)/sd, integrating them out gives (exact for a line)
+The estimated mean and variance of the true abscissas move all points in common.  With t_i the
+derivatives of the mean of y_i in these two displacements, in standard deviations of both, and z_i =
+(y_i - mean)/sd, integrating them out gives (exact for a line)
 
-    log L = sum log L_i + g^T (1 + H)^-1 g / 2 - log det(1 + H) / 2,    g = sum z_i t_i,  H = sum t_i t_i^T.
+    log L = sum log L_i + g^T (1 + H)^-1 g / 2 - log det(1 + H) / 2,    g = sum z_i t_i,  H = sum
+    t_i t_i^T.
 
-(The first term added is never above sum z_i^2/2: no misfit is rewarded.  Robust tails bound z_i in g.)
+(The first term added is never above sum z_i^2/2: no misfit is rewarded.  Robust tails bound z_i in
+g.)
 
-The least squares of record leave this term out: their best point is the maximum of sum log L_i, their covariance has the term's effect in it.
+The least squares of record leave this term out: their best point is the maximum of sum log L_i,
+their covariance has the term's effect in it.
 """
 
 from __future__ import annotations
@@ -38,7 +44,9 @@ from estim.problem.tails import Tails
 from estim.problem.whitened import Tabled
 
 _BLOCK = 1_000_000  # values of the curve computed at once
-_NEGLIGIBLE = 1e-3  # variance of x that is error, as a share, below which the distribution of the true abscissas is known well enough
+# variance of x that is error, as a share, below which the distribution of the true abscissas is
+# known well enough
+_NEGLIGIBLE = 1e-3
 _N_SCORE = 81  # points of a table over the normal score of y
 _FAREST = 5.0
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
@@ -60,39 +68,57 @@ class LatentErrors(Likelihood):
     relative_x: FloatArray
 
     creeps = True
+
     @property
     def x(self) -> FloatArray:
         return self.points.x
 
     def pointwise(self, named: Named) -> FloatArray:
-        """The distribution of the true abscissas taken as estimated: the terms do not quite sum to `log_likelihood`."""
-        return self._by_blocks(named, lambda part: self._predictive(part).log_density(self.y, self.tails, part))
+        """The distribution of the true abscissas taken as estimated: the terms do not quite sum to
+        `log_likelihood`.
+        """
+        return self._by_blocks(
+            named, lambda part: self._predictive(part).log_density(self.y, self.tails, part)
+        )
 
     def log_likelihood(self, named: Named) -> FloatArray:
         """(n_draw,) of all points together, that distribution integrated out."""
-        if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(named):
+        if np.max(true_abscissas(self.x, self._sd_of_x(named)).common) == 0.0 or self._well_known(
+            named
+        ):
             return np.asarray(np.sum(self.pointwise(named), axis=1))
         return self._by_blocks(named, self._integrated)
 
     def standardised(self, named: Named) -> FloatArray:
-        """Every y mapped to a standard normal variable: its residual in standard deviations, if it were normal."""
-        return self._by_blocks(named, lambda part: self._predictive(part).normal_score(self.y, self.tails, part))
+        """Every y mapped to a standard normal variable: its residual in standard deviations, if it
+        were normal.
+        """
+        return self._by_blocks(
+            named, lambda part: self._predictive(part).normal_score(self.y, self.tails, part)
+        )
 
     def outlier_probability(self, named: Named) -> FloatArray:
         """Averaged over the true abscissas that y allows."""
 
         def probability(part: Named) -> FloatArray:
             z, terms = self._predictive(part).terms(self.y, self.tails, part)
-            return np.sum(_shares(terms) * self.tails.outlier_probability(z, deepened(self.tails, part)), axis=-1)
+            return np.sum(
+                _shares(terms) * self.tails.outlier_probability(z, deepened(self.tails, part)),
+                axis=-1,
+            )
 
         return self._by_blocks(named, probability)
 
     def residuals(self, named: Named) -> FloatArray:
-        """r with r^2/2 = log of the largest density that any curve reaches - log L_i; signed as the residual."""
+        """r with r^2/2 = log of the largest density that any curve reaches - log L_i; signed as the
+        residual.
+        """
 
         def residual(part: Named) -> FloatArray:
             density, tails = self._predictive(part), self.tails
-            highest = tails.log_density(np.zeros((1, self.y.size)), part) - 0.5 * np.log(self._own_variance(part))
+            highest = tails.log_density(np.zeros((1, self.y.size)), part) - 0.5 * np.log(
+                self._own_variance(part)
+            )
             height = highest - density.log_density(self.y, tails, part)
             below = self.y < np.sum(np.exp(density.log_weight) * density.mean, axis=-1)
             return np.where(below, -1.0, 1.0) * np.sqrt(2.0 * np.maximum(height, 0.0))
@@ -100,12 +126,20 @@ class LatentErrors(Likelihood):
         return self._by_blocks(named, residual)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.where(self._of_curve(names), -self.scores(named, names, {}) / self.residuals(named)[0][:, None], 0.0)
+        return np.where(
+            self._of_curve(names),
+            -self.scores(named, names, {}) / self.residuals(named)[0][:, None],
+            0.0,
+        )
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         kept = self._of_curve(names)
         score = np.where(kept, np.sum(self.scores(named, names, {}), axis=0), 0.0)
-        return rooted(np.where(kept & kept[:, None], self.information(named, names, {}), 0.0), score, self.y.size)
+        return rooted(
+            np.where(kept & kept[:, None], self.information(named, names, {}), 0.0),
+            score,
+            self.y.size,
+        )
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return self.scoring(named, names)[0]
@@ -113,10 +147,18 @@ class LatentErrors(Likelihood):
     def whitened(self, named: Named, names: Sequence[str]) -> Tabled:
         at, scores, slopes = self.score_table(named, names)
         kept = self._of_curve(names)
-        return Tabled(self.standardised(named)[0], self.information_root(named, names), at, np.where(kept, scores, 0.0), np.where(kept, slopes, 0.0))
+        return Tabled(
+            self.standardised(named)[0],
+            self.information_root(named, names),
+            at,
+            np.where(kept, scores, 0.0),
+            np.where(kept, slopes, 0.0),
+        )
 
     def sd(self, named: Named) -> FloatArray:
-        """As wide as the slope of the curve makes an error of x: the size of a residual, not what its density is made of."""
+        """As wide as the slope of the curve makes an error of x: the size of a residual, not what
+        its density is made of.
+        """
         steep = self.points.slope(named) * self._sd_of_x(named)[0]
         return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2))
 
@@ -125,11 +167,15 @@ class LatentErrors(Likelihood):
         return self._scores(self.y[:, None], named, names, ends)[:, 0, : len(names)]
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        """(n_par, n_par) Fisher information of the points, the distribution of the true abscissas integrated out."""
+        """(n_par, n_par) Fisher information of the points, the distribution of the true abscissas
+        integrated out.
+        """
         density, tails = self._predictive(named), self.tails
         z, weight = _error_nodes(tails, named)
         kept = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
-        y = (density.mean[0][:, kept, None] + np.sqrt(density.variance[0][:, kept, None]) * z).reshape(self.y.size, -1)
+        y = (
+            density.mean[0][:, kept, None] + np.sqrt(density.variance[0][:, kept, None]) * z
+        ).reshape(self.y.size, -1)
         chance = (np.exp(density.log_weight[0][:, kept, None]) * weight).reshape(self.y.size, -1)
         total = np.zeros((len(names) + 2, len(names) + 2))
         step = max(1, int(4 * _BLOCK / (y.shape[1] * LOG_WEIGHTS.size)))
@@ -140,10 +186,15 @@ class LatentErrors(Likelihood):
             flat = scores.reshape(-1, len(names) + 2)
             total += flat.T @ flat
         n = len(names)
-        return total[:n, :n] - total[:n, n:] @ np.linalg.solve(total[n:, n:] + np.eye(2), total[n:, :n])
+        return total[:n, :n] - total[:n, n:] @ np.linalg.solve(
+            total[n:, n:] + np.eye(2), total[n:, :n]
+        )
 
-    def score_table(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Normal scores e (n,), and for y of that score the scores of log L_i and the derivatives of the normal score, (n_obs, n, n_par).
+    def score_table(
+        self, named: Named, names: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Normal scores e (n,), and for y of that score the scores of log L_i and the derivatives
+        of the normal score, (n_obs, n, n_par).
 
         For tests: of the parameters of the curve only.
         """
@@ -157,7 +208,11 @@ class LatentErrors(Likelihood):
         height = share * np.exp(tails.log_density(z, deepened(tails, named)))
         sd = np.sqrt(density.variance[0][:, None])
         moved = -(height / sd) @ of_mean - (0.5 * height * z / sd**2) @ of_variance
-        return e, self._scores(y, named, names, {})[..., : len(names)], moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None]
+        return (
+            e,
+            self._scores(y, named, names, {})[..., : len(names)],
+            moved * np.exp(0.5 * e**2 + _LOG_ROOT_2PI)[None, :, None],
+        )
 
     def _of_curve(self, names: Sequence[str]) -> BoolArray:
         """(n_par,) which parameters are not of the noise."""
@@ -165,7 +220,9 @@ class LatentErrors(Likelihood):
         return np.array([name not in noise for name in names])
 
     def _sd_of_x(self, named: Named) -> FloatArray:
-        """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or 1."""
+        """(n, n_obs) standard deviations of the errors of the abscissas, n the number of draws or
+        1.
+        """
         return np.atleast_2d(np.asarray(self.sigma_x.at(named)) * self.relative_x)
 
     def _well_known(self, named: Named) -> bool:
@@ -177,13 +234,19 @@ class LatentErrors(Likelihood):
         return true_abscissas(self.x, self._sd_of_x(named))
 
     def _values(self, named: Named, nodes: FloatArray) -> FloatArray:
-        """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own sees increasing x."""
+        """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own
+        sees increasing x.
+        """
         with np.errstate(all="ignore"):
             if nodes.shape[0] > 1:
-                value = self.points.curve.value(nodes.reshape(nodes.shape[0], -1), self.points.bind(named))
+                value = self.points.curve.value(
+                    nodes.reshape(nodes.shape[0], -1), self.points.bind(named)
+                )
                 return np.asarray(value).reshape(-1, *nodes.shape[1:])
             order = np.argsort(nodes.ravel(), kind="stable")
-            value = np.atleast_2d(self.points.curve.value(nodes.ravel()[order], self.points.bind(named)))
+            value = np.atleast_2d(
+                self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
+            )
         unsorted = np.empty((value.shape[0], order.size))
         unsorted[:, order] = value
         return unsorted.reshape(-1, *nodes.shape[1:])
@@ -193,7 +256,9 @@ class LatentErrors(Likelihood):
         return np.atleast_2d(self.size.variance(self.weight, named))
 
     def _predictive(self, named: Named) -> Predictive:
-        return predictive(self._values(named, self._abscissas(named).nodes), self._own_variance(named))
+        return predictive(
+            self._values(named, self._abscissas(named).nodes), self._own_variance(named)
+        )
 
     def _integrated(self, named: Named) -> FloatArray:
         abscissas, tails = self._abscissas(named), self.tails
@@ -202,21 +267,35 @@ class LatentErrors(Likelihood):
         along = slopes_in_x(values, abscissas.spread)[..., None] * abscissas.common[:, :, None, :]
         weight = np.exp(density.log_weight - summed(density.log_weight)[..., None])
         mean = np.sum(weight * density.mean, axis=-1)
-        sd = np.sqrt(np.sum(weight * (density.variance + (density.mean - mean[..., None]) ** 2), axis=-1))
-        moved = np.einsum("dik,dikj->dij", weight, predictive_slopes(values, along)[0]) / sd[..., None]
+        sd = np.sqrt(
+            np.sum(weight * (density.variance + (density.mean - mean[..., None]) ** 2), axis=-1)
+        )
+        moved = (
+            np.einsum("dik,dikj->dij", weight, predictive_slopes(values, along)[0]) / sd[..., None]
+        )
         pull = np.multiply(*tails.deviance_residual((self.y - mean) / sd, named))
         gradient = np.einsum("dij,di->dj", moved, pull)
-        information = tails.information({name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters})[0]
+        information = tails.information(
+            {name: float(np.mean(np.asarray(named[name]))) for name in tails.parameters}
+        )[0]
         curvature = information * np.einsum("dij,dik->djk", moved, moved) + np.eye(2)
         with np.errstate(all="ignore"):
             determinant = curvature[:, 0, 0] * curvature[:, 1, 1] - curvature[:, 0, 1] ** 2
-            square = curvature[:, 1, 1] * gradient[:, 0] ** 2 + curvature[:, 0, 0] * gradient[:, 1] ** 2
+            square = (
+                curvature[:, 1, 1] * gradient[:, 0] ** 2 + curvature[:, 0, 0] * gradient[:, 1] ** 2
+            )
             square -= 2.0 * curvature[:, 0, 1] * gradient[:, 0] * gradient[:, 1]
             log_density = density.log_density(self.y, tails, named)
-            return np.asarray(np.sum(log_density, axis=-1) + 0.5 * square / determinant - 0.5 * np.log(determinant))
+            return np.asarray(
+                np.sum(log_density, axis=-1)
+                + 0.5 * square / determinant
+                - 0.5 * np.log(determinant)
+            )
 
     def _slopes(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """Derivatives (n_obs, n_component, n_par + 2) of means and variances: in the parameters, then in the two common displacements."""
+        """Derivatives (n_obs, n_component, n_par + 2) of means and variances: in the parameters,
+        then in the two common displacements.
+        """
         abscissas = self._abscissas(named)
         flat = abscissas.nodes[0].ravel()
         order = np.argsort(flat, kind="stable")
@@ -227,26 +306,43 @@ class LatentErrors(Likelihood):
         gradients = np.zeros((flat.size, len(names) + 2))
         for argument, source in self.points.arguments.items():
             if isinstance(source, str):
-                gradients[:, names.index(source)] += np.broadcast_to(local.gradient[argument], (1, flat.size))[0][back]
+                gradients[:, names.index(source)] += np.broadcast_to(
+                    local.gradient[argument], (1, flat.size)
+                )[0][back]
         shape = abscissas.nodes.shape[1:]
         values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
         gradients = gradients.reshape(*shape, -1)
-        gradients[..., len(names) :] = slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
+        gradients[..., len(names) :] = (
+            slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
+        )
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)
         of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[0][:, None, :]
         return of_mean, of_variance
 
-    def _scores(self, y: FloatArray, named: Named, names: Sequence[str], ends: Ends, part: slice = slice(None)) -> FloatArray:
-        """(n_part, n, n_par + 2) derivatives of log L_i at y (n_part, n) for the points of `part`."""
+    def _scores(
+        self,
+        y: FloatArray,
+        named: Named,
+        names: Sequence[str],
+        ends: Ends,
+        part: slice = slice(None),
+    ) -> FloatArray:
+        """(n_part, n, n_par + 2) derivatives of log L_i at y (n_part, n) for the points of
+        `part`.
+        """
         tails, whole = self.tails, self._predictive(named)
-        density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
+        density = Predictive(
+            *(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight))
+        )
         z, terms = density.terms(y, tails, named)
         share = _shares(terms)
         pull = np.multiply(*tails.deviance_residual(z, deepened(tails, named)))
         of_mean, of_variance = (array[part] for array in self._slopes(named, names))
         with np.errstate(all="ignore"):
-            scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (share * (z * pull - 1.0) / (2.0 * density.variance)) @ of_variance
+            scores = (share * pull / np.sqrt(density.variance)) @ of_mean + (
+                share * (z * pull - 1.0) / (2.0 * density.variance)
+            ) @ of_variance
         for name, (low, high, distance) in ends.items():
             if name in self.size.parameters:
                 continue
@@ -256,30 +352,50 @@ class LatentErrors(Likelihood):
 
     def _log_density_at(self, y: FloatArray, named: Named, part: slice) -> FloatArray:
         whole = self._predictive(named)
-        density = Predictive(*(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight)))
+        density = Predictive(
+            *(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight))
+        )
         return density.log_density(y, self.tails, named)
 
     def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
         columns = {name: np.asarray(value) for name, value in named.items()}
         step = max(1, int(_BLOCK / ((LOG_WEIGHTS.size + 2) * self.x.size)))
         parts = [
-            compute({name: column[first : first + step] if column.ndim == 2 and column.shape[0] > 1 else column for name, column in columns.items()})
+            compute(
+                {
+                    name: column[first : first + step]
+                    if column.ndim == 2 and column.shape[0] > 1
+                    else column
+                    for name, column in columns.items()
+                }
+            )
             for first in range(0, n_draws(named), step)
         ]
         return np.concatenate(parts)
 
 
 def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-    """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros added; nan where they are not finite."""
+    """J (m, n_par) and r (m,), m >= n, with J^T J = information and J^T r = -score, rows of zeros
+    added; nan where they are not finite.
+    """
     if not (np.all(np.isfinite(information)) and np.all(np.isfinite(score))):
-        return np.full((max(n, score.size), score.size), np.nan), np.full(max(n, score.size), np.nan)
+        return np.full((max(n, score.size), score.size), np.nan), np.full(
+            max(n, score.size), np.nan
+        )
     scale = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(scale > 0.0, scale, 1.0)
     stiffness, axes = np.linalg.eigh(information / np.outer(scale, scale))
     size = np.sqrt(np.maximum(stiffness, 0.0))
-    height = np.divide(-(axes.T @ (score / scale)), size, out=np.zeros_like(size), where=size > 1e-9 * np.max(size, initial=0.0))
+    height = np.divide(
+        -(axes.T @ (score / scale)),
+        size,
+        out=np.zeros_like(size),
+        where=size > 1e-9 * np.max(size, initial=0.0),
+    )
     rest = max(0, n - score.size)
-    return np.vstack([size[:, None] * axes.T * scale, np.zeros((rest, score.size))]), np.append(height, np.zeros(rest))
+    return np.vstack([size[:, None] * axes.T * scale, np.zeros((rest, score.size))]), np.append(
+        height, np.zeros(rest)
+    )
 
 
 def _shares(terms: FloatArray) -> FloatArray:
@@ -294,7 +410,11 @@ def _error_nodes(tails: Tails, named: Named) -> tuple[FloatArray, FloatArray]:
         z, weight = np.polynomial.hermite_e.hermegauss(3)
     else:
         z = np.linspace(-9.0, 9.0, 37)
-        weight = np.exp(tails.log_density(z, {name: float(np.squeeze(named[name])) for name in tails.parameters}))
+        weight = np.exp(
+            tails.log_density(
+                z, {name: float(np.squeeze(named[name])) for name in tails.parameters}
+            )
+        )
     return z, weight / np.sum(weight)
 
 
@@ -303,9 +423,15 @@ def _quantiles(density: Predictive, tails: Tails, named: Named, e: FloatArray) -
     sd = np.sqrt(density.variance[0])
     possible = np.isfinite(density.log_weight[0])
     reach = 40.0 if tails.robust else 2.0 * _FAREST
-    low = np.min(np.where(possible, density.mean[0] - reach * sd, np.inf), axis=-1)[:, None] * np.ones(e.size)
-    high = np.max(np.where(possible, density.mean[0] + reach * sd, -np.inf), axis=-1)[:, None] * np.ones(e.size)
-    spread = Predictive(*(array[0][:, None] for array in (density.mean, density.variance, density.log_weight)))
+    low = np.min(np.where(possible, density.mean[0] - reach * sd, np.inf), axis=-1)[
+        :, None
+    ] * np.ones(e.size)
+    high = np.max(np.where(possible, density.mean[0] + reach * sd, -np.inf), axis=-1)[
+        :, None
+    ] * np.ones(e.size)
+    spread = Predictive(
+        *(array[0][:, None] for array in (density.mean, density.variance, density.log_weight))
+    )
     for _ in range(50):
         middle = 0.5 * (low + high)
         above = spread.normal_score(middle, tails, named) > e

@@ -1,12 +1,15 @@
 """What estim asks of noise.  Two questions, two contracts:
 
-- `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which words.
-- `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only weakly on the parameters (the slope of
-  the curve inside a covariance, the truncation of a stencil) taken at one set of values.  The posterior is a sum of these over the
-  groups of runs (`estim.problem.group`), most of which hold one run.
+- `Noise`: what was assumed of the errors of a run, before any curve: which unknowns, in which
+  words.
+- `Likelihood`: what it makes of the points of a run and of their curve, with all that depends only
+  weakly on the parameters (the slope of the curve inside a covariance, the truncation of a stencil)
+  taken at one set of values.  The posterior is a sum of these over the groups of runs
+  (`estim.problem.group`), most of which hold one run.
 
-`estim.problem.normal`, `independent`, `latent`, `counts` and `events` have the likelihoods; nobody else knows which of them a run has.  What only
-some have is asked for and may be None: `Likelihood.normal`.
+`estim.problem.normal`, `independent`, `latent`, `counts` and `events` have the likelihoods; nobody
+else knows which of them a run has.  What only some have is asked for and may be None:
+`Likelihood.normal`.
 """
 
 from __future__ import annotations
@@ -33,7 +36,9 @@ Ends = Mapping[str, tuple[Named, Named, float]]
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Points (x, y), (n_obs,) each, and the curve they lie about; arguments : argument of the curve -> parameter name, or a fixed number."""
+    """Points (x, y), (n_obs,) each, and the curve they lie about; arguments : argument of the curve
+    -> parameter name, or a fixed number.
+    """
 
     curve: Curve
     x: FloatArray
@@ -42,26 +47,37 @@ class Points:
 
     def bind(self, named: Named) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values."""
-        return {a: named[source] if isinstance(source, str) else source for a, source in self.arguments.items()}
+        return {
+            a: named[source] if isinstance(source, str) else source
+            for a, source in self.arguments.items()
+        }
 
     def value(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the curve at the points."""
         return self.curve.value(self.x, self.bind(named))
 
     def square(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) the square of a curve of speeds, negative where the energy does not suffice."""
+        """(n_draw, n_obs) the square of a curve of speeds, negative where the energy does not
+        suffice.
+        """
         return cast(SquaredCurve, self.curve).square(self.x, self.bind(named))
 
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) its derivatives, for single values."""
-        return self.gradients(cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), names, 1)[0]
+        return self.gradients(
+            cast(SquaredCurve, self.curve).local_square(self.x, self.bind(named)), names, 1
+        )[0]
 
     def slope(self, named: Named) -> FloatArray:
         """(n_obs,) its slope in x."""
-        return np.asarray(np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0])
+        return np.asarray(
+            np.broadcast_to(self.curve.local(self.x, self.bind(named)).slope, (1, self.x.size))[0]
+        )
 
     def gradients(self, local: LocalCurve, names: Sequence[str], n_draw: int) -> FloatArray:
-        """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it does not have."""
+        """(n_draw, n_obs, n) derivatives of the curve in the parameters `names`; 0 in those that it
+        does not have.
+        """
         gradients = np.zeros((n_draw, self.x.size, len(names)))
         for argument, source in self.arguments.items():
             if source in names:
@@ -75,12 +91,16 @@ class Points:
 
 def n_draws(named: Named) -> int:
     """Number of draws that the columns of `named` hold."""
-    return max((np.shape(column)[0] for column in named.values() if np.ndim(column) == 2), default=1)
+    return max(
+        (np.shape(column)[0] for column in named.values() if np.ndim(column) == 2), default=1
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class StackedPoints:
-    """The points of several runs below each other, in the order of the runs; each has its own curve."""
+    """The points of several runs below each other, in the order of the runs; each has its own
+    curve.
+    """
 
     runs: tuple[Points, ...]
 
@@ -92,7 +112,9 @@ class StackedPoints:
     def value(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the curves at the points."""
         n_draw = n_draws(named)
-        return np.hstack([np.broadcast_to(run.value(named), (n_draw, run.x.size)) for run in self.runs])
+        return np.hstack(
+            [np.broadcast_to(run.value(named), (n_draw, run.x.size)) for run in self.runs]
+        )
 
     def gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) derivatives of the curves in the parameters `names`, for single values."""
@@ -101,7 +123,9 @@ class StackedPoints:
     def square(self, named: Named) -> FloatArray:
         """(n_draw, n_obs) the squares of curves of speeds at the points."""
         n_draw = n_draws(named)
-        return np.hstack([np.broadcast_to(run.square(named), (n_draw, run.x.size)) for run in self.runs])
+        return np.hstack(
+            [np.broadcast_to(run.square(named), (n_draw, run.x.size)) for run in self.runs]
+        )
 
     def square_gradient(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n) their derivatives, for single values."""
@@ -122,7 +146,9 @@ class Whitened(Protocol):
     def root(self) -> FloatArray: ...
 
     def felt(self, errors: FloatArray) -> FloatArray:
-        """(n, n_sim) r with J^T r the derivative of the log likelihood, for standard normal errors (n_obs, n_sim)."""
+        """(n, n_sim) r with J^T r the derivative of the log likelihood, for standard normal errors
+        (n_obs, n_sim).
+        """
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         """(n_obs, n_sim) the residuals when the parameters are moved by shifts (n_par, n_sim)."""
@@ -134,16 +160,21 @@ class NormalErrors(Protocol):
     def root(self, named: Named) -> Root:
         """The triangular root of C, in the order of the points."""
 
-    def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the determinant of C; derivatives (n_draw, n_obs, n)
-        in the parameters `names` of the standardised curve and of the logarithm of the variances."""
+    def opened(
+        self, named: Named, names: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the
+        determinant of C; derivatives (n_draw, n_obs, n) in the parameters `names` of the
+        standardised curve and of the logarithm of the variances.
+        """
 
 
 class Likelihood(ABC):
     """The likelihood of one run, or of several that share what their curves lack.
 
-    Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of the problem.  Five members make a likelihood;
-    what follows from them is said once, and again only where it is not as simple.
+    Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of
+    the problem.  Five members make a likelihood; what follows from them is said once, and again
+    only where it is not as simple.
     """
 
     if TYPE_CHECKING:
@@ -154,16 +185,22 @@ class Likelihood(ABC):
 
     @abstractmethod
     def pointwise(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) log predictive density of every point given all the other points of the run."""
+        """(n_draw, n_obs) log predictive density of every point given all the other points of the
+        run.
+        """
 
     @abstractmethod
     def residuals(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood that any curve reaches, less twice that of this
-        (where x has errors: of the product of `pointwise`)."""
+        """(n_draw, n_obs) residuals whose squares sum to twice the log of the highest likelihood
+        that any curve reaches, less twice that of this (where x has errors: of the product of
+        `pointwise`).
+        """
 
     @abstractmethod
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all others."""
+        """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all
+        others.
+        """
 
     @abstractmethod
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
@@ -171,14 +208,20 @@ class Likelihood(ABC):
 
     @abstractmethod
     def sd(self, named: Named) -> FloatArray:
-        """(n_obs,) standard deviation of each y about the curve; of robust errors that of the good ones."""
+        """(n_obs,) standard deviation of each y about the curve; of robust errors that of the good
+        ones.
+        """
 
     creeps: ClassVar[bool] = False
-    """Whether least squares on `residuals` creep, far from normal as they are, so that steps by `scoring` must finish them."""
+    """Whether least squares on `residuals` creep, far from normal as they are, so that steps
+    by `scoring` must finish them.
+    """
 
     @property
     def y(self) -> FloatArray:
-        """(n_obs,) the ordinates, less what the measurement itself adds to them on average (truncation of a stencil)."""
+        """(n_obs,) the ordinates, less what the measurement itself adds to them on average
+        (truncation of a stencil).
+        """
         return self.points.y
 
     @property
@@ -191,7 +234,9 @@ class Likelihood(ABC):
         return np.asarray(np.sum(self.pointwise(named), axis=1))
 
     def standardised(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) residuals over their standard deviations, each independent of the others: not of one point where errors are correlated."""
+        """(n_draw, n_obs) residuals over their standard deviations, each independent of the others:
+        not of one point where errors are correlated.
+        """
         return self.residuals(named)
 
     def size_residuals(self, named: Named) -> FloatArray:
@@ -199,13 +244,19 @@ class Likelihood(ABC):
         return self.standardised(named)
 
     def outlier_probability(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) probability that the point is an outlier; 0 where the noise leaves no room for any."""
+        """(n_draw, n_obs) probability that the point is an outlier; 0 where the noise leaves no
+        room for any.
+        """
         return np.zeros((n_draws(named), self.points.y.size))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """J (n, n_par) and r (n,), n >= n_obs, for a step of least squares in the parameters of the curve: J^T r is minus the gradient of the
-        log likelihood, J^T J the information that the step takes."""
-        return self.jacobian(named, names), np.broadcast_to(self.residuals(named), (1, self.points.y.size))[0]
+        """J (n, n_par) and r (n,), n >= n_obs, for a step of least squares in the parameters of the
+        curve: J^T r is minus the gradient of the log likelihood, J^T J the information that the
+        step takes.
+        """
+        return self.jacobian(named, names), np.broadcast_to(
+            self.residuals(named), (1, self.points.y.size)
+        )[0]
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
@@ -213,7 +264,10 @@ class Likelihood(ABC):
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""
-        return Linear(np.broadcast_to(self.standardised(named), (1, self.points.y.size))[0], -self.jacobian(named, names))
+        return Linear(
+            np.broadcast_to(self.standardised(named), (1, self.points.y.size))[0],
+            -self.jacobian(named, names),
+        )
 
     def squared_size(self, vector: FloatArray, named: Named) -> float:
         """v^T C^-1 v of a vector (n_obs,) in the unit of y."""
@@ -221,33 +275,50 @@ class Likelihood(ABC):
 
 
 class Instrument(Protocol):
-    """What was assumed of the readings that the points of a run are, or were made of: for simulations and for what errors carry over to.
+    """What was assumed of the readings that the points of a run are, or were made of: for
+    simulations and for what errors carry over to.
 
     gain : (n,) standard deviations for a unit sigma, of the rows in question.
     """
 
     @property
     def made_of_positions(self) -> bool:
-        """Whether the ordinates are differences of positions in time: then these are what is read."""
+        """Whether the ordinates are differences of positions in time: then these are what is
+        read.
+        """
 
     def of_positions(self, points: Points, named: Named) -> Differences | None:
-        """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where y is not made of positions."""
+        """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where
+        y is not made of positions.
+        """
 
     def x_gain(self) -> FloatArray:
         """(n_obs,) standard deviation of each x for a unit sigma of x; 0 where x is exact."""
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         """Abscissas (n,) as the readings x (n,) leave them possible."""
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         """Readings of abscissas (n,)."""
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
-        """Readings of ordinates (n,), with their scatter; of positions where the ordinates are made of these."""
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
+        """Readings of ordinates (n,), with their scatter; of positions where the ordinates are made
+        of these.
+        """
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
-        """What the errors of the ordinates, and of the readings that they were made of, do to a quantity of each point with derivatives
-        by_x, by_y (n_obs,): its covariance (n_obs, n_obs), and the variance (n_obs,) of y alone."""
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
+        """What the errors of the ordinates, and of the readings that they were made of, do to a
+        quantity of each point with derivatives by_x, by_y (n_obs,): its covariance (n_obs, n_obs),
+        and the variance (n_obs,) of y alone.
+        """
 
 
 class Noise(Instrument, Protocol):
@@ -271,7 +342,9 @@ class Noise(Instrument, Protocol):
 
     @property
     def size(self) -> Size:
-        """How large the errors of the readings are, and the scatter that the instrument does not explain."""
+        """How large the errors of the readings are, and the scatter that the instrument does not
+        explain.
+        """
 
     def reading_gain(self) -> FloatArray:
         """(n_obs,) standard deviation of each y for a unit sigma of a reading."""
@@ -280,7 +353,9 @@ class Noise(Instrument, Protocol):
         """The likelihood of points whose curve passes near them at the values `named`."""
 
     def for_search(self) -> Noise:
-        """What a search from afar takes in its place: noise whose `residuals` are those of least squares.  Itself where they are."""
+        """What a search from afar takes in its place: noise whose `residuals` are those of least
+        squares.  Itself where they are.
+        """
 
     def outlier_share(self, named: Named) -> float:
         """The inferred share of outliers; nan where it is not inferred."""
@@ -290,5 +365,7 @@ class Noise(Instrument, Protocol):
 
 
 def reading_sd(noise: Noise, named: Named) -> FloatArray:
-    """Standard deviation of each point from the instrument alone, without scatter: broadcasts to (n_draw, n_obs)."""
+    """Standard deviation of each point from the instrument alone, without scatter: broadcasts to
+    (n_draw, n_obs).
+    """
     return np.asarray(np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain())

@@ -1,23 +1,28 @@
 """How measurements scatter about the curve.  Which model to choose:
 
-- `Differentiated`: the speeds are differences of measured positions (a video, an encoder).  Say the standard deviation
-  of one *position*; the speeds then have exactly known, correlated errors.  The default wherever times and positions
-  are known.
-- `Independent`: the speeds were measured by themselves (light gates, a radar), each with its own standard deviation;
-  the positions are exact, or have a standard deviation `sigma_x` of their own.  Also for positions fit as they are
-  (`positions` in a campaign): no differentiation, the most informative, and the place for robust `tails`.
+- `Differentiated`: the speeds are differences of measured positions (a video, an encoder).  Say the
+  standard deviation of one *position*; the speeds then have exactly known, correlated errors.  The
+  default wherever times and positions are known.
+- `Independent`: the speeds were measured by themselves (light gates, a radar), each with its own
+  standard deviation; the positions are exact, or have a standard deviation `sigma_x` of their own.
+  Also for positions fit as they are (`positions` in a campaign): no differentiation, the most
+  informative, and the place for robust `tails`.
 
-`sigma` is the standard deviation of one reading (a position for `Differentiated`, a speed for `Independent`), given or
-inferred.  `scatter` is a further independent error of every speed, for what the instrument does not explain (dust, a
-ramp that is not flat); infer it when unsure, and distrust the model when it comes out far above the instrument's share.
-`encoder_step` is the resolution of a digital position reading: it adds step^2/12 to the variance of a position.
+`sigma` is the standard deviation of one reading (a position for `Differentiated`, a speed for
+`Independent`), given or inferred.  `scatter` is a further independent error of every speed, for
+what the instrument does not explain (dust, a ramp that is not flat); infer it when unsure, and
+distrust the model when it comes out far above the instrument's share.  `encoder_step` is the
+resolution of a digital position reading: it adds step^2/12 to the variance of a position.
 
-Each is a record of what was assumed; what it makes of points and their curve is its `likelihood` (`estim.problem.likelihood`).
+Each is a record of what was assumed; what it makes of points and their curve is its `likelihood`
+(`estim.problem.likelihood`).
 
-Errors of x: the true abscissas of independent points are integrated out one by one, under a distribution that is fitted to
-the x (`estim.problem.abscissas`).  The tempting N(y | f, sigma_y^2 + f'^2 sigma_x^2) with its log-determinant is what remains of
-true abscissas spread evenly over the whole axis; it is biased, and the more points the worse.  Without the log-determinant
-(York's chi-square) it rewards ever steeper curves.  Here it serves as the size of a residual only (`LatentErrors.sd`).
+Errors of x: the true abscissas of independent points are integrated out one by one, under a
+distribution that is fitted to the x (`estim.problem.abscissas`).  The tempting N(y | f, sigma_y^2 +
+f'^2 sigma_x^2) with its log-determinant is what remains of true abscissas spread evenly over the
+whole axis; it is biased, and the more points the worse.  Without the log-determinant (York's
+chi-square) it rewards ever steeper curves.  Here it serves as the size of a residual only
+(`LatentErrors.sd`).
 """
 
 from __future__ import annotations
@@ -47,10 +52,13 @@ from estim.problem.tails import GAUSSIAN, Tails
 
 @dataclass(frozen=True, eq=False)
 class Independent:
-    """Points with independent errors of variance (sigma * relative)^2 + encoder_step^2/12 + scatter^2 (+ f'^2 sigma_x^2).
+    """Points with independent errors of variance (sigma * relative)^2 + encoder_step^2/12 +
+    scatter^2 (+ f'^2 sigma_x^2).
 
-    relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma = 1 otherwise.
-    sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.  tails : the shape of the errors.
+    relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma =
+        1 otherwise.
+    sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.
+    tails : the shape of the errors.
     exposure : s, of pictures whose motion blur is part of `relative`.
     """
 
@@ -73,7 +81,11 @@ class Independent:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        of_x = () if self.sigma_x is None or self.sigma_x.parameter is None else (self.sigma_x.parameter,)
+        of_x = (
+            ()
+            if self.sigma_x is None or self.sigma_x.parameter is None
+            else (self.sigma_x.parameter,)
+        )
         return (*self.size.parameters, *of_x, *self.tails.parameters)
 
     @property
@@ -91,10 +103,14 @@ class Independent:
                 return RobustErrors(points, self.size, weight, self.tails)
             return GaussianErrors(points, self.size, Diagonal(weight), np.zeros(weight.size))
         relative_x = np.ones(points.x.size) if self.relative_x is None else self.relative_x
-        return LatentErrors(points, self.size, np.square(self.relative), self.tails, self.sigma_x, relative_x)
+        return LatentErrors(
+            points, self.size, np.square(self.relative), self.tails, self.sigma_x, relative_x
+        )
 
     def for_search(self) -> Independent:
-        """Without its errors of x: there linear parameters can be solved for, and its optima are good starts."""
+        """Without its errors of x: there linear parameters can be solved for, and its optima are
+        good starts.
+        """
         return self if self.sigma_x is None else replace(self, sigma_x=None, relative_x=None)
 
     def outlier_share(self, named: Named) -> float:
@@ -111,21 +127,35 @@ class Independent:
             return np.zeros(self.relative.size)
         return np.ones(self.relative.size) if self.relative_x is None else self.relative_x
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         """As far spread as the fitted distribution says."""
         if self.sigma_x is None:
             return x
         known = true_abscissas(x, np.atleast_2d(np.asarray(self.sigma_x.at(named)) * gain))
         return np.asarray(known.centre[0] + known.spread[0] * rng.standard_normal(x.size))
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
-        return x if self.sigma_x is None else np.asarray(x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size))
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
+        return (
+            x
+            if self.sigma_x is None
+            else np.asarray(
+                x + np.asarray(self.sigma_x.at(named)) * gain * rng.standard_normal(x.size)
+            )
+        )
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
         return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
         variance = self.size.variance(np.square(self.relative), named)
         return np.diag(by_y**2 * variance), variance
 
@@ -133,36 +163,68 @@ class Independent:
         """The noise in words."""
         sizes = []
         if self.sigma.parameter is not None:
-            sizes.append(phrase("their standard deviation {name} inferred", name=self.sigma.parameter))
+            sizes.append(
+                phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
+            )
         elif self.exposure:
             least = self.sigma.value * np.min(self.relative)
             blur = _blur_words(self.exposure)
-            sizes.append(phrase("standard deviations of at least {least:.4g} {unit}, increased by {blur}", least=least, unit=y_unit, blur=blur))
+            sizes.append(
+                phrase(
+                    "standard deviations of at least {least:.4g} {unit}, increased by {blur}",
+                    least=least,
+                    unit=y_unit,
+                    blur=blur,
+                )
+            )
         elif np.ptp(self.relative) > 0.0:
             sizes.append(phrase("standard deviations as stated row by row"))
         elif self.sigma.value:
-            sizes.append(phrase("standard deviation {size:.4g} {unit}", size=self.sigma.value * self.relative[0], unit=y_unit))
+            sizes.append(
+                phrase(
+                    "standard deviation {size:.4g} {unit}",
+                    size=self.sigma.value * self.relative[0],
+                    unit=y_unit,
+                )
+            )
         if self.encoder_step:
-            sizes.append(phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=y_unit))
+            sizes.append(
+                phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=y_unit)
+            )
         if self.sigma_x is not None:
-            size = phrase("as stated row by row") if self.relative_x is not None else f"{self.sigma_x.value:.4g} {x_unit}"
-            size = size if self.sigma_x.parameter is None else phrase("{name}, inferred", name=self.sigma_x.parameter)
-            sizes.append(phrase("errors of the abscissas with standard deviation {size}", size=size))
+            size = (
+                phrase("as stated row by row")
+                if self.relative_x is not None
+                else f"{self.sigma_x.value:.4g} {x_unit}"
+            )
+            size = (
+                size
+                if self.sigma_x.parameter is None
+                else phrase("{name}, inferred", name=self.sigma_x.parameter)
+            )
+            sizes.append(
+                phrase("errors of the abscissas with standard deviation {size}", size=size)
+            )
         shape = self.tails.describe()
         further = _scatter_words(self.scatter, words.what, y_unit) + (f"; {shape}" if shape else "")
         what, sizes_of = phrase(words.what), phrase(" and ").join(sizes)
-        return phrase("independent errors of the {what}; {sizes}", what=what, sizes=sizes_of) + further
+        return (
+            phrase("independent errors of the {what}; {sizes}", what=what, sizes=sizes_of) + further
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Differentiated:
-    """Speeds v = S x of positions with independent errors of variance sigma^2 + encoder_step^2/12, plus scatter.
+    """Speeds v = S x of positions with independent errors of variance sigma^2 + encoder_step^2/12,
+    plus scatter.
 
-    The curve is evaluated at the measured positions, so the residual v - f(x) is A e to first order in the errors e:
+    The curve is evaluated at the measured positions, so the residual v - f(x) is A e to first order
+    in the errors e:
 
         A = S - diag(f'(x)),    C0 = A A^T,    E[v] = f + truncation of the stencil
 
-    relative : (n_row,) standard deviation of each reading / sigma, None where all are alike: then C0 = A diag(relative^2) A^T.
+    relative : (n_row,) standard deviation of each reading / sigma, None where all are alike: then
+        C0 = A diag(relative^2) A^T.
     exposure : s, of pictures whose motion blur it is.
     """
 
@@ -189,11 +251,19 @@ class Differentiated:
         return self.size.parameters
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
-        """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for a curve that is not one of speeds."""
+        """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for
+        a curve that is not one of speeds.
+        """
         curve = points.curve
         if not isinstance(curve, SpeedCurve):
-            raise InputError("cannot be used with this curve: speeds made by differences need a curve of speeds dx/dt = f(x)", field="differentiated")
-        stencil, interval, arguments = self.derivative.stencil, self.derivative.interval, points.bind(named)
+            raise InputError(
+                "cannot be used with this curve: speeds made by differences need a curve "
+                "of speeds dx/dt = f(x)",
+                field="differentiated",
+            )
+        stencil = self.derivative.stencil
+        interval = self.derivative.interval
+        arguments = points.bind(named)
         matrix = self.of_positions(points, named)
         if self.relative is not None:
             matrix = matrix.times(self.relative)
@@ -213,23 +283,37 @@ class Differentiated:
         return float("nan")
 
     def reading_gain(self) -> FloatArray:
-        gain = np.full(self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval)
-        return gain if self.relative is None else gain * self.relative[self.derivative.rows[self.kept]]
+        gain = np.full(
+            self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval
+        )
+        return (
+            gain if self.relative is None else gain * self.relative[self.derivative.rows[self.kept]]
+        )
 
     def x_gain(self) -> FloatArray:
         return np.zeros(self.kept.size)
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         """Positions; the scatter is one of the speeds."""
-        return self.size.rounded(true + float(np.squeeze(self.sigma.at(named))) * gain * rng.standard_normal(true.size))
+        return self.size.rounded(
+            true + float(np.squeeze(self.sigma.at(named))) * gain * rng.standard_normal(true.size)
+        )
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
         """An error of a position moves x there, and the speeds on either side."""
         reading, scatter = self.size.reading_variance(named), np.square(self.scatter.at(named))
         rows, to_speed = self.derivative.rows[self.kept], self.derivative.matrix.of(self.kept)
@@ -244,16 +328,27 @@ class Differentiated:
         """The noise in words."""
         readings = []
         if self.encoder_step:
-            readings.append(phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=x_unit))
+            readings.append(
+                phrase("an encoder step of {size:.4g} {unit}", size=self.encoder_step, unit=x_unit)
+            )
         if self.sigma.parameter is not None:
-            readings.append(phrase("an inferred standard deviation {name}", name=self.sigma.parameter))
+            readings.append(
+                phrase("an inferred standard deviation {name}", name=self.sigma.parameter)
+            )
         elif self.sigma.value:
-            readings.append(phrase("a standard deviation of {size:.4g} {unit}", size=self.sigma.value, unit=x_unit))
+            readings.append(
+                phrase(
+                    "a standard deviation of {size:.4g} {unit}", size=self.sigma.value, unit=x_unit
+                )
+            )
         if self.exposure:
             readings.append(_blur_words(self.exposure))
         return phrase(
-            "{what} by the {stencil} derivative of {reading}s, with its exact covariance; {reading} readings with {sizes}",
-            what=phrase(words.what), stencil=phrase(self.derivative.stencil.name), reading=phrase(words.reading),
+            "{what} by the {stencil} derivative of {reading}s, with its exact covariance; "
+            "{reading} readings with {sizes}",
+            what=phrase(words.what),
+            stencil=phrase(self.derivative.stencil.name),
+            reading=phrase(words.reading),
             sizes=phrase(" and ").join(readings),
         ) + _scatter_words(self.scatter, words.what, y_unit)
 
@@ -264,5 +359,15 @@ def _blur_words(exposure: float) -> str:
 
 def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
     if scatter.parameter is not None:
-        return phrase("; an additional independent scatter of the {what} is inferred", what=phrase(what))
-    return phrase("; an additional independent scatter of {size:.4g} {unit}", size=scatter.value, unit=unit) if scatter.value else ""
+        return phrase(
+            "; an additional independent scatter of the {what} is inferred", what=phrase(what)
+        )
+    return (
+        phrase(
+            "; an additional independent scatter of {size:.4g} {unit}",
+            size=scatter.value,
+            unit=unit,
+        )
+        if scatter.value
+        else ""
+    )

@@ -1,10 +1,13 @@
-"""The likelihood of normal errors with a covariance C = (sigma^2 + step^2/12) C0 + scatter^2 I (`estim.problem.size`).
+"""The likelihood of normal errors with a covariance C = (sigma^2 + step^2/12) C0 + scatter^2 I
+(`estim.problem.size`).
 
-With a linear map T of the points, made once, T C T^T is diagonal for all values of the noise parameters: one likelihood serves all forms of C0.
+With a linear map T of the points, made once, T C T^T is diagonal for all values of the noise
+parameters: one likelihood serves all forms of C0.
 
 - `Diagonal`: independent points; T is the identity.
 - `Turned`: any other C0; T are its eigenvectors.
-- `Rooted`: C is known but for a factor, by its triangular root (`estim.problem.roots`: dense, in bands, with a few causes beside); T is its inverse.
+- `Rooted`: C is known but for a factor, by its triangular root (`estim.problem.roots`: dense, in
+  bands, with a few causes beside); T is its inverse.
 """
 
 from __future__ import annotations
@@ -85,7 +88,9 @@ class Turned:
 
     @classmethod
     def of(cls, covariance: FloatArray) -> Turned:
-        """Of C0.  No eigenvalue is known better than rounding: where one is huge, others come out below 0."""
+        """Of C0.  No eigenvalue is known better than rounding: where one is huge, others come out
+        below 0.
+        """
         spectrum, basis = np.linalg.eigh(covariance)
         return cls(basis, np.maximum(spectrum, np.finfo(float).eps * spectrum.size * spectrum[-1]))
 
@@ -103,7 +108,9 @@ class Turned:
 
     def root(self, diagonal: FloatArray) -> Root:
         """L^T is the triangle R of diag(V)^(1/2) basis^T = Q R."""
-        upper: FloatArray = np.asarray(np.linalg.qr(np.sqrt(diagonal)[:, None] * self.basis.T, mode="r"))
+        upper: FloatArray = np.asarray(
+            np.linalg.qr(np.sqrt(diagonal)[:, None] * self.basis.T, mode="r")
+        )
         return Dense((upper * np.where(np.diag(upper) < 0.0, -1.0, 1.0)[:, None]).T)
 
 
@@ -152,17 +159,33 @@ class GaussianErrors(Likelihood):
         return cls(points, KNOWN, Rooted(root), shift)
 
     @classmethod
-    def of_readings(cls, points: Points, size: Size, matrix: Differences, shift: FloatArray, *, correlation: float = 0.0) -> GaussianErrors:
-        """Of errors A e of the points, corr(e_i, e_j) = R_ij = correlation^|i - j|, C0 = A R A^T: of many points in bands, never as a whole."""
+    def of_readings(
+        cls,
+        points: Points,
+        size: Size,
+        matrix: Differences,
+        shift: FloatArray,
+        *,
+        correlation: float = 0.0,
+    ) -> GaussianErrors:
+        """Of errors A e of the points, corr(e_i, e_j) = R_ij = correlation^|i - j|, C0 = A R A^T:
+        of many points in bands, never as a whole.
+        """
         if points.x.size > DENSE and in_bands(size):
             return cls.in_bands(points, size, matrix.covariance(correlation), shift)
         used = np.flatnonzero(matrix.used)
         lever = matrix.among(matrix.used).dense()
-        middle = correlation ** np.abs(np.subtract.outer(used, used)) @ lever.T if correlation else lever.T
+        middle = (
+            correlation ** np.abs(np.subtract.outer(used, used)) @ lever.T
+            if correlation
+            else lever.T
+        )
         return cls(points, size, Turned.of(lever @ middle), shift)
 
     @classmethod
-    def in_bands(cls, points: Points, size: Size, bands: FloatArray, shift: FloatArray) -> GaussianErrors:
+    def in_bands(
+        cls, points: Points, size: Size, bands: FloatArray, shift: FloatArray
+    ) -> GaussianErrors:
         """Of C0 in bands (n_band + 1, n_obs), where a covariance of this size is `in_bands`."""
         if size.parameters:
             return cls(points, size, Rooted(Band.of(bands)), shift)
@@ -180,7 +203,11 @@ class GaussianErrors(Likelihood):
 
     def log_likelihood(self, named: Named) -> FloatArray:
         z, variance = self.residuals(named), self._diagonal(named)
-        return np.asarray(-0.5 * np.einsum("ij,ij->i", z, z) - 0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=1) - self.form.log_volume)
+        return np.asarray(
+            -0.5 * np.einsum("ij,ij->i", z, z)
+            - 0.5 * np.sum(np.log(2.0 * np.pi * variance), axis=1)
+            - self.form.log_volume
+        )
 
     def pointwise(self, named: Named) -> FloatArray:
         """Normal with mean y_i - [C^-1 r]_i/[C^-1]_ii and variance 1/[C^-1]_ii.
@@ -196,7 +223,12 @@ class GaussianErrors(Likelihood):
         return np.asarray(self._turned(named) / np.sqrt(self._diagonal(named)))
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        return np.asarray(-(self.form.turned(self.points.gradient(named, names).T) / np.sqrt(self._diagonal(named))).T)
+        return np.asarray(
+            -(
+                self.form.turned(self.points.gradient(named, names).T)
+                / np.sqrt(self._diagonal(named))
+            ).T
+        )
 
     def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         root = self.jacobian(named, names)
@@ -218,10 +250,15 @@ class GaussianErrors(Likelihood):
         """The triangular root of C, in the order of the points."""
         return self.form.root(self._diagonal(named)[0])
 
-    def opened(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the determinant of C; derivatives (n_draw, n_obs, n)
-        in the parameters `names` of the standardised curve and of the logarithm of the variances."""
-        n_draw, local = n_draws(named), self.points.curve.local(self.points.x, self.points.bind(named))
+    def opened(
+        self, named: Named, names: Sequence[str]
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """At draws: standardised residuals and variances (n_draw, n_obs) whose product is the
+        determinant of C; derivatives (n_draw, n_obs, n) in the parameters `names` of the
+        standardised curve and of the logarithm of the variances.
+        """
+        n_draw = n_draws(named)
+        local = self.points.curve.local(self.points.x, self.points.bind(named))
         variance = np.broadcast_to(self._diagonal(named), (n_draw, self.shift.size))
         sd = np.sqrt(variance)
         jacobian = self.points.gradients(local, names, n_draw)
@@ -229,7 +266,12 @@ class GaussianErrors(Likelihood):
             jacobian[:, :, k] = self.form.turned(jacobian[:, :, k]) / sd
         spread = self.size.slopes(self.form.spectrum, named, names, n_draw) / variance[:, :, None]
         volume = np.exp(2.0 * self.form.log_volume / self.shift.size)
-        return self.form.turned(np.broadcast_to(self.y - local.value, variance.shape)) / sd, volume * variance, jacobian, spread
+        return (
+            self.form.turned(np.broadcast_to(self.y - local.value, variance.shape)) / sd,
+            volume * variance,
+            jacobian,
+            spread,
+        )
 
     def _diagonal(self, named: Named) -> FloatArray:
         """(n, n_obs) V, n the number of draws or 1."""

@@ -20,10 +20,12 @@ from estim.problem.size import Named
 
 @dataclass(frozen=True, eq=False)
 class Parameter:
-    """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and what it is.
+    """One unknown: `name` as in results ("gamma[heavy]"), `unit` ("1", "rad", "m", ...), prior, and
+    what it is.
 
     notation : how it is written; None: by its own name and in its own unit.
-    between : whether it is a standard deviation between runs, of which no run by itself says anything.
+    between : whether it is a standard deviation between runs, of which no run by itself says
+        anything.
     """
 
     name: str
@@ -40,7 +42,9 @@ class Parameter:
 
     @property
     def bare_label(self) -> Label:
-        """How it is shown without its level, where one run is all there is or a column holds every level."""
+        """How it is shown without its level, where one run is all there is or a column holds every
+        level.
+        """
         return self._notation.label(self.unit)
 
     @property
@@ -48,7 +52,9 @@ class Parameter:
         return self.notation or Notation(split_level(self.name)[0])
 
 
-MAX_LACKING = 1000  # points of a curve that may lack something: every length needs a decomposition of a matrix of that size
+# points of a curve that may lack something: every length needs a decomposition of a matrix of that
+# size
+MAX_LACKING = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +62,11 @@ class Discrepancy:
     """What a curve of the user's own may lack, before the data have a say.
 
     deviation : scale of the prior of a smooth deviation of y along x, unit of y; 0 for none.
-    along : (n_obs,) times of the readings, or their places in order, along which their errors are correlated; None for independent ones.
+    along : (n_obs,) times of the readings, or their places in order, along which their errors are
+        correlated; None for independent ones.
     along_unit : of these ("s", or "readings" where they are places in order).
-    stated : whether the size of the errors of the readings was stated; else the noise has a rough one, and the residuals say it.
+    stated : whether the size of the errors of the readings was stated; else the noise has a rough
+        one, and the residuals say it.
     """
 
     deviation: float
@@ -71,17 +79,21 @@ class Discrepancy:
 class Observations:
     """The speeds of one run that are fit, with their curve and noise.
 
-    x : (n_obs,) position.  y : (n_obs,) speed.  t : (n_obs,) s, or None where it is unknown.
+    x : (n_obs,) position.
+    y : (n_obs,) speed.  t : (n_obs,) s, or None where it is unknown.
     arguments : argument of the curve -> parameter name, or a fixed number.
     x_name, x_unit, y_name, y_unit : for axes and tables ("position x", "m").
     excluded : why and how many rows were left out (`Finding.size`).
     excluded_points : (n, 2) the (x, y) of those rows that have a speed, for figures.
-    positions : whether they are positions of a body at known times rather than speeds at known positions.
-    force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for none.
+    positions : whether they are positions of a body at known times rather than speeds at known
+        positions.
+    force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for
+        none.
     complete : why the curve is taken as complete, where a force could have been asked for.
     lacks : what a plain curve may lack; None for nothing.
     sought : what a user wants computed from the parameters.
-    motion : the body whose motion was measured; None for a plain curve.  words : how the measured numbers are spoken of.
+    motion : the body whose motion was measured; None for a plain curve.
+    words : how the measured numbers are spoken of.
     """
 
     name: str
@@ -143,22 +155,30 @@ class Observations:
         return Points(self.curve, self.x, self.y, self.arguments)
 
     def likelihood(self, named: Named) -> Likelihood:
-        """What the noise makes of the points, the curve taken at the values `named` where it matters little."""
+        """What the noise makes of the points, the curve taken at the values `named` where it
+        matters little.
+        """
         return self.noise.likelihood(self.points, named)
 
     def end(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_draw, 1) or (1, 1) abscissa behind which the motion does not go; inf where there is none, or it never ends."""
+        """(n_draw, 1) or (1, 1) abscissa behind which the motion does not go; inf where there is
+        none, or it never ends.
+        """
         return np.full((1, 1), np.inf) if self.motion is None else self.motion.end(arguments)
 
     @property
     def body(self) -> Motion:
         """The body whose motion was measured.  Raises InputError for a plain curve."""
         if self.motion is None:
-            raise InputError("is fit by a curve that is no motion of a body", field="run", value=self.name)
+            raise InputError(
+                "is fit by a curve that is no motion of a body", field="run", value=self.name
+            )
         return self.motion
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        """Quantities that follow from the arguments of the curve (`bind`): those that mean something to a reader, and what was `sought`."""
+        """Quantities that follow from the arguments of the curve (`bind`): those that mean
+        something to a reader, and what was `sought`.
+        """
         found = {} if self.motion is None else dict(self.motion.derived(arguments))
         for one in self.sought:
             derived = one.of({**arguments, **{name: known.values for name, known in found.items()}})
@@ -167,10 +187,18 @@ class Observations:
         return found
 
     def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
-        """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is needed for what was `sought`."""
+        """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is
+        needed for what was `sought`.
+        """
         others = {name: source for one in self.sought for name, source in one.others.items()}
-        known = {name: values.get(source) if isinstance(source, str) else source for name, source in others.items()}
-        return {**{name: value for name, value in known.items() if value is not None}, **self.points.bind(values)}
+        known = {
+            name: values.get(source) if isinstance(source, str) else source
+            for name, source in others.items()
+        }
+        return {
+            **{name: value for name, value in known.items() if value is not None},
+            **self.points.bind(values),
+        }
 
 
 def n_uses(name: str, runs: Sequence[Observations]) -> int:
@@ -183,7 +211,11 @@ def uses_of(runs: Iterable[Observations]) -> Counter[str]:
     return Counter(name for run in runs for name in run.curve_parameters)
 
 
-def shared_first(parameters: Iterable[Parameter], runs: Sequence[Observations]) -> tuple[Parameter, ...]:
-    """`parameters` of a curve with those that several of `runs` share before those of one run, otherwise in their order."""
+def shared_first(
+    parameters: Iterable[Parameter], runs: Sequence[Observations]
+) -> tuple[Parameter, ...]:
+    """`parameters` of a curve with those that several of `runs` share before those of one run,
+    otherwise in their order.
+    """
     uses = uses_of(runs)
     return tuple(sorted(parameters, key=lambda p: uses[p.name] < 2))

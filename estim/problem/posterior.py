@@ -1,8 +1,10 @@
-"""An inference problem: observations, curves, priors and noise, and the posterior density that follows from them.
+"""An inference problem: observations, curves, priors and noise, and the posterior density that
+follows from them.
 
-`Problem` is what was measured and assumed.  `problem.linearised(values)` is the posterior with everything that depends
-only weakly on the parameters (the slope of the curve inside the noise covariance, the truncation of the stencil) taken
-at `values`; `estim.fitting.least_squares` repeats this at its own result until nothing moves.
+`Problem` is what was measured and assumed.  `problem.linearised(values)` is the posterior with
+everything that depends only weakly on the parameters (the slope of the curve inside the noise
+covariance, the truncation of the stencil) taken at `values`; `estim.fitting.least_squares` repeats
+this at its own result until nothing moves.
 """
 
 from __future__ import annotations
@@ -64,11 +66,18 @@ class Problem:
     def columns(self) -> tuple[NDArray[np.int64], ...]:
         """For each group (n_used,) the places of the parameters that it depends on."""
         place = {name: i for i, name in enumerate(self.names)}
-        used = (frozenset[str]().union(*(run.parameters for run in group.runs)) for group in self.groups)
-        return tuple(np.array(sorted(place[name] for name in names if name in place), dtype=np.int64) for names in used)
+        used = (
+            frozenset[str]().union(*(run.parameters for run in group.runs)) for group in self.groups
+        )
+        return tuple(
+            np.array(sorted(place[name] for name in names if name in place), dtype=np.int64)
+            for names in used
+        )
 
     def foremost(self, most: int) -> list[int]:
-        """Places of at most `most` parameters: all of them, or those that groups of runs share and then the first of the others, in order."""
+        """Places of at most `most` parameters: all of them, or those that groups of runs share and
+        then the first of the others, in order.
+        """
         if self.n_par <= most:
             return list(range(self.n_par))
         uses = np.zeros(self.n_par, dtype=int)
@@ -81,11 +90,16 @@ class Problem:
 
         Raises InputError where one of them shares something with a run that is left out.
         """
-        used, names = frozenset[str]().union(*(run.parameters for run in runs)), {run.name for run in runs}
+        used = frozenset[str]().union(*(run.parameters for run in runs))
+        names = {run.name for run in runs}
         shared = tuple(noise for noise in self.shared if names.intersection(noise.runs))
         for noise in shared:
             if not names.issuperset(noise.runs):
-                raise InputError("share an unmodelled force and cannot be separated", field="runs", value=", ".join(noise.runs))
+                raise InputError(
+                    "share an unmodelled force and cannot be separated",
+                    field="runs",
+                    value=", ".join(noise.runs),
+                )
         return Problem(tuple(p for p in self.parameters if p.name in used), tuple(runs), shared)
 
     @cached_property
@@ -95,12 +109,18 @@ class Problem:
 
     @cached_property
     def readings(self) -> frozenset[str]:
-        """Parameters of the curves of single runs whose stated values are readings: they differ from run to run."""
+        """Parameters of the curves of single runs whose stated values are readings: they differ
+        from run to run.
+        """
         uses, centres = uses_of(self.runs), dict[str, dict[str, float]]()
         for parameter in self.parameters:
             if uses[parameter.name] == 1 and parameter.prior.measured:
-                centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = parameter.prior.centre
-        return frozenset(name for one in centres.values() if len(set(one.values())) > 1 for name in one)
+                centres.setdefault(parameter.name.split("[")[0], {})[parameter.name] = (
+                    parameter.prior.centre
+                )
+        return frozenset(
+            name for one in centres.values() if len(set(one.values())) > 1 for name in one
+        )
 
     def start(self) -> FloatArray:
         """(n_par,) the centres of the priors."""
@@ -108,7 +128,9 @@ class Problem:
 
     def support(self) -> tuple[FloatArray, FloatArray]:
         """(n_par,) lowest and highest values that the priors allow."""
-        return np.array([p.prior.low for p in self.parameters]), np.array([p.prior.high for p in self.parameters])
+        return np.array([p.prior.low for p in self.parameters]), np.array(
+            [p.prior.high for p in self.parameters]
+        )
 
     def named(self, draws: FloatArray) -> dict[str, FloatArray]:
         """Parameter name -> column: (n_par,) gives scalars, (n_draw, n_par) gives (n_draw, 1)."""
@@ -117,8 +139,12 @@ class Problem:
         return dict(zip(self.names, columns, strict=True))
 
     def log_prior(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log density of the priors at draws (n_draw, n_par); -inf outside their support."""
-        return np.sum([p.prior.log_density(draws[:, i]) for i, p in enumerate(self.parameters)], axis=0)
+        """(n_draw,) log density of the priors at draws (n_draw, n_par); -inf outside their
+        support.
+        """
+        return np.sum(
+            [p.prior.log_density(draws[:, i]) for i, p in enumerate(self.parameters)], axis=0
+        )
 
     def linearised(self, values: FloatArray) -> Posterior:
         """The posterior with noise covariance and truncation taken at `values` (n_par,)."""
@@ -126,18 +152,27 @@ class Problem:
         return Posterior(self, tuple(group.likelihood(named) for group in self.groups))
 
     def for_search(self) -> Problem:
-        """What a search from afar takes in its place (`Noise.for_search`); itself where no run needs that."""
+        """What a search from afar takes in its place (`Noise.for_search`); itself where no run
+        needs that.
+        """
         noises = [run.noise.for_search() for run in self.runs]
-        if not self.shared and all(noise is run.noise for run, noise in zip(self.runs, noises, strict=True)):
+        if not self.shared and all(
+            noise is run.noise for run, noise in zip(self.runs, noises, strict=True)
+        ):
             return self
-        return Problem(self.parameters, tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)))
+        return Problem(
+            self.parameters,
+            tuple(replace(run, noise=noise) for run, noise in zip(self.runs, noises, strict=True)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density of a problem, linearised at one point: one likelihood for each of its groups (`Problem.groups`), mostly of one run.
+    """Posterior density of a problem, linearised at one point: one likelihood for each of its
+    groups (`Problem.groups`), mostly of one run.
 
-    measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima and profiles have none.
+    measure : of readings in a joint fit, where it is to be sampled with one; least squares, optima
+        and profiles have none.
     """
 
     problem: Problem
@@ -149,20 +184,31 @@ class Posterior:
         return self.problem.names
 
     def log_density(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log posterior density, up to the evidence, at draws (n_draw, n_par); -inf outside the priors' support."""
+        """(n_draw,) log posterior density, up to the evidence, at draws (n_draw, n_par); -inf
+        outside the priors' support.
+        """
         log_p = self.problem.log_prior(draws)
         inside = np.flatnonzero(np.isfinite(log_p))
         if inside.size:
             likelihood = self.log_likelihood(draws[inside])
-            # nan: a motion that cannot be followed to the last frame (it all but stops on the way) explains no data
+            # nan: a motion that cannot be followed to the last frame (it all but stops on the way)
+            # explains no data
             log_p[inside] = np.where(np.isnan(likelihood), -np.inf, log_p[inside] + likelihood)
-        return log_p if self.measure is None else log_p + self.measure.log(draws[:, self.measure.columns])
+        return (
+            log_p
+            if self.measure is None
+            else log_p + self.measure.log(draws[:, self.measure.columns])
+        )
 
     def log_likelihood(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors' support."""
+        """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'
+        support.
+        """
         some = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
         if draws.shape[0] > some:
-            return np.concatenate([self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)])
+            return np.concatenate(
+                [self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)]
+            )
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
         with np.errstate(over="ignore"):  # far from the mode a curve may overflow: no density there
@@ -182,39 +228,66 @@ class Posterior:
         return tuple(rows[run.name] for run in self.problem.runs)
 
     def pointwise(self, draws: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run (n_draw, n_obs): log predictive density of every point given all the other points of its run, or group of runs.
+        """For each run (n_draw, n_obs): log predictive density of every point given all the other
+        points of its run, or group of runs.
 
-        Where errors are independent this is the log likelihood of the point (with errors of x: given the estimated distribution of the
-        true abscissas, so that the terms do not quite sum to `log_likelihood`).
+        Where errors are independent this is the log likelihood of the point (with errors of x:
+        given the estimated distribution of the true abscissas, so that the terms do not quite sum
+        to `log_likelihood`).
         """
         named = self.problem.named(draws)
-        return tuple(rows.T for rows in self.by_run(likelihood.pointwise(named).T for likelihood in self.likelihoods))
+        return tuple(
+            rows.T
+            for rows in self.by_run(
+                likelihood.pointwise(named).T for likelihood in self.likelihoods
+            )
+        )
 
     def standardised(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,), each independent of the others."""
+        """For each run, (n_obs,) residuals over their standard deviations at `values` (n_par,),
+        each independent of the others.
+        """
         named = self._row(values)
         return self.by_run(likelihood.standardised(named)[0] for likelihood in self.likelihoods)
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """(n_obs + n_par,) residuals of all runs, then one for each prior: half their squares sum to minus the log density.
+        """(n_obs + n_par,) residuals of all runs, then one for each prior: half their squares sum
+        to minus the log density.
 
-        Up to a constant, and for given noise parameters.  With normal errors they are the whitened residuals.
+        Up to a constant, and for given noise parameters.  With normal errors they are the whitened
+        residuals.
         """
         return np.concatenate([self.residuals_at(values[None, :])[0], self.prior_residuals(values)])
 
     def residuals_at(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n_obs) those of all runs at draws (n_draw, n_par)."""
         named = self.problem.named(draws)
-        return np.hstack([rows.T for rows in self.by_run(likelihood.residuals(named).T for likelihood in self.likelihoods)])
+        return np.hstack(
+            [
+                rows.T
+                for rows in self.by_run(
+                    likelihood.residuals(named).T for likelihood in self.likelihoods
+                )
+            ]
+        )
 
     def size_residuals(self, values: FloatArray) -> FloatArray:
-        """(n_obs,) residuals whose squares sum to chi^2: those of least squares, with errors of x the normal scores (`standardised`)."""
+        """(n_obs,) residuals whose squares sum to chi^2: those of least squares, with errors of x
+        the normal scores (`standardised`).
+        """
         named = self._row(values)
-        return np.concatenate(self.by_run(likelihood.size_residuals(named)[0] for likelihood in self.likelihoods))
+        return np.concatenate(
+            self.by_run(likelihood.size_residuals(named)[0] for likelihood in self.likelihoods)
+        )
 
     def prior_residuals(self, values: FloatArray) -> FloatArray:
         """(n_par,) one residual for each prior; 0 for a uniform one."""
-        return np.array([p.prior.residual(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)])
+        return np.array(
+            [
+                p.prior.residual(float(v))
+                for p, v in zip(self.problem.parameters, values, strict=True)
+            ]
+        )
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
@@ -222,17 +295,29 @@ class Posterior:
         return np.vstack([*parts, np.diag(self.prior_slopes(values))])
 
     def narrow_jacobians(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each group (n_obs, n_used) derivatives of its residuals in the parameters that it depends on (`Problem.columns`)."""
+        """For each group (n_obs, n_used) derivatives of its residuals in the parameters that it
+        depends on (`Problem.columns`).
+        """
         named = self.problem.named(values)
-        return tuple(likelihood.jacobian(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
+        return tuple(
+            likelihood.jacobian(named, names)
+            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
+        )
 
     def prior_slopes(self, values: FloatArray) -> FloatArray:
         """(n_par,) derivatives of `prior_residuals`."""
-        return np.array([p.prior.residual_slope(float(v)) for p, v in zip(self.problem.parameters, values, strict=True)])
+        return np.array(
+            [
+                p.prior.residual_slope(float(v))
+                for p, v in zip(self.problem.parameters, values, strict=True)
+            ]
+        )
 
     @cached_property
     def _used(self) -> tuple[tuple[str, ...], ...]:
-        """For each group the names of the parameters that it depends on: derivatives in all others are 0."""
+        """For each group the names of the parameters that it depends on: derivatives in all others
+        are 0.
+        """
         return tuple(tuple(self.names[i] for i in columns) for columns in self.problem.columns)
 
     def _widened(self, part: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
@@ -244,29 +329,46 @@ class Posterior:
         return wide
 
     def scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for a step of least squares, n >= n_obs."""
+        """For each group a Jacobian J (n, n_par) and residuals r (n,) in the curve's parameters for
+        a step of least squares, n >= n_obs.
+        """
         parts = zip(self.narrow_scoring(values), self.problem.columns, strict=True)
-        return tuple((self._widened(jacobian, columns), residuals) for (jacobian, residuals), columns in parts)
+        return tuple(
+            (self._widened(jacobian, columns), residuals)
+            for (jacobian, residuals), columns in parts
+        )
 
     def narrow_scoring(self, values: FloatArray) -> tuple[tuple[FloatArray, FloatArray], ...]:
-        """The same with J (n, n_used) in the parameters that each group depends on (`Problem.columns`).
+        """The same with J (n, n_used) in the parameters that each group depends on
+        (`Problem.columns`).
 
-        J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where residuals of least squares (`residuals`)
-        are far from normal (`Likelihood.creeps`), and that of `jacobian` elsewhere.
+        J^T r is minus the gradient of the log likelihood; J^T J is the Fisher information where
+        residuals of least squares (`residuals`) are far from normal (`Likelihood.creeps`), and that
+        of `jacobian` elsewhere.
         """
         named = self.problem.named(values)
-        return tuple(likelihood.scoring(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
+        return tuple(
+            likelihood.scoring(named, names)
+            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
+        )
 
     def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each group J (n, n_par) with J^T J the Fisher information of its data about the curve, the noise held."""
+        """For each group J (n, n_par) with J^T J the Fisher information of its data about the
+        curve, the noise held.
+        """
         named = self.problem.named(values)
-        parts = (likelihood.information_root(named, names) for likelihood, names in zip(self.likelihoods, self._used, strict=True))
+        parts = (
+            likelihood.information_root(named, names)
+            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
+        )
         return tuple(map(self._widened, parts, self.problem.columns))
 
     def told(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) J^T J of `information_roots`, without their rows."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for likelihood, names, columns in zip(self.likelihoods, self._used, self.problem.columns, strict=True):
+        for likelihood, names, columns in zip(
+            self.likelihoods, self._used, self.problem.columns, strict=True
+        ):
             root = likelihood.information_root(named, names)
             total[np.ix_(columns, columns)] += root.T @ root
         return total
@@ -274,16 +376,24 @@ class Posterior:
     def score(self, values: FloatArray) -> FloatArray:
         """(n_par,) minus the gradient of the log likelihood: J^T r of `narrow_scoring`."""
         total = np.zeros(values.size)
-        for (jacobian, residuals), columns in zip(self.narrow_scoring(values), self.problem.columns, strict=True):
+        for (jacobian, residuals), columns in zip(
+            self.narrow_scoring(values), self.problem.columns, strict=True
+        ):
             total[columns] += jacobian.T @ residuals
         return total
 
     def information(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) Fisher information of the data about all parameters, without the priors."""
+        """(n_par, n_par) Fisher information of the data about all parameters, without the
+        priors.
+        """
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for group, likelihood, names, columns in zip(self.problem.groups, self.likelihoods, self._used, self.problem.columns, strict=True):
+        for group, likelihood, names, columns in zip(
+            self.problem.groups, self.likelihoods, self._used, self.problem.columns, strict=True
+        ):
             chosen = {name for run in group.runs for name in run.noise.parameters}
-            total[np.ix_(columns, columns)] += likelihood.information(named, names, self._ends(values, chosen))
+            total[np.ix_(columns, columns)] += likelihood.information(
+                named, names, self._ends(values, chosen)
+            )
         return total
 
     def _row(self, values: FloatArray) -> dict[str, FloatArray]:
@@ -296,12 +406,17 @@ class Posterior:
         for i, name in enumerate(self.names):
             if name in chosen:
                 low, high = _straddle(self.problem.parameters[i].prior, values[i])
-                below, above = (self.problem.named(np.where(np.arange(values.size) == i, end, values)) for end in (low, high))
+                below, above = (
+                    self.problem.named(np.where(np.arange(values.size) == i, end, values))
+                    for end in (low, high)
+                )
                 ends[name] = (below, above, high - low)
         return ends
 
     def log_density_noise_gradient(self, values: FloatArray) -> FloatArray:
-        """(n_par,) derivative of the log likelihood in the noise parameters, by central differences; zero for the others."""
+        """(n_par,) derivative of the log likelihood in the noise parameters, by central
+        differences; zero for the others.
+        """
         names, gradient = self.problem.names, np.zeros(values.size)
         chosen = [i for i, name in enumerate(names) if name in self.problem.noise_names]
         ends = [_straddle(self.problem.parameters[i].prior, values[i]) for i in chosen]

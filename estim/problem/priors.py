@@ -3,17 +3,21 @@
 Which to choose:
 - `Normal`: a measured value with its standard uncertainty (what "0.187(10)" in a campaign means).
 - `TruncatedNormal`: the same where part of the line is impossible (a mass ratio below zero).
-- `Uniform`: nothing known but a range; the edges are hard, and a posterior that leans on one says so.
-- `HalfNormal`: small and not negative (rolling resistance, extra scatter); `scale` is where you would be surprised.
+- `Uniform`: nothing known but a range; the edges are hard, and a posterior that leans on one says
+  so.
+- `HalfNormal`: small and not negative (rolling resistance, extra scatter); `scale` is where you
+  would be surprised.
 - `LogNormal`: positive, known to a factor.
-- `Beta`: between two limits, with one peak and nothing left at either of them (a share, a coefficient of restitution).
+- `Beta`: between two limits, with one peak and nothing left at either of them (a share, a
+  coefficient of restitution).
 - `Flat`: nothing known, limits or none.
 
-A prior enters least squares as one residual whose half square is minus its log density up to a constant, exactly; where that is no square, as the
-signed root of what the density has lost since its mode.
+A prior enters least squares as one residual whose half square is minus its log density up to a
+constant, exactly; where that is no square, as the signed root of what the density has lost since
+its mode.
 
-Everything that is asked of a prior is a member of `Prior`.  A new one is a class here with its entry in `PRIORS`, and a case of
-`tests/test_priors.py`; nothing else asks which prior it has.
+Everything that is asked of a prior is a member of `Prior`.  A new one is a class here with its
+entry in `PRIORS`, and a case of `tests/test_priors.py`; nothing else asks which prior it has.
 """
 
 from __future__ import annotations
@@ -33,8 +37,11 @@ from estim.common import InputError, Label, Quantity, format_quantity, phrase, w
 from estim.distributions import normal_below, normal_quantile, normal_tail
 
 _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
-_FAR = 8.0  # standard deviations beyond which a normal distribution has no probability that a number could show
-_ALMOST = 1e-15  # of the way from the mode to a limit of a beta distribution, short of the limit, where its residual stays finite
+# standard deviations beyond which a normal distribution has no probability that a number could show
+_FAR = 8.0
+# of the way from the mode to a limit of a beta distribution, short of the limit, where its residual
+# stays finite
+_ALMOST = 1e-15
 _TINY = 1e-300  # in place of 0 under a logarithm
 _MOST_LOG_SD = 10.0  # beyond some 18 the standard deviation is no number any more
 
@@ -42,7 +49,8 @@ _MOST_LOG_SD = 10.0  # beyond some 18 the standard deviation is no number any mo
 class Prior(ABC):
     """What a prior can tell; values in the parameter's unit, any shape in, the same shape out.
 
-    keys : of its table in a file, in the order of its arguments.  optional : more of them, named as its arguments.
+    keys : of its table in a file, in the order of its arguments.
+    optional : more of them, named as its arguments.
     measured : whether it stands for a measurement; the others for a range or a size.
     informative : whether it pulls on a fit; a uniform one only bounds it.
     assumed : whether nobody stated it.
@@ -74,12 +82,16 @@ class Prior(ABC):
 
     @property
     def centre(self) -> float:
-        """A typical value inside the support, where a fit may start; of a measured prior the value that was stated."""
+        """A typical value inside the support, where a fit may start; of a measured prior the value
+        that was stated.
+        """
         return self.expectation
 
     @property
     def start_stated(self) -> bool:
-        """Whether a person stated the place where a fit starts, rather than a search of the points."""
+        """Whether a person stated the place where a fit starts, rather than a search of the
+        points.
+        """
         return True
 
     @abstractmethod
@@ -107,7 +119,9 @@ class Prior(ABC):
         return self.quantile(rng.random(size))
 
     def stated_words(self, unit: str, shown: Label) -> str:
-        """What was stated before, of a parameter with this `unit` that is `shown` so: '(3.7 ± 0.4)°', 'uniform in [0, 1]', or "" for nothing."""
+        """What was stated before, of a parameter with this `unit` that is `shown` so: '(3.7 ±
+        0.4)°', 'uniform in [0, 1]', or "" for nothing.
+        """
         return "" if self.assumed or math.isinf(self.sd) else self.describe(unit)
 
     def pull(self, value: ArrayLike) -> FloatArray:
@@ -115,15 +129,20 @@ class Prior(ABC):
         return self.residual(value)
 
     def cut_below(self, limit: float) -> Prior:
-        """The prior of a quantity that cannot be below `limit`, where all that was said is a measured value."""
+        """The prior of a quantity that cannot be below `limit`, where all that was said is a
+        measured value.
+        """
         return self
 
     def widened(self, factor: float) -> Prior:
-        """A prior `factor` times as wide about the same place; itself where a width has no such meaning (a range)."""
+        """A prior `factor` times as wide about the same place; itself where a width has no such
+        meaning (a range).
+        """
         return self
 
     def measured_again(self, truth: float, z: float) -> Prior:
-        """What another measurement of `truth`, z standard deviations off, would have given; itself where it stands for none.
+        """What another measurement of `truth`, z standard deviations off, would have given; itself
+        where it stands for none.
 
         Raises InputError where that is so far beyond a limit that nothing is left of the prior.
         """
@@ -145,7 +164,9 @@ def _in_unit(words: str, unit: str) -> str:
 
 
 class _CutNormal(Prior):
-    """Normal with `mean` and standard deviation `scale`, of whose probability `mass` lies between `low` and `high`."""
+    """Normal with `mean` and standard deviation `scale`, of whose probability `mass` lies between
+    `low` and `high`.
+    """
 
     if TYPE_CHECKING:
 
@@ -160,7 +181,11 @@ class _CutNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value)
-        log_p = -0.5 * ((value - self.mean) / self.scale) ** 2 - math.log(self.scale * self.mass) - _LOG_ROOT_2PI
+        log_p = (
+            -0.5 * ((value - self.mean) / self.scale) ** 2
+            - math.log(self.scale * self.mass)
+            - _LOG_ROOT_2PI
+        )
         return np.where((value >= self.low) & (value <= self.high), log_p, -np.inf)
 
     def residual(self, value: ArrayLike) -> FloatArray:
@@ -171,13 +196,19 @@ class _CutNormal(Prior):
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
         start, part = (self.low - self.mean) / self.scale, np.asarray(probability) * self.mass
-        z = normal_quantile(normal_below(start) + part) if start < 0.0 else -normal_quantile(normal_tail(start) - part)
+        z = (
+            normal_quantile(normal_below(start) + part)
+            if start < 0.0
+            else -normal_quantile(normal_tail(start) - part)
+        )
         return np.clip(self.mean + self.scale * z, self.low, self.high)
 
 
 @dataclass(frozen=True)
 class Normal(_CutNormal):
-    """Normal with mean and standard deviation; `low` may be a limit far (8 sd or more) below the mean, impossible beyond."""
+    """Normal with mean and standard deviation; `low` may be a limit far (8 sd or more) below the
+    mean, impossible beyond.
+    """
 
     mean: float
     sd: float
@@ -193,7 +224,10 @@ class Normal(_CutNormal):
         _positive(self.sd, "sd")
         for field, distance in (("low", self.mean - self.low), ("high", self.high - self.mean)):
             if not distance >= _FAR * self.sd:
-                rule = f"must be {_FAR:.0f} standard deviations or more from the mean: a nearer limit makes it a TruncatedNormal"
+                rule = (
+                    f"must be {_FAR:.0f} standard deviations or more from the mean: a nearer "
+                    "limit makes it a TruncatedNormal"
+                )
                 raise InputError(rule, field=field, value=getattr(self, field))
 
     @property
@@ -211,14 +245,20 @@ class Normal(_CutNormal):
         return phrase("normal")
 
     def stated_words(self, unit: str, shown: Label) -> str:
-        return with_unit(format_quantity(self.mean * shown.factor, self.sd * shown.factor), shown.unit)
+        return with_unit(
+            format_quantity(self.mean * shown.factor, self.sd * shown.factor), shown.unit
+        )
 
     def cut_below(self, limit: float) -> Prior:
         return as_prior(Quantity(self.mean, self.sd), low=limit)
 
     def widened(self, factor: float) -> Prior:
         bounded = math.isfinite(self.low) or math.isfinite(self.high)
-        return TruncatedNormal(self.mean, factor * self.sd, self.low, self.high) if bounded else Normal(self.mean, factor * self.sd)
+        return (
+            TruncatedNormal(self.mean, factor * self.sd, self.low, self.high)
+            if bounded
+            else Normal(self.mean, factor * self.sd)
+        )
 
     def measured_again(self, truth: float, z: float) -> Prior:
         return as_prior(Quantity(truth + self.sd * z, self.sd), low=self.low)
@@ -255,7 +295,11 @@ class TruncatedNormal(_CutNormal):
         if not self.low < self.high:
             raise InputError("must be below 'high'", field="low", value=self.low)
         if not self.mass > 1e-12:
-            raise InputError("must leave some of the normal distribution between 'low' and 'high'", field="mean", value=self.mean)
+            raise InputError(
+                "must leave some of the normal distribution between 'low' and 'high'",
+                field="mean",
+                value=self.mean,
+            )
 
     @cached_property
     def _ends(self) -> FloatArray:
@@ -265,11 +309,17 @@ class TruncatedNormal(_CutNormal):
     @cached_property
     def mass(self) -> float:
         a, b = self._ends
-        return float(normal_below(b) - normal_below(a)) if a < 0 else float(normal_tail(a) - normal_tail(b))
+        return (
+            float(normal_below(b) - normal_below(a))
+            if a < 0
+            else float(normal_tail(a) - normal_tail(b))
+        )
 
     @cached_property
     def _moments(self) -> tuple[float, float]:
-        """Mean m = h_a - h_b and variance 1 + (a - m) h_a - (b - m) h_b in standard deviations from `mean`; h : density at an end over the mass."""
+        """Mean m = h_a - h_b and variance 1 + (a - m) h_a - (b - m) h_b in standard deviations from
+        `mean`; h : density at an end over the mass.
+        """
         heights = np.exp(-0.5 * self._ends**2 - _LOG_ROOT_2PI) / self.mass
         mean = float(heights[0] - heights[1])
         a, b = np.where(heights > 0.0, self._ends - mean, 0.0) * heights
@@ -291,10 +341,19 @@ class TruncatedNormal(_CutNormal):
     def describe(self, unit: str = "1") -> str:
         said = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
         if math.isinf(self.high):
-            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated below {low:.4g}", **said), unit)
+            return _in_unit(
+                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated below {low:.4g}", **said), unit
+            )
         if math.isinf(self.low):
-            return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated above {high:.4g}", **said), unit)
-        return _in_unit(phrase("normal, {mean:.4g} ± {scale:.4g}, truncated to [{low:.4g}, {high:.4g}]", **said), unit)
+            return _in_unit(
+                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated above {high:.4g}", **said), unit
+            )
+        return _in_unit(
+            phrase(
+                "normal, {mean:.4g} ± {scale:.4g}, truncated to [{low:.4g}, {high:.4g}]", **said
+            ),
+            unit,
+        )
 
     def widened(self, factor: float) -> Prior:
         return replace(self, scale=factor * self.scale)
@@ -349,7 +408,9 @@ class Uniform(Prior):
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.low) and math.isfinite(self.high)):
-            raise InputError("must be finite for a uniform prior", field="low, high", value=(self.low, self.high))
+            raise InputError(
+                "must be finite for a uniform prior", field="low, high", value=(self.low, self.high)
+            )
         if not self.low < self.high:
             raise InputError("must be below 'high'", field="low", value=self.low)
 
@@ -363,7 +424,9 @@ class Uniform(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value)
-        return np.where((value >= self.low) & (value <= self.high), -math.log(self.high - self.low), -np.inf)
+        return np.where(
+            (value >= self.low) & (value <= self.high), -math.log(self.high - self.low), -np.inf
+        )
 
     def residual(self, value: ArrayLike) -> FloatArray:
         return np.zeros(np.shape(value))
@@ -375,15 +438,18 @@ class Uniform(Prior):
         return self.low + (self.high - self.low) * np.asarray(probability)
 
     def describe(self, unit: str = "1") -> str:
-        return _in_unit(phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high), unit)
+        return _in_unit(
+            phrase("uniform in [{low:.4g}, {high:.4g}]", low=self.low, high=self.high), unit
+        )
 
 
 @dataclass(frozen=True)
 class Flat(Uniform):
     """Constant density between low and high, which may be infinite; a fit begins at `start`.
 
-    Where a limit is infinite the prior is improper: data make the posterior proper, but nothing can be drawn from the prior
-    and the evidence (and so a Bayes factor) is not defined.  Its log density is 0.
+    Where a limit is infinite the prior is improper: data make the posterior proper, but nothing can
+    be drawn from the prior and the evidence (and so a Bayes factor) is not defined.  Its log
+    density is 0.
     """
 
     start: float = 0.0
@@ -398,7 +464,11 @@ class Flat(Uniform):
         if not math.isfinite(self.start):
             raise InputError("must be finite", field="start", value=self.start)
         if not (self.low <= self.start <= self.high):
-            raise InputError(f"must lie within [{self.low:.6g}, {self.high:.6g}]", field="start", value=self.start)
+            raise InputError(
+                f"must lie within [{self.low:.6g}, {self.high:.6g}]",
+                field="start",
+                value=self.start,
+            )
 
     @property
     def proper(self) -> bool:
@@ -415,11 +485,17 @@ class Flat(Uniform):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value)
-        return super().log_density(value) if self.proper else np.where((value >= self.low) & (value <= self.high), 0.0, -np.inf)
+        return (
+            super().log_density(value)
+            if self.proper
+            else np.where((value >= self.low) & (value <= self.high), 0.0, -np.inf)
+        )
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
         if not self.proper:
-            raise InputError("has a flat prior without limits: nothing can be drawn from it", field="prior")
+            raise InputError(
+                "has a flat prior without limits: nothing can be drawn from it", field="prior"
+            )
         return super().quantile(probability)
 
     def describe(self, unit: str = "1") -> str:
@@ -427,7 +503,11 @@ class Flat(Uniform):
             return super().describe(unit)
         if math.isfinite(self.low):
             return _in_unit(phrase("flat above {low:.4g}", low=self.low), unit)
-        return _in_unit(phrase("flat below {high:.4g}", high=self.high), unit) if math.isfinite(self.high) else phrase("flat, no limits")
+        return (
+            _in_unit(phrase("flat below {high:.4g}", high=self.high), unit)
+            if math.isfinite(self.high)
+            else phrase("flat, no limits")
+        )
 
 
 @dataclass(frozen=True)
@@ -445,7 +525,11 @@ class LogNormal(Prior):
         _positive(self.median, "median")
         _positive(self.log_sd, "log_sd")
         if self.log_sd > _MOST_LOG_SD:
-            raise InputError(f"must be at most {_MOST_LOG_SD:g} (a factor of {math.exp(_MOST_LOG_SD):.0e})", field="log_sd", value=self.log_sd)
+            raise InputError(
+                f"must be at most {_MOST_LOG_SD:g} (a factor of {math.exp(_MOST_LOG_SD):.0e})",
+                field="log_sd",
+                value=self.log_sd,
+            )
 
     @property
     def centre(self) -> float:
@@ -462,7 +546,12 @@ class LogNormal(Prior):
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         value = np.asarray(value, dtype=float)
-        log_p = -0.5 * self.pull(value) ** 2 - np.log(np.maximum(value, _TINY)) - math.log(self.log_sd) - _LOG_ROOT_2PI
+        log_p = (
+            -0.5 * self.pull(value) ** 2
+            - np.log(np.maximum(value, _TINY))
+            - math.log(self.log_sd)
+            - _LOG_ROOT_2PI
+        )
         return np.where(value > 0.0, log_p, -np.inf)
 
     def pull(self, value: ArrayLike) -> FloatArray:
@@ -482,7 +571,11 @@ class LogNormal(Prior):
         return self.median * np.exp(self.log_sd * rng.standard_normal(size))
 
     def describe(self, unit: str = "1") -> str:
-        return phrase("log-normal, median {median}, log sd {log_sd:.3g}", median=with_unit(f"{self.median:.4g}", unit), log_sd=self.log_sd)
+        return phrase(
+            "log-normal, median {median}, log sd {log_sd:.3g}",
+            median=with_unit(f"{self.median:.4g}", unit),
+            log_sd=self.log_sd,
+        )
 
     def widened(self, factor: float) -> Prior:
         return replace(self, log_sd=min(factor * self.log_sd, _MOST_LOG_SD))
@@ -499,15 +592,20 @@ class Unstated(LogNormal):
 
     def describe(self, unit: str = "1") -> str:
         median = with_unit(f"{self.median:.2g}", unit)
-        return phrase("inferred; weak prior, within a factor {factor:.0f} of {median}", factor=math.exp(self.log_sd), median=median)
+        return phrase(
+            "inferred; weak prior, within a factor {factor:.0f} of {median}",
+            factor=math.exp(self.log_sd),
+            median=median,
+        )
 
 
 @dataclass(frozen=True)
 class Beta(Prior):
     """Beta distribution between low and high with mean and standard deviation.
 
-    In u = (value - low)/(high - low) the density is proportional to u^a (1 - u)^b, a and b > 0, largest at u = m = a/(a + b).  With
-    h(z) = z - log(1 + z) its logarithm has lost a h((u - m)/m) + b h((m - u)/(1 - m)) at u, in which no digits cancel near the mode.
+    In u = (value - low)/(high - low) the density is proportional to u^a (1 - u)^b, a and b > 0,
+    largest at u = m = a/(a + b).  With h(z) = z - log(1 + z) its logarithm has lost a h((u - m)/m)
+    + b h((m - u)/(1 - m)) at u, in which no digits cancel near the mode.
     """
 
     mean: float
@@ -525,7 +623,11 @@ class Beta(Prior):
         if not self.low < self.mean < self.high:
             raise InputError("must lie between 'low' and 'high'", field="mean", value=self.mean)
         if not min(self._powers) > 0.0:
-            raise InputError("must be so small that the density has its peak between 'low' and 'high'", field="sd", value=self.sd)
+            raise InputError(
+                "must be so small that the density has its peak between 'low' and 'high'",
+                field="sd",
+                value=self.sd,
+            )
 
     @cached_property
     def _powers(self) -> tuple[float, float]:
@@ -543,45 +645,76 @@ class Beta(Prior):
         """(u - m)/m and (m - u)/(1 - m), kept above -1."""
         a, b = self._powers
         off = (np.asarray(value) - self.low) / (self.high - self.low) - a / (a + b)
-        return np.maximum(off * (a + b) / a, -1.0 + _ALMOST), np.maximum(-off * (a + b) / b, -1.0 + _ALMOST)
+        return np.maximum(off * (a + b) / a, -1.0 + _ALMOST), np.maximum(
+            -off * (a + b) / b, -1.0 + _ALMOST
+        )
 
     def log_density(self, value: ArrayLike) -> FloatArray:
         a, b = self._powers
-        norm = math.lgamma(a + b + 2.0) - math.lgamma(a + 1.0) - math.lgamma(b + 1.0) - math.log(self.high - self.low)
+        norm = (
+            math.lgamma(a + b + 2.0)
+            - math.lgamma(a + 1.0)
+            - math.lgamma(b + 1.0)
+            - math.log(self.high - self.low)
+        )
         top = norm + a * math.log(a / (a + b)) + b * math.log(b / (a + b))
         value = np.asarray(value)
-        return np.where((value > self.low) & (value < self.high), top - 0.5 * self.residual(value) ** 2, -np.inf)
+        return np.where(
+            (value > self.low) & (value < self.high), top - 0.5 * self.residual(value) ** 2, -np.inf
+        )
 
     def residual(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
-        return np.asarray(np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down)))))
+        return np.asarray(
+            np.sign(up) * np.sqrt(2.0 * (a * (up - np.log1p(up)) + b * (down - np.log1p(down))))
+        )
 
     def residual_slope(self, value: ArrayLike) -> FloatArray:
         (a, b), (up, down) = self._powers, self._from_mode(value)
         at_mode = math.sqrt((a + b) ** 3 / (a * b))
         residual, slope = self.residual(value), (a + b) * (up / (1.0 + up) - down / (1.0 + down))
         near = np.abs(residual) < 1e-7
-        return np.where(near, at_mode, slope / np.where(near, 1.0, residual)) / (self.high - self.low)
+        return np.where(near, at_mode, slope / np.where(near, 1.0, residual)) / (
+            self.high - self.low
+        )
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
         from scipy.special import betaincinv
 
         a, b = self._powers
-        return np.asarray(self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability))
+        return np.asarray(
+            self.low + (self.high - self.low) * betaincinv(a + 1.0, b + 1.0, probability)
+        )
 
     def describe(self, unit: str = "1") -> str:
-        words = phrase("beta, {mean:.4g} ± {sd:.4g} in [{low:.4g}, {high:.4g}]", mean=self.mean, sd=self.sd, low=self.low, high=self.high)
+        words = phrase(
+            "beta, {mean:.4g} ± {sd:.4g} in [{low:.4g}, {high:.4g}]",
+            mean=self.mean,
+            sd=self.sd,
+            low=self.low,
+            high=self.high,
+        )
         return _in_unit(words, unit)
 
 
 PRIORS: Mapping[str, type[Prior]] = {
-    "normal": Normal, "uniform": Uniform, "half-normal": HalfNormal, "log-normal": LogNormal, "truncated-normal": TruncatedNormal,
+    "normal": Normal,
+    "uniform": Uniform,
+    "half-normal": HalfNormal,
+    "log-normal": LogNormal,
+    "truncated-normal": TruncatedNormal,
     "beta": Beta,
 }
 """The priors that a file may state, by the name of their kind."""
 
 
 def as_prior(quantity: Quantity, *, low: float) -> Prior:
-    """The prior that a measured value stands for: normal, impossible below the physical limit `low`."""
+    """The prior that a measured value stands for: normal, impossible below the physical limit
+    `low`.
+    """
     near = quantity.value - low < _FAR * quantity.u
-    return TruncatedNormal(quantity.value, quantity.u, low, float("inf")) if near else Normal(quantity.value, quantity.u, low)
+    return (
+        TruncatedNormal(quantity.value, quantity.u, low, float("inf"))
+        if near
+        else Normal(quantity.value, quantity.u, low)
+    )

@@ -1,6 +1,7 @@
 """The noise of readings y of a user's own curve: independent errors, or a full covariance matrix.
 
-`Readings` says nothing new but words; `Correlated` takes the covariance of all readings as it was stated.
+`Readings` says nothing new but words; `Correlated` takes the covariance of all readings as it was
+stated.
 """
 
 from __future__ import annotations
@@ -35,12 +36,23 @@ class Readings(Independent):
         elif np.ptp(self.relative) > 0.0:
             size = phrase("standard deviations as stated row by row")
         else:
-            size = phrase("standard deviation {size:.4g} {unit}", size=self.sigma.value * self.relative[0], unit=y_unit).rstrip()
+            size = phrase(
+                "standard deviation {size:.4g} {unit}",
+                size=self.sigma.value * self.relative[0],
+                unit=y_unit,
+            ).rstrip()
         further = "; " + self.tails.describe() if self.tails.robust else ""
         if self.relative_x is not None:
             unit = "" if x_unit == "1" else x_unit
             size_x = float(np.median(self.relative_x))
-            further = phrase("; errors of x with a standard deviation of about {size:.4g} {unit}", size=size_x, unit=unit).rstrip() + further
+            further = (
+                phrase(
+                    "; errors of x with a standard deviation of about {size:.4g} {unit}",
+                    size=size_x,
+                    unit=unit,
+                ).rstrip()
+                + further
+            )
         return phrase("independent errors of {what}; {size}", what=self.what, size=size) + further
 
 
@@ -79,30 +91,47 @@ class Correlated:
     def x_gain(self) -> FloatArray:
         return np.zeros(self.cov.shape[0])
 
-    def true_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def true_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read_x(self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read_x(
+        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         return x
 
-    def read(self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator) -> FloatArray:
+    def read(
+        self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
+    ) -> FloatArray:
         """Of the points that the matrix is stated for; `gain` is in it."""
         return np.asarray(true + np.linalg.cholesky(self.cov) @ rng.standard_normal(true.size))
 
-    def carried(self, by_x: FloatArray, by_y: FloatArray, named: Named) -> tuple[FloatArray, FloatArray]:
+    def carried(
+        self, by_x: FloatArray, by_y: FloatArray, named: Named
+    ) -> tuple[FloatArray, FloatArray]:
         return by_y[:, None] * self.cov * by_y, np.diag(self.cov)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
-        size = phrase("standard deviations about {size:.4g} {unit}", size=float(np.median(self.reading_gain())), unit=y_unit).strip()
-        return phrase("correlated errors of {what} with the stated covariance matrix; {size}", what=self.what, size=size)
+        size = phrase(
+            "standard deviations about {size:.4g} {unit}",
+            size=float(np.median(self.reading_gain())),
+            unit=y_unit,
+        ).strip()
+        return phrase(
+            "correlated errors of {what} with the stated covariance matrix; {size}",
+            what=self.what,
+            size=size,
+        )
 
 
 def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:
     """`cov` as a read-only (n_obs, n_obs) array.
 
-    Raises InputError naming `field` where it has another shape, is not finite, symmetric or positive definite.
+    Raises InputError naming `field` where it has another shape, is not finite, symmetric or
+    positive definite.
     """
     matrix = real_numbers(cov, field)
     if matrix.shape != (n_obs, n_obs):

@@ -1,10 +1,12 @@
 """Triangular roots L of covariances C = L L^T, without the matrix where it is large.
 
-`Band` where only neighbours are correlated: independent points, speeds made of neighbouring positions.  `LowRankRoot` where
-a few causes move all points beside that: an error of the clock, a push at the start, a force along the track.  `Dense` for any other matrix, and for
-few points, where one product of matrices is faster than many small ones.  `Stacked` for runs below each other.
+`Band` where only neighbours are correlated: independent points, speeds made of neighbouring
+positions.  `LowRankRoot` where a few causes move all points beside that: an error of the clock, a
+push at the start, a force along the track.  `Dense` for any other matrix, and for few points, where
+one product of matrices is faster than many small ones.  `Stacked` for runs below each other.
 
-L is the same triangle in each: whitened residuals stand in the order of the points, each what is new in a point given those before it.
+L is the same triangle in each: whitened residuals stand in the order of the points, each what is
+new in a point given those before it.
 """
 
 from __future__ import annotations
@@ -58,7 +60,11 @@ class Root(Protocol):
 
 def covariance_of(root: Root) -> FloatArray:
     """C (n_obs, n_obs), for few points."""
-    return np.asarray(root.lower @ root.lower.T) if isinstance(root, Dense) else _squared(root.coloured(np.eye(root.n_obs)))
+    return (
+        np.asarray(root.lower @ root.lower.T)
+        if isinstance(root, Dense)
+        else _squared(root.coloured(np.eye(root.n_obs)))
+    )
 
 
 def _squared(rows: FloatArray) -> FloatArray:
@@ -118,7 +124,9 @@ class Band:
 
     @classmethod
     def of(cls, bands: FloatArray) -> Band:
-        """Of a covariance in bands (n_band + 1, n_obs); one that rounding leaves indefinite is lifted by as much.  Raises LinAlgError."""
+        """Of a covariance in bands (n_band + 1, n_obs); one that rounding leaves indefinite is
+        lifted by as much.  Raises LinAlgError.
+        """
         if len(bands) == 1:
             if not np.all(bands > 0.0):
                 raise np.linalg.LinAlgError("must be positive definite")
@@ -167,7 +175,8 @@ class Band:
         flat = np.asarray(rows, dtype=float).reshape(-1, self.n_obs)
         if not flat.size:  # SciPy's wrapper writes beyond an empty array
             return flat.reshape(rows.shape)
-        found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)  # (n_obs, n) in the order of Fortran: no copy but the one it solves in
+        # (n_obs, n) in the order of Fortran: no copy but the one it solves in
+        found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)
         return np.asarray(found.T.reshape(rows.shape))
 
     def coloured(self, rows: FloatArray) -> FloatArray:
@@ -182,10 +191,12 @@ class Band:
 
 @dataclass(frozen=True, eq=False)
 class LowRankRoot:
-    """L = L_base M with M M^T = I + H H^T, H (n_obs, n_cause) what independent causes of unit size do to whitened points.
+    """L = L_base M with M M^T = I + H H^T, H (n_obs, n_cause) what independent causes of unit size
+    do to whitened points.
 
-    M is never written down.  With c the causes given the points before a block, c ~ N(m, P), a block b of points has M_b M_b^T = I + H_b P H_b^T, and
-    passes on P H_b^T M_b^-T =: G_b of what is new in it (a Kalman filter whose state stands still).
+    M is never written down.  With c the causes given the points before a block, c ~ N(m, P), a
+    block b of points has M_b M_b^T = I + H_b P H_b^T, and passes on P H_b^T M_b^-T =: G_b of what
+    is new in it (a Kalman filter whose state stands still).
 
     causes : H.  parts : M_b, and gains : G_b, (n_cause, n_block), of each block.
     """
@@ -201,7 +212,9 @@ class LowRankRoot:
         for start in range(0, len(causes), _BLOCK):
             own = causes[start : start + _BLOCK]
             carried = np.linalg.solve(told, own.T)
-            parts.append(np.asfortranarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float))
+            parts.append(
+                np.asfortranarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float)
+            )
             gains.append(solve_triangular(parts[-1], carried.T, lower=True, check_finite=False).T)
             told = told + own.T @ own  # P^-1: loses no digits where causes are large
         return cls(base, causes, tuple(parts), tuple(gains))
@@ -212,16 +225,22 @@ class LowRankRoot:
 
     @property
     def log_volume(self) -> float:
-        return self.base.log_volume + float(sum(np.sum(np.log(np.diag(part))) for part in self.parts))
+        return self.base.log_volume + float(
+            sum(np.sum(np.log(np.diag(part))) for part in self.parts)
+        )
 
     @property
     def variances(self) -> FloatArray:
-        return np.asarray(self.base.variances + np.sum(self.base.coloured(self.causes.T) ** 2, axis=0))
+        return np.asarray(
+            self.base.variances + np.sum(self.base.coloured(self.causes.T) ** 2, axis=0)
+        )
 
     @property
     def precisions(self) -> FloatArray:
         lower = np.linalg.cholesky(np.eye(self.causes.shape[1]) + self.causes.T @ self.causes)
-        back = solve_triangular(lower, self.base.turned_back(self.causes.T), lower=True, check_finite=False)
+        back = solve_triangular(
+            lower, self.base.turned_back(self.causes.T), lower=True, check_finite=False
+        )
         return np.asarray(self.base.precisions - np.sum(back**2, axis=0))
 
     def whiten(self, rows: FloatArray) -> FloatArray:
@@ -254,18 +273,25 @@ class LowRankRoot:
     def _blocks(self) -> list[tuple[slice, FloatArray, FloatArray, FloatArray]]:
         starts = range(0, self.n_obs, _BLOCK)
         somes = [slice(start, start + _BLOCK) for start in starts]
-        return [(some, self.causes[some], part, gain) for some, part, gain in zip(somes, self.parts, self.gains, strict=True)]
+        return [
+            (some, self.causes[some], part, gain)
+            for some, part, gain in zip(somes, self.parts, self.gains, strict=True)
+        ]
 
 
 def _solved(lower: FloatArray, columns: FloatArray, *, transposed: bool = False) -> FloatArray:
-    """The columns (n, m) solved by a triangle, without what `scipy.linalg.solve_triangular` asks of it each time."""
+    """The columns (n, m) solved by a triangle, without what `scipy.linalg.solve_triangular` asks of
+    it each time.
+    """
     if not columns.size:  # SciPy's wrapper writes beyond an empty array
         return columns
     return np.asarray(dtrtrs(lower, columns, lower=1, trans=int(transposed))[0])
 
 
 def beside(base: Root, causes: FloatArray) -> Root:
-    """The root of L (I + H H^T) L^T for L of `base` and the causes H (n_obs, n_cause) in whitened points."""
+    """The root of L (I + H H^T) L^T for L of `base` and the causes H (n_obs, n_cause) in whitened
+    points.
+    """
     if causes.shape[1] == 0:
         return base
     if base.n_obs > DENSE:
@@ -324,5 +350,7 @@ def stacked_root(roots: Sequence[Root]) -> Root:
 
 
 def root_of(covariance: FloatArray) -> Root:
-    """Of variances (n_obs,) or a covariance (n_obs, n_obs).  Raises LinAlgError where it is not positive definite."""
+    """Of variances (n_obs,) or a covariance (n_obs, n_obs).  Raises LinAlgError where it is not
+    positive definite.
+    """
     return Band.of(covariance[None, :]) if covariance.ndim == 1 else Dense.of(covariance)

@@ -1,7 +1,8 @@
 """How large errors are: the one formula of all noise of readings, with its derivatives.
 
-Every covariance has the form  C = (sigma^2 + step^2/12) C0 + scatter^2 I  with C0 known once the curve is known approximately, so one
-diagonalisation of C0 serves every draw: with w an eigenvalue of C0 (of independent points: the variance of one for a unit sigma), that of C is
+Every covariance has the form  C = (sigma^2 + step^2/12) C0 + scatter^2 I  with C0 known once the
+curve is known approximately, so one diagonalisation of C0 serves every draw: with w an eigenvalue
+of C0 (of independent points: the variance of one for a unit sigma), that of C is
 
     V = (sigma^2 + step^2/12) w + scatter^2
 """
@@ -22,7 +23,9 @@ Named = Mapping[str, ArrayLike]
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """A standard deviation: a fixed value, or the name of the parameter that is inferred in its place."""
+    """A standard deviation: a fixed value, or the name of the parameter that is inferred in its
+    place.
+    """
 
     value: float = 0.0
     parameter: str | None = None
@@ -43,7 +46,9 @@ class Size:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the unknowns."""
-        return tuple(scale.parameter for scale in (self.sigma, self.scatter) if scale.parameter is not None)
+        return tuple(
+            scale.parameter for scale in (self.sigma, self.scatter) if scale.parameter is not None
+        )
 
     @property
     def quantisation_variance(self) -> float:
@@ -62,15 +67,22 @@ class Size:
         """V, broadcasts to (n_draw, n_obs), for weights w (n_obs,)."""
         return np.asarray(self.reading_variance(named) * weight + np.square(self.scatter.at(named)))
 
-    def slopes(self, weight: FloatArray, named: Named, names: Sequence[str], n_draw: int = 1) -> FloatArray:
+    def slopes(
+        self, weight: FloatArray, named: Named, names: Sequence[str], n_draw: int = 1
+    ) -> FloatArray:
         """(n_draw, n_obs, n) derivatives of V in the parameters `names`."""
         slopes = np.zeros((n_draw, weight.size, len(names)))
         for scale, square in ((self.sigma, weight), (self.scatter, np.ones(weight.size))):
             if scale.parameter in names:
-                slopes[:, :, names.index(str(scale.parameter))] += 2.0 * np.asarray(named[str(scale.parameter)]) * square
+                slopes[:, :, names.index(str(scale.parameter))] += (
+                    2.0 * np.asarray(named[str(scale.parameter)]) * square
+                )
         return slopes
 
     def information(self, weight: FloatArray, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_par, n_par) of the scales, if errors are normal: sum dV_a dV_b/(2 V^2)."""
-        relative = self.slopes(weight, named, names)[0] / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
+        relative = (
+            self.slopes(weight, named, names)[0]
+            / np.broadcast_to(self.variance(weight, named), (1, weight.size)).T
+        )
         return np.asarray(0.5 * relative.T @ relative)

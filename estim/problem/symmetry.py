@@ -1,13 +1,16 @@
-"""Which other parameter values draw exactly the same curve: exchanged components, changed signs, turned phases.
+"""Which other parameter values draw exactly the same curve: exchanged components, changed signs,
+turned phases.
 
-a*exp(-k*x) + b*exp(-q*x) is the same curve with (a, k) and (b, q) exchanged, A*sin(w*x + p) with -A and p + pi.  Such values
-are one solution under several labels.  They are told from an alias (a frequency that agrees at the measured points
-only) by the curve itself, at random parameters and at random x between the points.
+a*exp(-k*x) + b*exp(-q*x) is the same curve with (a, k) and (b, q) exchanged, A*sin(w*x + p) with -A
+and p + pi.  Such values are one solution under several labels.  They are told from an alias (a
+frequency that agrees at the measured points only) by the curve itself, at random parameters and at
+random x between the points.
 
-Every map looked for is  image = matrix @ values + shift  with one or more pairs exchanged, or up to three signs changed and phases
-turned by a half, and a further parameter that takes up the difference: A*cos(x - p)**2 + c is the same curve with -A, p + pi/2 and c + A.
-All determinants are 1 or -1, and what passes is closed under composition.  `Labelled` is the posterior folded
-onto one of the labels, so that draws of it describe one solution; nothing of its integral is lost.
+Every map looked for is  image = matrix @ values + shift  with one or more pairs exchanged, or up to
+three signs changed and phases turned by a half, and a further parameter that takes up the
+difference: A*cos(x - p)**2 + c is the same curve with -A, p + pi/2 and c + A.  All determinants are
+1 or -1, and what passes is closed under composition.  `Labelled` is the posterior folded onto one
+of the labels, so that draws of it describe one solution; nothing of its integral is lost.
 """
 
 from __future__ import annotations
@@ -31,8 +34,10 @@ Indices = NDArray[np.int64]
 class Symmetry:
     """Maps under which curves and priors of a problem stay as they are, the identity first.
 
-    matrix : (n_map, n_par, n_par).  shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
-    low, high : (n_par,) limits of the parameters.  weight : (n_par,) of squared distances that choose the label.
+    matrix : (n_map, n_par, n_par).
+    shift : (n_map, n_par).  period : (n_par,) one full turn, inf where there is none.
+    low, high : (n_par,) limits of the parameters.
+    weight : (n_par,) of squared distances that choose the label.
     """
 
     matrix: FloatArray
@@ -52,9 +57,11 @@ class Symmetry:
         return np.asarray(np.any(np.diagonal(self.matrix, axis1=1, axis2=2) < 0.0, axis=0))
 
     def images(self, draws: FloatArray, near: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near` (n_par,) as the limits allow.
+        """All images (n_map, n_draw, n_par) of draws (n_draw, n_par), turned as close to `near`
+        (n_par,) as the limits allow.
 
-        And how many full turns of each lie within the limits (n_map, n_draw): 0 where none does, 1 where they are without limits.
+        And how many full turns of each lie within the limits (n_map, n_draw): 0 where none does, 1
+        where they are without limits.
         """
         images = draws @ self.matrix.transpose(0, 2, 1) + self.shift[:, None, :]
         number = np.ones(images.shape[:2])
@@ -71,16 +78,24 @@ class Symmetry:
     def nearest(self, values: FloatArray, near: FloatArray) -> FloatArray:
         """The image of `values` (n_par,) within the limits that is closest to `near` (n_par,)."""
         inside = self.within(values, near)
-        return min(inside, key=lambda image: float(np.sum(self.weight * (image - near) ** 2)), default=values)
+        return min(
+            inside,
+            key=lambda image: float(np.sum(self.weight * (image - near) ** 2)),
+            default=values,
+        )
 
     def within(self, values: FloatArray, near: FloatArray) -> list[FloatArray]:
-        """The images of `values` (n_par,) inside the limits; phases turned as close to `near` (n_par,) as they can be."""
+        """The images of `values` (n_par,) inside the limits; phases turned as close to `near`
+        (n_par,) as they can be.
+        """
         images, number = self.images(values[None, :], near)
         return [image for image, n in zip(images[:, 0], number[:, 0], strict=True) if n > 0.0]
 
     @property
     def order(self) -> Indices:
-        """(n_map, n_par) from which parameter each image takes its value: itself but where two are exchanged."""
+        """(n_map, n_par) from which parameter each image takes its value: itself but where two are
+        exchanged.
+        """
         held = np.diagonal(self.matrix, axis1=1, axis2=2) != 0.0
         return np.where(held, np.arange(held.shape[1]), np.argmax(np.abs(self.matrix), axis=2))
 
@@ -93,14 +108,20 @@ class Symmetry:
         matrix[:, :n_par, :n_par] = self.matrix
         low, high, full = np.full(n, -np.inf), np.full(n, np.inf), np.full(n, np.inf)
         return Symmetry(
-            matrix, np.hstack([self.shift, np.zeros((n_map, n))]),
-            np.append(self.period, full), np.append(self.low, low), np.append(self.high, high), np.append(self.weight, np.zeros(n)),
+            matrix,
+            np.hstack([self.shift, np.zeros((n_map, n))]),
+            np.append(self.period, full),
+            np.append(self.low, low),
+            np.append(self.high, high),
+            np.append(self.weight, np.zeros(n)),
         )
 
     def scaled(self, sds: FloatArray, bent: Sequence[int]) -> Symmetry:
-        """Labels chosen by distances in units of `sds` (n_par,), those of exchanged parameters made equal.
+        """Labels chosen by distances in units of `sds` (n_par,), those of exchanged parameters made
+        equal.
 
-        They count in the parameters `bent` and in those whose sign a map changes; a phase decides only where nothing else does.
+        They count in the parameters `bent` and in those whose sign a map changes; a phase decides
+        only where nothing else does.
         """
         square = np.square(sds)
         for _ in range(2):
@@ -112,7 +133,9 @@ class Symmetry:
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """A posterior folded onto the labels of its mode: the density of all labels together, where `mode` (n_par,) is the closest one."""
+    """A posterior folded onto the labels of its mode: the density of all labels together, where
+    `mode` (n_par,) is the closest one.
+    """
 
     posterior: Posterior
     symmetry: Symmetry
@@ -127,20 +150,34 @@ class Labelled:
         return self.posterior.problem
 
     def log_density(self, draws: FloatArray) -> FloatArray:
-        """(n_draw,) log of the posterior density summed over all images; -inf where another image is closer to the mode."""
+        """(n_draw,) log of the posterior density summed over all images; -inf where another image
+        is closer to the mode.
+        """
         log_p = np.array(self.posterior.log_density(draws))
         inside = np.flatnonzero(np.isfinite(log_p))
         images, number = self.symmetry.images(draws[inside], self.mode)
-        away = np.where(number > 0.0, np.sum(self.symmetry.weight * (images - self.mode) ** 2, axis=2), np.inf)
+        away = np.where(
+            number > 0.0, np.sum(self.symmetry.weight * (images - self.mode) ** 2, axis=2), np.inf
+        )
         own = np.sum(self.symmetry.weight * (draws[inside] - self.mode) ** 2, axis=1)
         best = np.min(away, axis=0)
-        log_p[inside] = np.where(own <= best * (1.0 + 1e-9) + 1e-12, log_p[inside] + np.log(np.sum(number, axis=0)), -np.inf)
+        log_p[inside] = np.where(
+            own <= best * (1.0 + 1e-9) + 1e-12,
+            log_p[inside] + np.log(np.sum(number, axis=0)),
+            -np.inf,
+        )
         return log_p
 
 
-def folded(posterior: Posterior, symmetry: Symmetry | None, mode: FloatArray) -> Posterior | Labelled:
-    """What is to be sampled: the posterior itself, or folded where it has the same solution under several labels."""
-    return posterior if symmetry is None or symmetry.trivial else Labelled(posterior, symmetry, mode)
+def folded(
+    posterior: Posterior, symmetry: Symmetry | None, mode: FloatArray
+) -> Posterior | Labelled:
+    """What is to be sampled: the posterior itself, or folded where it has the same solution under
+    several labels.
+    """
+    return (
+        posterior if symmetry is None or symmetry.trivial else Labelled(posterior, symmetry, mode)
+    )
 
 
 def no_symmetry(problem: Problem) -> Symmetry:
@@ -148,29 +185,55 @@ def no_symmetry(problem: Problem) -> Symmetry:
     n_par = problem.n_par
     low = np.array([p.prior.low for p in problem.parameters])
     high = np.array([p.prior.high for p in problem.parameters])
-    return Symmetry(np.eye(n_par)[None, :, :], np.zeros((1, n_par)), np.full(n_par, np.inf), low, high, np.ones(n_par))
+    return Symmetry(
+        np.eye(n_par)[None, :, :],
+        np.zeros((1, n_par)),
+        np.full(n_par, np.inf),
+        low,
+        high,
+        np.ones(n_par),
+    )
 
 
-def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) -> tuple[Finding, ...]:
+def same_curves(
+    symmetry: Symmetry, names: Sequence[str], values: FloatArray
+) -> tuple[Finding, ...]:
     """What else, within the limits, draws the same curve as `values` (n_par,): exchanges first."""
     _, number = symmetry.images(values[None, :], values)
     exchanges: dict[tuple[str, ...], None] = {}
     changes: dict[tuple[Amount, ...], None] = {}
-    for order, matrix, shift, n in zip(symmetry.order, symmetry.matrix, symmetry.shift, number[:, 0], strict=True):
+    for order, matrix, shift, n in zip(
+        symmetry.order, symmetry.matrix, symmetry.shift, number[:, 0], strict=True
+    ):
         if n == 0.0:
             continue
         pairs = [(i, int(j)) for i, j in enumerate(order) if i < j and order[j] == i]
-        moved = [i for i in range(len(names)) if order[i] == i and (shift[i] != 0.0 or np.any(matrix[i] != np.eye(len(names))[i]))]
+        moved = [
+            i
+            for i in range(len(names))
+            if order[i] == i and (shift[i] != 0.0 or np.any(matrix[i] != np.eye(len(names))[i]))
+        ]
         if pairs and len(pairs) * 2 == np.sum(order != np.arange(order.size)) and not moved:
             exchanges.setdefault(tuple(names[k] for pair in pairs for k in pair))
         elif moved and not pairs:
-            changes.setdefault(tuple(Amount(_taking(names, matrix, i), float(shift[i]), whole=float(matrix[i, i])) for i in moved))
+            changes.setdefault(
+                tuple(
+                    Amount(_taking(names, matrix, i), float(shift[i]), whole=float(matrix[i, i]))
+                    for i in moved
+                )
+            )
     found = []
     if exchanges:
-        found.append(Finding(Kind.EXCHANGED, parts=tuple(Finding(Kind.EXCHANGE, names=pair) for pair in exchanges)))
+        found.append(
+            Finding(
+                Kind.EXCHANGED,
+                parts=tuple(Finding(Kind.EXCHANGE, names=pair) for pair in exchanges),
+            )
+        )
     turned = [
         (Amount(names[i], float(symmetry.period[i]), whole=1.0),)
-        for i in np.flatnonzero(np.isfinite(symmetry.period)).tolist() if symmetry.period[i] <= symmetry.high[i] - symmetry.low[i] < math.inf
+        for i in np.flatnonzero(np.isfinite(symmetry.period)).tolist()
+        if symmetry.period[i] <= symmetry.high[i] - symmetry.low[i] < math.inf
     ]
     images = [Finding(Kind.IMAGE, parameters=change) for change in (*_simplest(changes), *turned)]
     if images:
@@ -181,9 +244,14 @@ def same_curves(symmetry: Symmetry, names: Sequence[str], values: FloatArray) ->
 def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:
     """The name of parameter i, and of what it takes up: "c + A"."""
     taken = [(names[j], float(matrix[i, j])) for j in np.flatnonzero(matrix[i]).tolist() if j != i]
-    return names[i] + "".join(f" {'-' if k < 0.0 else '+'} {'' if abs(k) == 1.0 else f'{abs(k):g} '}{name}" for name, k in taken)
+    return names[i] + "".join(
+        f" {'-' if k < 0.0 else '+'} {'' if abs(k) == 1.0 else f'{abs(k):g} '}{name}"
+        for name, k in taken
+    )
 
 
 def _simplest(changes: Iterable[tuple[Amount, ...]]) -> list[tuple[Amount, ...]]:
     """That of the fewest parameters, and of the shortest words."""
-    return sorted(changes, key=lambda change: (len(change), len(tell(Finding(Kind.IMAGE, parameters=change)))))[:1]
+    return sorted(
+        changes, key=lambda change: (len(change), len(tell(Finding(Kind.IMAGE, parameters=change))))
+    )[:1]

@@ -3,11 +3,12 @@
 Which to choose:
 
 - `Gaussian`: every frame is as good as its sigma says.
-- `StudentT`: heavy tails, 4 degrees of freedom, sigma is the scale of the core.  Bad frames lose their weight smoothly;
-  no further unknowns.  For a few mild outliers.
-- `Mixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is `width` times larger; both are
-  inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with the outliers centred on the curve).  For gross
-  outliers, dropouts, a tail of the run that is another motion; it names the bad frames.
+- `StudentT`: heavy tails, 4 degrees of freedom, sigma is the scale of the core.  Bad frames lose
+  their weight smoothly; no further unknowns.  For a few mild outliers.
+- `Mixture`: a frame is good, or (with probability `fraction`) an outlier whose sigma is `width`
+  times larger; both are inferred (Hogg, Bovy & Lang 2010, arXiv 1008.4686, eq. 17, with the
+  outliers centred on the curve).  For gross outliers, dropouts, a tail of the run that is another
+  motion; it names the bad frames.
 
 Each works on standardised residuals z = (y - f)/sd, point by point.
 """
@@ -32,7 +33,9 @@ _FAR = 3.0  # a Student-t frame counts as an outlier where its own sd is more th
 
 
 class Tails(Protocol):
-    """A density of z; `values` holds parameters as scalars or (n_draw, 1), results are shaped like z."""
+    """A density of z; `values` holds parameters as scalars or (n_draw, 1), results are shaped like
+    z.
+    """
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -45,11 +48,17 @@ class Tails(Protocol):
     def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """Normalised log density."""
 
-    def deviance_residual(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
-        """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz: what least squares minimises."""
+    def deviance_residual(
+        self, z: FloatArray, values: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
+        """r(z) with r^2/2 = log p(0) - log p(z), signed as z, and dr/dz: what least squares
+        minimises.
+        """
 
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
-        """Fisher information of one z about its location and about the logarithm of its scale (1 and 2 if normal)."""
+        """Fisher information of one z about its location and about the logarithm of its scale (1
+        and 2 if normal).
+        """
 
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
@@ -60,7 +69,9 @@ class Tails(Protocol):
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """z mapped to a standard normal variable through its distribution function."""
 
-    def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def draw(
+        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
+    ) -> FloatArray:
         """(size,) random z."""
 
     def describe(self) -> str:
@@ -77,7 +88,9 @@ class Gaussian:
     def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return -0.5 * z**2 - _LOG_ROOT_2PI
 
-    def deviance_residual(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(
+        self, z: FloatArray, values: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
         return z, np.ones_like(z)
 
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
@@ -92,7 +105,9 @@ class Gaussian:
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return z
 
-    def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def draw(
+        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
+    ) -> FloatArray:
         return rng.standard_normal(size)
 
     def describe(self) -> str:
@@ -101,7 +116,9 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class StudentT:
-    """Student's t with `nu` degrees of freedom; sigma is its scale, its standard deviation sqrt(nu/(nu-2)) larger."""
+    """Student's t with `nu` degrees of freedom; sigma is its scale, its standard deviation
+    sqrt(nu/(nu-2)) larger.
+    """
 
     nu: float = 4.0
 
@@ -110,20 +127,30 @@ class StudentT:
 
     @cached_property
     def _log_norm(self) -> float:
-        return math.lgamma(0.5 * (self.nu + 1.0)) - math.lgamma(0.5 * self.nu) - 0.5 * math.log(self.nu * math.pi)
+        return (
+            math.lgamma(0.5 * (self.nu + 1.0))
+            - math.lgamma(0.5 * self.nu)
+            - 0.5 * math.log(self.nu * math.pi)
+        )
 
     def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return self._log_norm - 0.5 * (self.nu + 1.0) * np.log1p(z**2 / self.nu)
 
-    def deviance_residual(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(
+        self, z: FloatArray, values: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
         residual = np.sign(z) * np.sqrt((self.nu + 1.0) * np.log1p(z**2 / self.nu))
-        return residual, _slope(residual, z, (self.nu + 1.0) * z / (self.nu + z**2), (self.nu + 1.0) / self.nu)
+        return residual, _slope(
+            residual, z, (self.nu + 1.0) * z / (self.nu + z**2), (self.nu + 1.0) / self.nu
+        )
 
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
         return (self.nu + 1.0) / (self.nu + 3.0), 2.0 * self.nu / (self.nu + 3.0)
 
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
-        """t is a normal whose precision follows a Gamma law: probability that this frame's own sd is above 3 sigma."""
+        """t is a normal whose precision follows a Gamma law: probability that this frame's own sd
+        is above 3 sigma.
+        """
         from scipy.special import gammainc
 
         return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / _FAR**2)
@@ -134,16 +161,22 @@ class StudentT:
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))
 
-    def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def draw(
+        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
+    ) -> FloatArray:
         return rng.standard_t(self.nu, size)
 
     def describe(self) -> str:
-        return phrase("Student-t tails ({nu:g} degrees of freedom, σ is the scale of the core)", nu=self.nu)
+        return phrase(
+            "Student-t tails ({nu:g} degrees of freedom, σ is the scale of the core)", nu=self.nu
+        )
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """(1 - fraction) normal + fraction normal of exp(log_width) times the standard deviation; both names of parameters."""
+    """(1 - fraction) normal + fraction normal of exp(log_width) times the standard deviation; both
+    names of parameters.
+    """
 
     fraction: str
     log_width: str
@@ -154,7 +187,9 @@ class Mixture:
     def parameters(self) -> tuple[str, ...]:
         return (self.fraction, self.log_width)
 
-    def _parts(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _parts(
+        self, z: FloatArray, values: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """log of the good part, log of the bad part, width; shaped like z."""
         fraction = np.asarray(values[self.fraction], dtype=float)
         width = np.exp(np.asarray(values[self.log_width], dtype=float))
@@ -167,20 +202,36 @@ class Mixture:
         good, bad, _ = self._parts(z, values)
         return np.logaddexp(good, bad)
 
-    def deviance_residual(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray]:
+    def deviance_residual(
+        self, z: FloatArray, values: Mapping[str, ArrayLike]
+    ) -> tuple[FloatArray, FloatArray]:
         good, bad, width = self._parts(z, values)
         top_good, top_bad, _ = self._parts(np.zeros_like(z), values)
-        share, top = np.exp(bad - np.logaddexp(good, bad)), np.exp(top_bad - np.logaddexp(top_good, top_bad))
-        residual = np.sign(z) * np.sqrt(np.maximum(2.0 * (np.logaddexp(top_good, top_bad) - np.logaddexp(good, bad)), 0.0))
-        return residual, _slope(residual, z, z * (1.0 - share + share / width**2), 1.0 - top + top / width**2)
+        share = np.exp(bad - np.logaddexp(good, bad))
+        top = np.exp(top_bad - np.logaddexp(top_good, top_bad))
+        residual = np.sign(z) * np.sqrt(
+            np.maximum(2.0 * (np.logaddexp(top_good, top_bad) - np.logaddexp(good, bad)), 0.0)
+        )
+        return residual, _slope(
+            residual, z, z * (1.0 - share + share / width**2), 1.0 - top + top / width**2
+        )
 
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
-        z = np.concatenate([np.linspace(0.0, 8.0, 400), np.geomspace(8.05, 8.0 * max(math.exp(float(np.squeeze(values[self.log_width]))), 2.0), 400)])
+        z = np.concatenate(
+            [
+                np.linspace(0.0, 8.0, 400),
+                np.geomspace(
+                    8.05, 8.0 * max(math.exp(float(np.squeeze(values[self.log_width]))), 2.0), 400
+                ),
+            ]
+        )
         density = np.exp(self.log_density(z, values))
         good, bad, width = self._parts(z, values)
         share = np.exp(bad - np.logaddexp(good, bad))
         score = z * (1.0 - share + share / width**2)
-        return 2.0 * float(np.trapezoid(score**2 * density, z)), 2.0 * float(np.trapezoid((score * z - 1.0) ** 2 * density, z))
+        return 2.0 * float(np.trapezoid(score**2 * density, z)), 2.0 * float(
+            np.trapezoid((score * z - 1.0) ** 2 * density, z)
+        )
 
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         good, bad, _ = self._parts(z, values)
@@ -190,22 +241,34 @@ class Mixture:
         return float(np.squeeze(values[self.fraction]))
 
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
-        fraction, width = np.asarray(values[self.fraction]), np.exp(np.asarray(values[self.log_width]))
+        fraction = np.asarray(values[self.fraction])
+        width = np.exp(np.asarray(values[self.log_width]))
         tail = (1.0 - fraction) * normal_tail(np.abs(z)) + fraction * normal_tail(np.abs(z) / width)
         return -np.sign(z) * normal_quantile(np.maximum(tail, 1e-300))
 
-    def draw(self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]) -> FloatArray:
+    def draw(
+        self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
+    ) -> FloatArray:
         bad = rng.random(size) < np.ravel(values[self.fraction])
-        return rng.standard_normal(size) * np.where(bad, np.exp(np.ravel(values[self.log_width])), 1.0)
+        return rng.standard_normal(size) * np.where(
+            bad, np.exp(np.ravel(values[self.log_width])), 1.0
+        )
 
     def describe(self) -> str:
-        return phrase("some readings ({fraction}) may be outliers, exp({width}) times less precise", fraction=self.fraction, width=self.log_width)
+        return phrase(
+            "some readings ({fraction}) may be outliers, exp({width}) times less precise",
+            fraction=self.fraction,
+            width=self.log_width,
+        )
 
 
 def score_information(
-    tails: Tails, values: Mapping[str, ArrayLike], ends: tuple[Mapping[str, ArrayLike], Mapping[str, ArrayLike], float]
+    tails: Tails,
+    values: Mapping[str, ArrayLike],
+    ends: tuple[Mapping[str, ArrayLike], Mapping[str, ArrayLike], float],
 ) -> float:
-    """Mean square, over errors drawn from the tails themselves at `values`, of the score in one of their parameters.
+    """Mean square, over errors drawn from the tails themselves at `values`, of the score in one of
+    their parameters.
 
     ends : values below and above in that parameter, and their distance.
     """
@@ -215,7 +278,9 @@ def score_information(
     return float(np.mean(score**2))
 
 
-def _slope(residual: FloatArray, z: FloatArray, gradient: FloatArray, at_zero: float | FloatArray) -> FloatArray:
+def _slope(
+    residual: FloatArray, z: FloatArray, gradient: FloatArray, at_zero: float | FloatArray
+) -> FloatArray:
     """dr/dz = (d(r^2/2)/dz)/r, with its limit sqrt(d^2(r^2/2)/dz^2) at z = 0."""
     near = np.abs(z) < 1e-6
     return np.where(near, np.sqrt(at_zero), gradient / np.where(near, 1.0, residual))

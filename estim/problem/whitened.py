@@ -1,11 +1,14 @@
-"""Residuals as tests see them, and how a fit pulls them: linear in the parameters, or by a table where x has errors.
+"""Residuals as tests see them, and how a fit pulls them: linear in the parameters, or by a table
+where x has errors.
 
-With J the Jacobian and J_p that of the priors, the fit turns standard normal errors e of data and e_p of priors into
+With J the Jacobian and J_p that of the priors, the fit turns standard normal errors e of data and
+e_p of priors into
 
     z = e - J (J^T J + J_p^T J_p)^-1 (J^T e + J_p^T e_p)
 
-Where x has errors, z is the normal score of y under its density given x, F^-1(P(Y < y | x)), for any curve a standard normal variable at the
-true parameters; the score J^T e and the slope -J are then functions of e, tabulated point by point.
+Where x has errors, z is the normal score of y under its density given x, F^-1(P(Y < y | x)), for
+any curve a standard normal variable at the true parameters; the score J^T e and the slope -J are
+then functions of e, tabulated point by point.
 """
 
 from __future__ import annotations
@@ -19,7 +22,9 @@ from estim.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Residuals z (n_obs,) that are linear in the parameters, with minus their derivatives `root` (n_obs, n_par)."""
+    """Residuals z (n_obs,) that are linear in the parameters, with minus their derivatives `root`
+    (n_obs, n_par).
+    """
 
     z: FloatArray
     root: FloatArray
@@ -33,10 +38,12 @@ class Linear:
 
 @dataclass(frozen=True, eq=False)
 class Tabled:
-    """Normal scores z (n_obs,) of points with errors of x: what they tell of the parameters is not linear in them, a table says what it is.
+    """Normal scores z (n_obs,) of points with errors of x: what they tell of the parameters is not
+    linear in them, a table says what it is.
 
-    root : (n, n_par).  at : (n_at,) normal scores.  scores, slopes : (n_obs, n_at, n_par) of the log likelihood of a point and of its normal
-    score, for a y of that score.
+    root : (n, n_par).
+    at : (n_at,) normal scores.  scores, slopes : (n_obs, n_at, n_par) of the log likelihood of a
+        point and of its normal score, for a y of that score.
     """
 
     z: FloatArray
@@ -52,7 +59,9 @@ class Tabled:
                 row += np.interp(error, self.at, column)
         scale = np.linalg.norm(self.root, axis=0)
         scale[scale == 0.0] = 1.0
-        return np.asarray(np.linalg.pinv((self.root / scale).T, rcond=1e-9) @ (score / scale[:, None]))
+        return np.asarray(
+            np.linalg.pinv((self.root / scale).T, rcond=1e-9) @ (score / scale[:, None])
+        )
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         moved = errors.copy()

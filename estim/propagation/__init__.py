@@ -1,10 +1,18 @@
-"""Propagation of uncertainty by the GUM and its Supplement 1: inputs, linear, Monte Carlo, budgets, and which of them to believe.
+"""Propagation of uncertainty by the GUM and its Supplement 1: inputs, linear, Monte Carlo, budgets,
+and which of them to believe.
 
-Read `linear` first.  Stands alone on `common`."""
+Read `linear` first.  Stands alone on `common`.
+"""
 
 from estim.propagation.inputs import Input
 from estim.propagation.linear import LinearResult, propagate_linear
-from estim.propagation.monte_carlo import BatchProgress, Interval, IntervalKind, MonteCarloResult, propagate_monte_carlo
+from estim.propagation.monte_carlo import (
+    BatchProgress,
+    Interval,
+    IntervalKind,
+    MonteCarloResult,
+    propagate_monte_carlo,
+)
 from estim.propagation.scores import BOUNDED, Distribution
 from estim.propagation.uncertainty_budget import Budget, BudgetAlong, budget, budget_along
 from estim.propagation.validation import Validation, compare

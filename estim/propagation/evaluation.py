@@ -1,15 +1,17 @@
 """Calling a measurement function: at one point, on many draws at once, and its first derivatives.
 
-A measurement function takes a mapping name -> quantity and returns the output quantity.  It is called with
+A measurement function takes a mapping name -> quantity and returns the output quantity.  It is
+called with
 
-- numbers, and returns a number (a scalar output) or (n_out,) values (a curve, or a tuple of outputs); this is what the
-  linear method uses;
-- arrays, for Monte Carlo: shaped (n_draw,) for a scalar output, and (n_draw, 1) for a curve, which then broadcasts to
-  (n_draw, n_out).
+- numbers, and returns a number (a scalar output) or (n_out,) values (a curve, or a tuple of
+  outputs); this is what the linear method uses;
+- arrays, for Monte Carlo: shaped (n_draw,) for a scalar output, and (n_draw, 1) for a curve, which
+  then broadcasts to (n_draw, n_out).
 
-A tuple or list of outputs, ``lambda q: (q["V"]/q["I"], q["V"]*q["I"])``, is stacked here.  Functions written with NumPy
-satisfy all this as they stand.  Where the function has no value it returns NaN (or an infinity); warnings of NumPy about
-that are silenced, because the callers count such values and say so.
+A tuple or list of outputs, ``lambda q: (q["V"]/q["I"], q["V"]*q["I"])``, is stacked here.
+Functions written with NumPy satisfy all this as they stand.  Where the function has no value it
+returns NaN (or an infinity); warnings of NumPy about that are silenced, because the callers count
+such values and say so.
 """
 
 from __future__ import annotations
@@ -29,37 +31,52 @@ from estim.propagation.inputs import Input
 MeasurementFunction = Callable[[Mapping[str, Any]], ArrayLike | Sequence[ArrayLike]]
 
 _N_STEP = 10  # central differences at scale/8, scale/16, ..., scale/4096
-_SETTLED = 4  # extrapolations that end at a step before this one are not trusted (a period of the function may fool them)
+# extrapolations that end at a step before this one are not trusted (a period of the function may
+# fool them)
+_SETTLED = 4
 _N_COLUMN = 5
 _LARGEST = 1e150  # its square is a number still, as is that of its inverse
 _EPSILON = float(np.finfo(float).eps)
 
 
 def evaluate_point(function: MeasurementFunction, point: Mapping[str, float]) -> FloatArray:
-    """Output at one point, () or (n_out,).  Raises InputError where the function returns anything else."""
+    """Output at one point, () or (n_out,).  Raises InputError where the function returns anything
+    else.
+    """
     if not callable(function):
         raise InputError("must be callable", field="function", value=function)
     with np.errstate(all="ignore"):
         returned = function({name: np.float64(value) for name, value in point.items()})
     output = _as_floats(returned)
     if output.ndim > 1 or output.size == 0:
-        raise InputError("must return a number or a list of numbers at one point", field="function", value=output.shape)
+        raise InputError(
+            "must return a number or a list of numbers at one point",
+            field="function",
+            value=output.shape,
+        )
     return output.copy()
 
 
-def evaluate_draws(function: MeasurementFunction, draws: Mapping[str, FloatArray], *, n_out: int | None) -> FloatArray:
+def evaluate_draws(
+    function: MeasurementFunction, draws: Mapping[str, FloatArray], *, n_out: int | None
+) -> FloatArray:
     """Output on every draw: (n_draw,) where `n_out` is None, else (n_draw, n_out).
 
-    draws : name -> (n_draw,).  The first draw is evaluated once more by itself: a function that mixes draws is an InputError.
+    draws : name -> (n_draw,).  The first draw is evaluated once more by itself: a function that
+        mixes draws is an InputError.
     """
     n_draw = len(next(iter(draws.values())))
-    columns = draws if n_out is None else {name: drawn[:, np.newaxis] for name, drawn in draws.items()}
+    columns = (
+        draws if n_out is None else {name: drawn[:, np.newaxis] for name, drawn in draws.items()}
+    )
     try:
         with np.errstate(all="ignore"):
             returned = function(dict(columns))
     except TypeError as error:
         raise InputError(
-            "must accept arrays (write it with NumPy, or wrap it in numpy.vectorize)", field="function", value=str(error)
+            "must accept arrays (write it with NumPy, or wrap it in numpy.vectorize)",
+            field="function",
+            value=str(error),
         ) from error
     output = _as_floats(returned)
     if n_out is not None and output.shape == (n_out, n_draw, 1):
@@ -72,24 +89,33 @@ def evaluate_draws(function: MeasurementFunction, draws: Mapping[str, FloatArray
     alone = evaluate_point(function, {name: float(drawn[0]) for name, drawn in draws.items()})
     size = float(np.max(np.abs(output[np.isfinite(output)]), initial=0.0))
     if not np.allclose(alone, output[0], rtol=1e-6, atol=1e-6 * size, equal_nan=True):
-        raise InputError("must treat every draw by itself, and give the same value again", field="function")
+        raise InputError(
+            "must treat every draw by itself, and give the same value again", field="function"
+        )
     return output
 
 
 def check_size(values: FloatArray, spreads: FloatArray) -> None:
-    """Raises InputError where all outputs are so large or so small that squares of them are no numbers.
+    """Raises InputError where all outputs are so large or so small that squares of them are no
+    numbers.
 
-    values : of the outputs.  spreads : how far they scatter, or what inputs contribute to their uncertainties.
+    values : of the outputs.
+    spreads : how far they scatter, or what inputs contribute to their uncertainties.
     """
     for sizes in (values, spreads):
         largest = float(np.max(np.abs(sizes[np.isfinite(sizes)]), initial=0.0))
         if largest != 0.0 and not 1.0 / _LARGEST <= largest <= _LARGEST:
-            rule = f"and its uncertainty must be 0 or between {1.0 / _LARGEST:g} and {_LARGEST:g} in size: choose other units"
+            rule = (
+                f"and its uncertainty must be 0 or between {1.0 / _LARGEST:g} and {_LARGEST:g} "
+                "in size: choose other units"
+            )
             raise InputError(rule, field="result", value=largest)
 
 
 def check_draws(value: FloatArray, draws: FloatArray) -> None:
-    """`check_size` of the outputs at the estimates and the usual distance of draws from them, whatever their tails."""
+    """`check_size` of the outputs at the estimates and the usual distance of draws from them,
+    whatever their tails.
+    """
     with np.errstate(all="ignore"):
         away = np.abs(draws - value)
     away = away[np.isfinite(away)]
@@ -101,7 +127,8 @@ class Gradient:
     """First derivatives of a measurement function at the estimates.
 
     value : () or (n_out,) output at the estimates.
-    derivative : (n_in,) or (n_in, n_out), in units of output per unit of input; NaN where there is none.
+    derivative : (n_in,) or (n_in, n_out), in units of output per unit of input; NaN where there is
+        none.
     error : same shape; estimated numerical error of `derivative`.
     kink : same shape; slope to the right minus slope to the left: 0 for a smooth function.
     """
@@ -113,12 +140,14 @@ class Gradient:
 
 
 def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient:
-    """First derivatives by extrapolated central differences (Ridders 1982, Adv. Eng. Software 4, 75).
+    """First derivatives by extrapolated central differences (Ridders 1982, Adv. Eng. Software 4,
+    75).
 
-    D(h) = [f(x + h) - f(x - h)]/(2h) at ten steps h = L/8 ... L/4096 with L = max(u, 1e-6 |x|), extrapolated to h = 0 in
-    h^2; the entry of the table with the smallest estimated error is kept, output by output.  This is the derivative itself
-    (to about 1e-10 of it, and the error is reported), not the difference quotient over +/- u of the note to GUM 5.1.3: that
-    one mixes in the third derivative and hides a nonlinearity that `compare` is meant to find.
+    D(h) = [f(x + h) - f(x - h)]/(2h) at ten steps h = L/8 ... L/4096 with L = max(u, 1e-6 |x|),
+    extrapolated to h = 0 in h^2; the entry of the table with the smallest estimated error is kept,
+    output by output.  This is the derivative itself (to about 1e-10 of it, and the error is
+    reported), not the difference quotient over +/- u of the note to GUM 5.1.3: that one mixes in
+    the third derivative and hides a nonlinearity that `compare` is meant to find.
     """
     point = {one.name: one.value for one in inputs}
     value = evaluate_point(function, point)
@@ -131,7 +160,11 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
         left = np.array([evaluate_point(function, point | {one.name: float(x)}) for x in below])
         with np.errstate(all="ignore"):
             difference = (right - left) / (above - below).reshape(-1, *(1,) * value.ndim)
-            rounding = _EPSILON * np.maximum(np.abs(right), np.abs(left)) / steps.reshape(-1, *(1,) * value.ndim)
+            rounding = (
+                _EPSILON
+                * np.maximum(np.abs(right), np.abs(left))
+                / steps.reshape(-1, *(1,) * value.ndim)
+            )
             tables.append((*_extrapolate(difference, rounding), _kink(value, right, left, steps)))
     derivative, error, kink = (np.array(column) for column in zip(*tables, strict=True))
     for array in (value, derivative, error, kink):
@@ -140,11 +173,12 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
 
 
 def _extrapolate(difference: FloatArray, rounding: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Limit of central differences at halved steps, and its estimated error: (n_step, ...) -> (...), (...).
+    """Limit of central differences at halved steps, and its estimated error: (n_step, ...) ->
+    (...), (...).
 
-    Of the extrapolations that end at one step, and then of all steps, the one that changed least is kept.  Its change alone
-    would flatter a function with noise, where two entries agree by chance, so the error is at least the median distance of
-    the values at the other steps.
+    Of the extrapolations that end at one step, and then of all steps, the one that changed least is
+    kept.  Its change alone would flatter a function with noise, where two entries agree by chance,
+    so the error is at least the median distance of the values at the other steps.
     """
     values, errors = np.full((2, _N_COLUMN, *difference.shape), np.inf)
     column = difference
@@ -153,11 +187,15 @@ def _extrapolate(difference: FloatArray, rounding: FloatArray) -> tuple[FloatArr
         change = np.maximum(np.abs(extrapolated - column[1:]), np.abs(extrapolated - column[:-1]))
         values[j - 1, j:], errors[j - 1, j:] = extrapolated, np.maximum(change, rounding[j:])
         column = extrapolated
-    value, error = _least(values[:, _SETTLED:], np.where(np.isnan(errors), np.inf, errors)[:, _SETTLED:])
+    value, error = _least(
+        values[:, _SETTLED:], np.where(np.isnan(errors), np.inf, errors)[:, _SETTLED:]
+    )
     best, smallest = _least(value, error)
     known = np.isfinite(smallest)
     apart = np.where(np.isfinite(error), np.abs(value - best), np.inf)
-    return np.where(known, best, np.nan), np.where(known, np.maximum(smallest, np.median(apart, axis=0)), np.inf)
+    return np.where(known, best, np.nan), np.where(
+        known, np.maximum(smallest, np.median(apart, axis=0)), np.inf
+    )
 
 
 def _least(value: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -175,5 +213,7 @@ def _kink(value: FloatArray, right: FloatArray, left: FloatArray, steps: FloatAr
 
 
 def _as_floats(returned: Any) -> FloatArray:
-    """What a function returned as floats; the parts of a tuple may be numbers beside arrays only at one point."""
+    """What a function returned as floats; the parts of a tuple may be numbers beside arrays only at
+    one point.
+    """
     return real_numbers(returned, "function", "must return real numbers, all outputs of one shape")

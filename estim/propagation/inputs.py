@@ -1,28 +1,38 @@
-"""Quantities that enter an uncertainty propagation: their distributions, their correlations, and draws from them.
+"""Quantities that enter an uncertainty propagation: their distributions, their correlations, and
+draws from them.
 
 Which distribution to choose (GUM 4.3, JCGM 101 section 6):
 
 - ``normal``       a calibration certificate or a fit: value and standard uncertainty.  The default.
 - ``t``            the mean of a few readings (`Input.from_readings`): u = s/sqrt(n), dof = n - 1.
-- ``standardised-t``  Student's t whose standard deviation, not its scale, is u (NIST TN 1900 states it so); dof > 2.
-- ``rectangular``  only limits are known (a digital display, a tolerance, a rounding): u = half width/sqrt(3).
-- ``triangular``   limits, with the middle more likely (a sum of two equal roundings): u = half width/sqrt(6).
-- ``arcsine``      a quantity that oscillates between limits (room temperature, vibration): u = half width/sqrt(2).
-- ``trapezoidal``  limits, with a plateau in the middle (a sum of two unequal roundings); `shape` is the width of the plateau / that of the base.
-- ``curvilinear-trapezoidal``  limits that are themselves known only so well; `shape` is the error of the half width / half width (JCGM 101, 6.4.3).
-- ``exponential``  not negative, and only the mean is known (value = u, JCGM 101, 6.4.10); with another u it begins at value - u.
+- ``standardised-t``  Student's t whose standard deviation, not its scale, is u (NIST TN 1900 states
+  it so); dof > 2.
+- ``rectangular``  only limits are known (a digital display, a tolerance, a rounding): u = half
+  width/sqrt(3).
+- ``triangular``   limits, with the middle more likely (a sum of two equal roundings): u = half
+  width/sqrt(6).
+- ``arcsine``      a quantity that oscillates between limits (room temperature, vibration): u = half
+  width/sqrt(2).
+- ``trapezoidal``  limits, with a plateau in the middle (a sum of two unequal roundings); `shape` is
+  the width of the plateau / that of the base.
+- ``curvilinear-trapezoidal``  limits that are themselves known only so well; `shape` is the error
+  of the half width / half width (JCGM 101, 6.4.3).
+- ``exponential``  not negative, and only the mean is known (value = u, JCGM 101, 6.4.10); with
+  another u it begins at value - u.
 - ``lognormal``, ``gamma``  a positive quantity, given by its mean and standard deviation.
 
 If it is unknown, take limits you would bet on and ``rectangular`` (`Input.from_half_width`).
 
-For ``t`` the field `u` is the scale s/sqrt(n), as in the GUM, and not the standard deviation of the distribution, which is
-larger: u sqrt(dof/(dof - 2)), infinite for dof <= 2 (JCGM 101, 6.4.9).  So the Monte-Carlo u exceeds the linear one for few
-readings, while the linear method pays for the same ignorance with a larger coverage factor.
+For ``t`` the field `u` is the scale s/sqrt(n), as in the GUM, and not the standard deviation of the
+distribution, which is larger: u sqrt(dof/(dof - 2)), infinite for dof <= 2 (JCGM 101, 6.4.9).  So
+the Monte-Carlo u exceeds the linear one for few readings, while the linear method pays for the same
+ignorance with a larger coverage factor.
 
-Correlations are linear (Pearson) correlation coefficients of the quantities themselves, as in GUM 5.2.  Draws of correlated
-quantities come from a normal copula whose parameters are chosen so that these coefficients are met exactly, whatever the
-marginal distributions (Cario and Nelson 1997, "Modeling and generating random vectors with arbitrary marginal distributions
-and correlation matrix").
+Correlations are linear (Pearson) correlation coefficients of the quantities themselves, as in GUM
+5.2.  Draws of correlated quantities come from a normal copula whose parameters are chosen so that
+these coefficients are met exactly, whatever the marginal distributions (Cario and Nelson 1997,
+"Modeling and generating random vectors with arbitrary marginal distributions and correlation
+matrix").
 """
 
 from __future__ import annotations
@@ -50,15 +60,19 @@ class Input:
     """One input quantity of a measurement function.
 
     name : how the function finds it.
-    value : the estimate, in `unit`: the mean of the distribution, and its middle where that is symmetric.
-    u : standard uncertainty, in `unit`, >= 0; 0 is a constant.  The scale s/sqrt(n) for ``t``, else the standard deviation.
+    value : the estimate, in `unit`: the mean of the distribution, and its middle where that is
+        symmetric.
+    u : standard uncertainty, in `unit`, >= 0; 0 is a constant.  The scale s/sqrt(n) for ``t``, else
+        the standard deviation.
     distribution : see the top of this file; used by Monte Carlo only.
-    dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo for ``t`` only.
+    dof : degrees of freedom of `u` (GUM G.3, G.4); used by the linear method, and by Monte Carlo
+        for ``t`` only.
     unit : text, for tables.
-    group : inputs with one name here were read together: a multivariate t, for the scale of their errors is one unknown; all of them ``t``
-        with the same dof.  "" for none.
-    joint_dof : degrees of freedom of that multivariate t where they are not `dof`: n - N for n sets of N readings (JCGM 102, 5.3.2); its
-        scale is then u sqrt(dof/joint_dof).  For Monte Carlo only; 0 for `dof`.
+    group : inputs with one name here were read together: a multivariate t, for the scale of their
+        errors is one unknown; all of them ``t`` with the same dof.  "" for none.
+    joint_dof : degrees of freedom of that multivariate t where they are not `dof`: n - N for n sets
+        of N readings (JCGM 102, 5.3.2); its scale is then u sqrt(dof/joint_dof).  For Monte Carlo
+        only; 0 for `dof`.
     shape : of the two trapezoids only, see the top of this file: 0 (triangle, rectangle) to 1.
 
     Raises InputError for a value that breaks one of these rules.
@@ -78,27 +92,49 @@ class Input:
         if not isinstance(self.name, str) or not self.name:
             raise InputError("must be a non-empty text", field="name", value=self.name)
         for field in ("value", "u", "dof", "shape", "joint_dof"):
-            object.__setattr__(self, field, real_number(getattr(self, field), f"{self.name}.{field}"))
+            object.__setattr__(
+                self, field, real_number(getattr(self, field), f"{self.name}.{field}")
+            )
         if not math.isfinite(self.value):
             raise InputError("must be finite", field=f"{self.name}.value", value=self.value)
         if not (math.isfinite(self.u) and self.u >= 0.0):
             raise InputError("must be finite and >= 0", field=f"{self.name}.u", value=self.u)
         if self.distribution not in get_args(Distribution):
             known = ", ".join(get_args(Distribution))
-            raise InputError(f"must be one of {known}", field=f"{self.name}.distribution", value=self.distribution)
+            raise InputError(
+                f"must be one of {known}",
+                field=f"{self.name}.distribution",
+                value=self.distribution,
+            )
         if not self.dof > 0.0:
             raise InputError("must be > 0", field=f"{self.name}.dof", value=self.dof)
         if self.distribution == "t" and math.isinf(self.dof):
-            raise InputError("must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof)
+            raise InputError(
+                "must be finite for the t distribution", field=f"{self.name}.dof", value=self.dof
+            )
         if self.distribution == "standardised-t" and not 2.0 < self.dof < math.inf:
-            raise InputError("must be finite and > 2 for the standardised t distribution", field=f"{self.name}.dof", value=self.dof)
+            raise InputError(
+                "must be finite and > 2 for the standardised t distribution",
+                field=f"{self.name}.dof",
+                value=self.dof,
+            )
         if not 0.0 <= self.joint_dof < math.inf or (self.joint_dof and not self.group):
-            raise InputError("must be a number > 0, and be left out for an input of no group", field=f"{self.name}.joint_dof", value=self.joint_dof)
+            raise InputError(
+                "must be a number > 0, and be left out for an input of no group",
+                field=f"{self.name}.joint_dof",
+                value=self.joint_dof,
+            )
         if not 0.0 <= self.shape <= 1.0 or (self.shape > 0.0 and self.distribution not in SHAPED):
-            rule = "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
+            rule = (
+                "must lie between 0 and 1, and be left out for all distributions but the trapezoids"
+            )
             raise InputError(rule, field=f"{self.name}.shape", value=self.shape)
         if self.distribution in POSITIVE and not self.value > 0.0:
-            raise InputError(f"must be > 0 for the {self.distribution} distribution", field=f"{self.name}.value", value=self.value)
+            raise InputError(
+                f"must be > 0 for the {self.distribution} distribution",
+                field=f"{self.name}.value",
+                value=self.value,
+            )
         if not isinstance(self.unit, str):
             raise InputError("must be a text", field=f"{self.name}.unit", value=self.unit)
 
@@ -114,17 +150,34 @@ class Input:
         unit: str = "",
         shape: float = 0.0,
     ) -> Input:
-        """The quantity that lies within value +/- half_width for certain (GUM 4.3.7, 4.3.9; JCGM 101, 6.4.2-6.4.6)."""
+        """The quantity that lies within value +/- half_width for certain (GUM 4.3.7, 4.3.9; JCGM
+        101, 6.4.2-6.4.6).
+        """
         if distribution not in BOUNDED:
-            raise InputError(f"must be one of {', '.join(BOUNDED)}", field=f"{name}.distribution", value=distribution)
+            raise InputError(
+                f"must be one of {', '.join(BOUNDED)}",
+                field=f"{name}.distribution",
+                value=distribution,
+            )
         width = real_number(half_width, f"{name}.half_width")
         if not (math.isfinite(width) and width >= 0.0):
-            raise InputError("must be finite and >= 0", field=f"{name}.half_width", value=half_width)
-        return cls(name, value, width / half_width_in_u(distribution, shape), distribution, dof, unit, shape)
+            raise InputError(
+                "must be finite and >= 0", field=f"{name}.half_width", value=half_width
+            )
+        return cls(
+            name,
+            value,
+            width / half_width_in_u(distribution, shape),
+            distribution,
+            dof,
+            unit,
+            shape,
+        )
 
     @classmethod
     def from_readings(cls, name: str, readings: ArrayLike, *, unit: str = "") -> Input:
-        """The mean of n >= 2 repeated, independent readings, with a t distribution of n - 1 degrees of freedom.
+        """The mean of n >= 2 repeated, independent readings, with a t distribution of n - 1 degrees
+        of freedom.
 
         u = s/sqrt(n), s the standard deviation of the readings (GUM 4.2.3; JCGM 101, 6.4.9)
 
@@ -132,7 +185,9 @@ class Input:
         """
         sample = real_numbers(readings, f"{name}.readings")
         if sample.ndim != 1 or sample.size < 2:
-            raise InputError("must be a list of at least two", field=f"{name}.readings", value=readings)
+            raise InputError(
+                "must be a list of at least two", field=f"{name}.readings", value=readings
+            )
         if not np.all(np.isfinite(sample)):
             raise InputError("must be finite", field=f"{name}.readings", value=readings)
         u = float(sample.std(ddof=1)) / math.sqrt(sample.size)
@@ -140,7 +195,9 @@ class Input:
 
     @property
     def dof_of_u(self) -> float:
-        """Degrees of freedom of `u` for the linear method: infinite where u is the standard deviation of a stated distribution."""
+        """Degrees of freedom of `u` for the linear method: infinite where u is the standard
+        deviation of a stated distribution.
+        """
         return math.inf if self.distribution == "standardised-t" else self.dof
 
     @property
@@ -150,15 +207,23 @@ class Input:
 
     @property
     def drawn_scale(self) -> float:
-        """Scale of the distribution that Monte Carlo draws from, in `unit`: u, but for a `joint_dof`."""
+        """Scale of the distribution that Monte Carlo draws from, in `unit`: u, but for a
+        `joint_dof`.
+        """
         return self.u * math.sqrt(self.dof / self.joint_dof) if self.joint_dof else self.u
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the distribution that Monte Carlo draws from, in `unit`; infinite for ``t`` with dof <= 2."""
+        """Standard deviation of the distribution that Monte Carlo draws from, in `unit`; infinite
+        for ``t`` with dof <= 2.
+        """
         if self.distribution != "t" or self.u == 0.0:
             return self.u
-        return self.drawn_scale * math.sqrt(self.drawn_dof / (self.drawn_dof - 2.0)) if self.drawn_dof > 2.0 else math.inf
+        return (
+            self.drawn_scale * math.sqrt(self.drawn_dof / (self.drawn_dof - 2.0))
+            if self.drawn_dof > 2.0
+            else math.inf
+        )
 
 
 def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
@@ -170,9 +235,13 @@ def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
         if not isinstance(one, Input):
             raise InputError("must be an Input", field=f"inputs[{position}]", value=one)
     for group in {one.group for one in checked} - {""}:
-        kinds = {(one.distribution, one.dof, one.drawn_dof) for one in checked if one.group == group}
+        kinds = {
+            (one.distribution, one.dof, one.drawn_dof) for one in checked if one.group == group
+        }
         if len(kinds) > 1 or next(iter(kinds))[0] != "t":
-            raise InputError("must be made of t distributions with the same dof", field="group", value=group)
+            raise InputError(
+                "must be made of t distributions with the same dof", field="group", value=group
+            )
     names = [one.name for one in checked]
     for name in names:
         if names.count(name) > 1:
@@ -185,9 +254,9 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
 
     correlation : None, a matrix in the order of `inputs`, or pairs {("V", "I"): -0.36}.
 
-    Raises InputError for an unknown name, a pair given twice, a coefficient outside [-1, 1], a correlation with a constant,
-    a matrix of the wrong shape, not symmetric or without ones on the diagonal, and one that no quantities can have (a
-    negative eigenvalue).
+    Raises InputError for an unknown name, a pair given twice, a coefficient outside [-1, 1], a
+    correlation with a constant, a matrix of the wrong shape, not symmetric or without ones on the
+    diagonal, and one that no quantities can have (a negative eigenvalue).
     """
     names = [one.name for one in inputs]
     if correlation is None:
@@ -198,11 +267,15 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
         matrix = _checked_matrix(names, correlation)
     for i, one in enumerate(inputs):
         if one.u == 0.0 and np.count_nonzero(matrix[i]) > 1:
-            raise InputError("must be 0 for a constant (u = 0)", field="correlation", value=one.name)
+            raise InputError(
+                "must be 0 for a constant (u = 0)", field="correlation", value=one.name
+            )
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -PSD_TOLERANCE:
         raise InputError(
-            "must have no negative eigenvalue (no quantities are correlated like this)", field="correlation", value=smallest
+            "must have no negative eigenvalue (no quantities are correlated like this)",
+            field="correlation",
+            value=smallest,
         )
     matrix.flags.writeable = False
     return matrix
@@ -233,11 +306,15 @@ def _matrix_from_pairs(names: list[str], pairs: Mapping[tuple[str, str], float])
 def _checked_matrix(names: list[str], given: ArrayLike) -> FloatArray:
     matrix = real_numbers(given, "correlation", "must be a matrix of numbers or pairs of names")
     if matrix.shape != (len(names), len(names)):
-        raise InputError(f"must be shaped ({len(names)}, {len(names)})", field="correlation", value=matrix.shape)
+        raise InputError(
+            f"must be shaped ({len(names)}, {len(names)})", field="correlation", value=matrix.shape
+        )
     if not np.all(np.abs(matrix) <= 1.0):
         raise InputError("must lie within [-1, 1]", field="correlation", value=given)
     if not np.array_equal(np.diag(matrix), np.ones(len(names))):
-        raise InputError("must have ones on the diagonal", field="correlation", value=np.diag(matrix).tolist())
+        raise InputError(
+            "must have ones on the diagonal", field="correlation", value=np.diag(matrix).tolist()
+        )
     if not np.allclose(matrix, matrix.T, rtol=0.0, atol=1e-12):
         raise InputError("must be symmetric", field="correlation", value=given)
     return np.asarray(0.5 * (matrix + matrix.T))

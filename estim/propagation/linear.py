@@ -1,18 +1,21 @@
-"""Linear propagation of uncertainty (GUM, JCGM 100), and how it stands beside the Monte-Carlo method.
+"""Linear propagation of uncertainty (GUM, JCGM 100), and how it stands beside the Monte-Carlo
+method.
 
-Use `propagate_linear` for the budget (what limits what) and where the function is nearly straight over the inputs'
-uncertainties.  Use `estim.propagation.monte_carlo.propagate_monte_carlo` for the interval that is quoted: it holds for any function and
-any distribution.  If it is unknown which will do, take both and ask `estim.propagation.validation.compare` (JCGM 101, section 8).
+Use `propagate_linear` for the budget (what limits what) and where the function is nearly straight
+over the inputs' uncertainties.  Use `estim.propagation.monte_carlo.propagate_monte_carlo` for the
+interval that is quoted: it holds for any function and any distribution.  If it is unknown which
+will do, take both and ask `estim.propagation.validation.compare` (JCGM 101, section 8).
 
-How a measurement function looks is said at the top of `estim/propagation/evaluation.py`; how to state an input, at the top of
-`estim/propagation/inputs.py`.
+How a measurement function looks is said at the top of `estim/propagation/evaluation.py`; how to
+state an input, at the top of `estim/propagation/inputs.py`.
 
-    inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")]
-    linear = propagate_linear(lambda q: q["V"] / q["I"], inputs, correlation={("V", "I"): -0.36})
-    sampled = propagate_monte_carlo(lambda q: q["V"] / q["I"], inputs, rng=rng, correlation={("V", "I"): -0.36})
-    validation = compare(linear, sampled)
+    inputs = [Input("V", 4.999, 0.0032, unit="V"), Input("I", 0.019661, 9.5e-6, unit="A")] linear =
+    propagate_linear(lambda q: q["V"] / q["I"], inputs, correlation={("V", "I"): -0.36}) sampled =
+    propagate_monte_carlo(lambda q: q["V"] / q["I"], inputs, rng=rng, correlation={("V", "I"):
+    -0.36}) validation = compare(linear, sampled)
 
-Outputs are shaped () for a scalar function and (n_out,) for a curve or a tuple of outputs, in every record.
+Outputs are shaped () for a scalar function and (n_out,) for a curve or a tuple of outputs, in every
+record.
 """
 
 from __future__ import annotations
@@ -31,8 +34,11 @@ from estim.distributions import student_quantile
 from estim.propagation.evaluation import Gradient, MeasurementFunction, check_size, gradient
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 
-_INACCURATE = 1e-3  # numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
-_KINK = 0.05  # difference of the slopes to the two sides times u(x), as a part of u(y), from which on it is reported
+# numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
+_INACCURATE = 1e-3
+# difference of the slopes to the two sides times u(x), as a part of u(y), from which on it is
+# reported
+_KINK = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +47,8 @@ class LinearResult:
 
     inputs : in the order given.   correlation : (n_in, n_in).
     value, u : () output at the estimates and its standard uncertainty, in the unit of the output.
-    sensitivities : (n_in,) or (n_in, n_out), c_i = dy/dx_i.   covariance : () or (n_out, n_out), of the outputs.
+    sensitivities : (n_in,) or (n_in, n_out), c_i = dy/dx_i.
+    covariance : () or (n_out, n_out), of the outputs.
     dof : () effective degrees of freedom, not truncated.
     k, low, high : () coverage factor and ends of value +/- k u, for `probability`.
     sensitivity_error : like `sensitivities`, the numerical error of the derivatives.
@@ -63,42 +70,58 @@ class LinearResult:
     notes: tuple[str, ...]
 
     def as_ufloat(self) -> Any:
-        """The same result for the package `uncertainties`: a ufloat, or an object array (n_out,) of them.
+        """The same result for the package `uncertainties`: a ufloat, or an object array (n_out,) of
+        them.
 
-        All outputs depend on one set of variables tagged with the inputs' names, so correlations among outputs persist in further
-        calculations.  Every call makes new variables: outputs of two calls are independent of each other.
+        All outputs depend on one set of variables tagged with the inputs' names, so correlations
+        among outputs persist in further calculations.  Every call makes new variables: outputs of
+        two calls are independent of each other.
         """
         from uncertainties import correlated_values_norm
 
         pairs = [(one.value, one.u) for one in self.inputs]
-        variables = correlated_values_norm(pairs, self.correlation, tags=[one.name for one in self.inputs])
-        deviations = [variable - one.value for variable, one in zip(variables, self.inputs, strict=True)]
+        variables = correlated_values_norm(
+            pairs, self.correlation, tags=[one.name for one in self.inputs]
+        )
+        deviations = [
+            variable - one.value for variable, one in zip(variables, self.inputs, strict=True)
+        ]
         slopes = self.sensitivities.reshape(len(self.inputs), -1)
         outputs = np.empty(self.value.size, dtype=object)
         for j, value in enumerate(self.value.reshape(-1)):
             outputs[j] = sum(
-                (float(c) * deviation for c, deviation in zip(slopes[:, j], deviations, strict=True)), start=float(value)
+                (
+                    float(c) * deviation
+                    for c, deviation in zip(slopes[:, j], deviations, strict=True)
+                ),
+                start=float(value),
             )
         return outputs[0] if self.value.ndim == 0 else outputs
 
 
 def propagate_linear(
-    function: MeasurementFunction, inputs: Sequence[Input], *, correlation: Correlation | None = None, probability: float = 0.95
+    function: MeasurementFunction,
+    inputs: Sequence[Input],
+    *,
+    correlation: Correlation | None = None,
+    probability: float = 0.95,
 ) -> LinearResult:
-    """Value, uncertainty and coverage interval to first order, with exact first derivatives (see `estim.propagation.evaluation.gradient`).
+    """Value, uncertainty and coverage interval to first order, with exact first derivatives (see
+    `estim.propagation.evaluation.gradient`).
 
-    u^2(y) = sum_ij c_i c_j r_ij u_i u_j (GUM eq. 16);   covariance of several outputs C U C^T (GUM H.2.3, JCGM 102, 6.2)
-    1/dof = sum_g [u_g(y)/u(y)]^4/dof_g (Welch-Satterthwaite, GUM eq. G.2b);   k = t quantile at (1 + probability)/2
+    u^2(y) = sum_ij c_i c_j r_ij u_i u_j (GUM eq. 16);   covariance of several outputs C U C^T (GUM
+    H.2.3, JCGM 102, 6.2) 1/dof = sum_g [u_g(y)/u(y)]^4/dof_g (Welch-Satterthwaite, GUM eq. G.2b);
+    k = t quantile at (1 + probability)/2
 
-    The terms g of the last sum are uncorrelated inputs and groups of inputs correlated with one another: a group measured
-    together, with one dof, counts as one component (Willink 2007, Metrologia 44, 340).  The equation has no meaning for a
-    group with different dof; then the smallest is taken and a note says so.  k is taken at the fractional dof; GUM G.4.1
-    rounds down to use a table.
+    The terms g of the last sum are uncorrelated inputs and groups of inputs correlated with one
+    another: a group measured together, with one dof, counts as one component (Willink 2007,
+    Metrologia 44, 340).  The equation has no meaning for a group with different dof; then the
+    smallest is taken and a note says so.  k is taken at the fractional dof; GUM G.4.1 rounds down
+    to use a table.
 
-    correlation : of the inputs; None, a matrix (n_in, n_in), or pairs {("V", "I"): -0.36}.   probability : of the coverage
-        interval.
-    Raises InputError for inputs, a correlation or a function that break a rule.  A derivative that does not exist is NaN and
-    a note.
+    correlation : of the inputs; None, a matrix (n_in, n_in), or pairs {("V", "I"): -0.36}.
+    probability : of the coverage interval.  Raises InputError for inputs, a correlation or a
+        function that break a rule.  A derivative that does not exist is NaN and a note.
     """
     checked = check_inputs(inputs)
     matrix = correlation_matrix(checked, correlation)
@@ -129,7 +152,9 @@ def propagate_linear(
 
 
 def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -> FloatArray:
-    """c_i u_i with its sign, (n_in, n_out), n_out = 1 for a scalar output; 0 for a constant, whatever its derivative."""
+    """c_i u_i with its sign, (n_in, n_out), n_out = 1 for a scalar output; 0 for a constant,
+    whatever its derivative.
+    """
     u_in = np.array([one.u for one in inputs])[:, np.newaxis]
     return np.asarray(np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in))
 
@@ -148,7 +173,11 @@ def frozen(array: Any) -> FloatArray:
 
 def how_many(affected: NDArray[np.bool_], *, scalar: bool) -> str:
     """Text for the outputs concerned: empty for a scalar output, else "at 3 of 20 outputs: "."""
-    return "" if scalar or affected.size == 1 else phrase("at {k} of {n} outputs: ", k=np.count_nonzero(affected), n=affected.size)
+    return (
+        ""
+        if scalar or affected.size == 1
+        else phrase("at {k} of {n} outputs: ", k=np.count_nonzero(affected), n=affected.size)
+    )
 
 
 def _effective_dof(
@@ -163,13 +192,17 @@ def _effective_dof(
             names = ", ".join(inputs[i].name for i in group)
             notes.append(
                 phrase(
-                    "{names} are correlated but have different degrees of freedom: the smallest, {dof:g}, is used for all of them",
-                    names=names, dof=dof,
+                    "{names} are correlated but have different degrees of freedom: the "
+                    "smallest, {dof:g}, is used for all of them",
+                    names=names,
+                    dof=dof,
                 )
             )
         if math.isfinite(dof):
             part = components[group]
-            u_group = np.sqrt(np.maximum(np.sum(part * (matrix[np.ix_(group, group)] @ part), axis=0), 0.0))
+            u_group = np.sqrt(
+                np.maximum(np.sum(part * (matrix[np.ix_(group, group)] @ part), axis=0), 0.0)
+            )
             reciprocal += np.divide(u_group, u, out=np.zeros_like(u), where=u != 0.0) ** 4 / dof
     with np.errstate(divide="ignore"):
         return 1.0 / reciprocal, notes
@@ -189,13 +222,26 @@ def _correlated_groups(matrix: FloatArray) -> list[list[int]]:
     return groups
 
 
-def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: FloatArray, u: FloatArray) -> list[str]:
+def _derivative_notes(
+    inputs: Sequence[Input], slopes: Gradient, components: FloatArray, u: FloatArray
+) -> list[str]:
     """Sentences about values and derivatives that cannot be relied on."""
     scalar = slopes.value.ndim == 0
     undefined = ~np.isfinite(slopes.value.reshape(-1))
-    notes = [how_many(undefined, scalar=scalar) + phrase("the function has no finite value at the estimates")] if undefined.any() else []
+    notes = (
+        [
+            how_many(undefined, scalar=scalar)
+            + phrase("the function has no finite value at the estimates")
+        ]
+        if undefined.any()
+        else []
+    )
     for one, component, error, kink in zip(
-        inputs, components, slopes.error.reshape(len(inputs), -1), slopes.kink.reshape(len(inputs), -1), strict=True
+        inputs,
+        components,
+        slopes.error.reshape(len(inputs), -1),
+        slopes.kink.reshape(len(inputs), -1),
+        strict=True,
     ):
         if one.u == 0.0:
             continue
@@ -205,18 +251,28 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
         for affected, text in (
             (
                 missing,
-                phrase("there is no derivative with respect to '{name}': the function is undefined next to the estimate, so u is "
-                       "unknown", name=one.name),
+                phrase(
+                    "there is no derivative with respect to '{name}': the function is "
+                    "undefined next to the estimate, so u is "
+                    "unknown",
+                    name=one.name,
+                ),
             ),
             (
                 bent,
-                phrase("the slope with respect to '{name}' differs on the two sides of the estimate: u is computed from their mean", name=one.name),
+                phrase(
+                    "the slope with respect to '{name}' differs on the two sides of the "
+                    "estimate: u is computed from their mean",
+                    name=one.name,
+                ),
             ),
             (
                 rough & ~bent,
                 phrase(
-                    "the derivative with respect to '{name}' is known only to a relative accuracy of {share:.1g}",
-                    name=one.name, share=_worst(error, component, one.u),
+                    "the derivative with respect to '{name}' is known only to a relative "
+                    "accuracy of {share:.1g}",
+                    name=one.name,
+                    share=_worst(error, component, one.u),
                 ),
             ),
         ):
@@ -226,7 +282,10 @@ def _derivative_notes(inputs: Sequence[Input], slopes: Gradient, components: Flo
     if flat.any() and any(one.u > 0.0 for one in inputs):
         notes.append(
             how_many(flat, scalar=scalar)
-            + phrase("all first derivatives vanish, so the linear uncertainty of 0 is meaningless: use Monte Carlo")
+            + phrase(
+                "all first derivatives vanish, so the linear uncertainty of 0 is "
+                "meaningless: use Monte Carlo"
+            )
         )
     return notes
 

@@ -1,11 +1,13 @@
-"""Propagation of distributions by Monte Carlo (JCGM 101): mean, standard deviation and coverage intervals, with their own errors.
+"""Propagation of distributions by Monte Carlo (JCGM 101): mean, standard deviation and coverage
+intervals, with their own errors.
 
-Which interval to quote: the symmetric one (equal tails) is steadier and follows a change of scale; the shortest one contains
-the most probable values and is the one to take where the distribution leans against a limit.  They agree for a symmetric
-distribution.  If it is unknown, quote the symmetric one and look at the other.
+Which interval to quote: the symmetric one (equal tails) is steadier and follows a change of scale;
+the shortest one contains the most probable values and is the one to take where the distribution
+leans against a limit.  They agree for a symmetric distribution.  If it is unknown, quote the
+symmetric one and look at the other.
 
-Where the tails are so long that no standard deviation exists (1/a with a near 0), u is NaN however many draws are made, and a note
-says so: intervals exist all the same.
+Where the tails are so long that no standard deviation exists (1/a with a near 0), u is NaN however
+many draws are made, and a note says so: intervals exist all the same.
 
 The draws themselves are kept (`MonteCarloResult.draws`); every other number is a view of them.
 """
@@ -23,7 +25,12 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import InputError, later, phrase
 from estim.propagation.copula import copula_matrix, draw_inputs
-from estim.propagation.evaluation import MeasurementFunction, check_draws, evaluate_draws, evaluate_point
+from estim.propagation.evaluation import (
+    MeasurementFunction,
+    check_draws,
+    evaluate_draws,
+    evaluate_point,
+)
 from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
 from estim.propagation.linear import check_probability, frozen, how_many
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
@@ -36,14 +43,21 @@ _LEAST_BLOCKS = 10
 _MOST_DRAWS = 10_000_000
 _MOST_VALUES = 20_000_000  # of n_draw * n_out by default: 160 MB
 _STATISTICS = (
-    later("mean"), "u", later("symmetric low"), later("symmetric high"), later("shortest low"), later("shortest high"),
+    later("mean"),
+    "u",
+    later("symmetric low"),
+    later("symmetric high"),
+    later("shortest low"),
+    later("shortest high"),
 )
 _WATCHED: dict[str, list[int]] = {"symmetric": [0, 1, 2, 3], "shortest": [0, 1, 4, 5]}
 
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """A coverage interval, fields () or (n_out,) in the unit of the output; the errors are Monte-Carlo standard errors."""
+    """A coverage interval, fields () or (n_out,) in the unit of the output; the errors are
+    Monte-Carlo standard errors.
+    """
 
     low: FloatArray
     high: FloatArray
@@ -56,18 +70,21 @@ class MonteCarloResult:
     """Propagation of distributions.  Arrays are read-only; "()" below stands for () or (n_out,).
 
     inputs, correlation : as for `LinearResult`.
-    draws : (n_draw,) or (n_draw, n_out) outputs, as the function returned them.   n_block : blocks they were drawn in.
+    draws : (n_draw,) or (n_draw, n_out) outputs, as the function returned them.
+    n_block : blocks they were drawn in.
     mean, u : () mean and standard deviation of the draws; NaN where the tails say that none exists.
     mean_error, u_error : () their Monte-Carlo standard errors.
-    symmetric, shortest : coverage intervals for `probability`, with equal tails and of least length.
-    undefined : () fraction of the draws for which the function has no finite value.  Where it is above 0 the statistics are
-        NaN, for they could only be conditional on the function being defined; `where_defined` gives those.
+    symmetric, shortest : coverage intervals for `probability`, with equal tails and of least
+        length.
+    undefined : () fraction of the draws for which the function has no finite value.  Where it is
+        above 0 the statistics are NaN, for they could only be conditional on the function being
+        defined; `where_defined` gives those.
     conditional : True for what `where_defined` returned.
     tolerance : () numerical tolerance delta for `n_digits` digits of u (JCGM 101, 7.9.2).
-    tail_index : () Hill's estimate of 1/alpha where the distribution falls off as |y|^-alpha: no standard deviation from 1/2 on, no
-        mean from 1 on.
-    stabilised : whether twice the standard errors of mean, u and both ends of the `watched` interval are within `tolerance`
-        for all outputs.
+    tail_index : () Hill's estimate of 1/alpha where the distribution falls off as |y|^-alpha: no
+        standard deviation from 1/2 on, no mean from 1 on.
+    stabilised : whether twice the standard errors of mean, u and both ends of the `watched`
+        interval are within `tolerance` for all outputs.
     notes : sentences about what a reader must know; empty where all is well.
     """
 
@@ -97,14 +114,37 @@ class MonteCarloResult:
         return len(self.draws)
 
     def covariance(self) -> FloatArray:
-        """Covariance of the outputs over the draws, () or (n_out, n_out); NaN where some draws leave one undefined or u does not exist."""
-        return frozen(np.cov(np.where(np.isfinite(self.draws) & ~(self.tail_index > NO_VARIANCE), self.draws, np.nan), rowvar=False))
+        """Covariance of the outputs over the draws, () or (n_out, n_out); NaN where some draws
+        leave one undefined or u does not exist.
+        """
+        return frozen(
+            np.cov(
+                np.where(
+                    np.isfinite(self.draws) & ~(self.tail_index > NO_VARIANCE), self.draws, np.nan
+                ),
+                rowvar=False,
+            )
+        )
 
     def where_defined(self) -> MonteCarloResult:
-        """The same statistics of the draws that have a value, output by output: conditional on the function being defined."""
-        blocks = np.array([_block_statistics(block, self.probability) for block in np.array_split(self.draws, self.n_block)])
+        """The same statistics of the draws that have a value, output by output: conditional on the
+        function being defined.
+        """
+        blocks = np.array(
+            [
+                _block_statistics(block, self.probability)
+                for block in np.array_split(self.draws, self.n_block)
+            ]
+        )
         return _result(
-            self.inputs, self.correlation, self.draws, blocks, self.probability, self.n_digits, self.watched, conditional=True
+            self.inputs,
+            self.correlation,
+            self.draws,
+            blocks,
+            self.probability,
+            self.n_digits,
+            self.watched,
+            conditional=True,
         )
 
 
@@ -121,14 +161,16 @@ def propagate_monte_carlo(
     max_draw: int | None = None,
     progress: BatchProgress | None = None,
 ) -> MonteCarloResult:
-    """Mean, standard deviation and coverage intervals of the output's distribution (JCGM 101, section 7), and the draws.
+    """Mean, standard deviation and coverage intervals of the output's distribution (JCGM 101,
+    section 7), and the draws.
 
-    With `n_draw` that many draws are made.  Without it blocks of max(ceil(100/(1 - probability)), 10^4) draws are added
-    until the result has stabilised to `n_digits` digits of u (JCGM 101, 7.9.4): over the h blocks, twice s/sqrt(h), s the
-    standard deviation of the block values, is within delta for the mean, u and both ends of the `watched` interval, for
-    every output.  Unlike there, h >= 10: the spread of two blocks is often small by chance.  After `max_draw` draws (default
-    10^7, for a curve at most 2e7/n_out) it ends and says "not stabilised"; where these are less than ten blocks, the blocks
-    are smaller.
+    With `n_draw` that many draws are made.  Without it blocks of max(ceil(100/(1 - probability)),
+    10^4) draws are added until the result has stabilised to `n_digits` digits of u (JCGM 101,
+    7.9.4): over the h blocks, twice s/sqrt(h), s the standard deviation of the block values, is
+    within delta for the mean, u and both ends of the `watched` interval, for every output.  Unlike
+    there, h >= 10: the spread of two blocks is often small by chance.  After `max_draw` draws
+    (default 10^7, for a curve at most 2e7/n_out) it ends and says "not stabilised"; where these are
+    less than ten blocks, the blocks are smaller.
 
     progress : called as progress(draws made, most draws) after each block.
     Raises InputError for inputs, a correlation, choices or a function that break a rule.
@@ -140,33 +182,54 @@ def propagate_monte_carlo(
     copula = copula_matrix(checked, matrix)
     value = evaluate_point(function, {one.name: one.value for one in checked})
     n_out = None if value.ndim == 0 else value.size
-    sizes = _block_sizes(n_draw, max_draw or min(_MOST_DRAWS, _MOST_VALUES // value.size), probability)
+    sizes = _block_sizes(
+        n_draw, max_draw or min(_MOST_DRAWS, _MOST_VALUES // value.size), probability
+    )
     outputs: list[FloatArray] = []
     blocks: list[FloatArray] = []
     for size in sizes:
-        outputs.append(evaluate_draws(function, draw_inputs(checked, copula, rng=rng, n_draw=size), n_out=n_out))
+        outputs.append(
+            evaluate_draws(
+                function, draw_inputs(checked, copula, rng=rng, n_draw=size), n_out=n_out
+            )
+        )
         check_draws(value, outputs[-1])
         blocks.append(_block_statistics(outputs[-1], probability))
         if progress is not None:
             progress(sum(map(len, outputs)), sum(sizes))
-        if n_draw is None and len(blocks) >= _LEAST_BLOCKS and np.all(_stabilised(np.array(blocks), n_digits, watched)):
+        if (
+            n_draw is None
+            and len(blocks) >= _LEAST_BLOCKS
+            and np.all(_stabilised(np.array(blocks), n_digits, watched))
+        ):
             break
     draws = np.concatenate(outputs)
     draws.flags.writeable = False
-    return _result(checked, matrix, draws, np.array(blocks), probability, n_digits, watched, conditional=False)
+    return _result(
+        checked, matrix, draws, np.array(blocks), probability, n_digits, watched, conditional=False
+    )
 
 
 def numerical_tolerance(u: FloatArray, n_digits: int) -> FloatArray:
-    """delta = 10^l/2 where u = c 10^l and c is an integer of `n_digits` digits (JCGM 101, 7.9.2); 0 for u = 0.  Shape of `u`."""
+    """delta = 10^l/2 where u = c 10^l and c is an integer of `n_digits` digits (JCGM 101, 7.9.2); 0
+    for u = 0.  Shape of `u`.
+    """
     u = np.asarray(u, dtype=float)
     positive = np.where(np.isfinite(u) & (u > 0.0), u, 1.0)
     exponent = np.floor(np.log10(positive)) - (n_digits - 1)
-    exponent += np.round(positive / 10.0**exponent) >= 10.0**n_digits  # 0.0996 has the two digits 0.10
-    return np.asarray(np.where(np.isfinite(u), np.where(u > 0.0, 0.5 * 10.0**exponent, 0.0), np.nan))
+    # 0.0996 has the two digits 0.10
+    exponent += np.round(positive / 10.0**exponent) >= 10.0**n_digits
+    return np.asarray(
+        np.where(np.isfinite(u), np.where(u > 0.0, 0.5 * 10.0**exponent, 0.0), np.nan)
+    )
 
 
-def coverage_interval(ordered: FloatArray, probability: float, kind: IntervalKind) -> tuple[float, float]:
-    """Ends of the coverage interval from draws in increasing order, (n_draw,): JCGM 101, 7.7.2 (symmetric), 7.7.4 (shortest)."""
+def coverage_interval(
+    ordered: FloatArray, probability: float, kind: IntervalKind
+) -> tuple[float, float]:
+    """Ends of the coverage interval from draws in increasing order, (n_draw,): JCGM 101, 7.7.2
+    (symmetric), 7.7.4 (shortest).
+    """
     n_draw = ordered.size
     n_inside = min(int(probability * n_draw + 0.5), n_draw - 1)
     if kind == "symmetric":
@@ -177,7 +240,9 @@ def coverage_interval(ordered: FloatArray, probability: float, kind: IntervalKin
 
 
 def _block_sizes(n_draw: int | None, most: int, probability: float) -> list[int]:
-    """Draws in each block: the size of JCGM 101, 7.9.4 b, or less where ten such blocks are too many."""
+    """Draws in each block: the size of JCGM 101, 7.9.4 b, or less where ten such blocks are too
+    many.
+    """
     usual = max(_draws_for(probability), _LEAST_BLOCK)
     total = n_draw or most
     n_block = max(total // usual, _LEAST_BLOCKS)
@@ -190,23 +255,31 @@ def _draws_for(probability: float) -> int:
 
 
 def _block_statistics(draws: FloatArray, probability: float) -> FloatArray:
-    """Number of finite draws and the six `_STATISTICS` of them, output by output: (n_draw,) or (n_draw, n_out) -> (7, n_out)."""
+    """Number of finite draws and the six `_STATISTICS` of them, output by output: (n_draw,) or
+    (n_draw, n_out) -> (7, n_out).
+    """
     table = np.full((1 + len(_STATISTICS), 1 if draws.ndim == 1 else draws.shape[1]), np.nan)
     for j, column in enumerate(draws.reshape(len(draws), -1).T):
         ordered = np.sort(column[np.isfinite(column)])
         table[0, j] = ordered.size
         if ordered.size > 1:
-            constant = ordered[0] == ordered[-1]  # a sum over equal numbers would leave a rounding error as u
+            # a sum over equal numbers would leave a rounding error as u
+            constant = ordered[0] == ordered[-1]
             mean, u = (ordered[0], 0.0) if constant else (ordered.mean(), ordered.std(ddof=1))
-            symmetric, shortest = (coverage_interval(ordered, probability, kind) for kind in get_args(IntervalKind))
+            symmetric, shortest = (
+                coverage_interval(ordered, probability, kind) for kind in get_args(IntervalKind)
+            )
             table[1:, j] = mean, u, *symmetric, *shortest
     return table
 
 
 def _standard_errors(blocks: FloatArray) -> FloatArray:
     """s/sqrt(h) over the blocks for each statistic: (n_block, 7, n_out) -> (6, n_out)."""
-    constant = blocks[:, 1:].max(axis=0) == blocks[:, 1:].min(axis=0)  # rounding would leave a standard deviation
-    return np.asarray(np.where(constant, 0.0, blocks[:, 1:].std(axis=0, ddof=1) / math.sqrt(len(blocks))))
+    # rounding would leave a standard deviation
+    constant = blocks[:, 1:].max(axis=0) == blocks[:, 1:].min(axis=0)
+    return np.asarray(
+        np.where(constant, 0.0, blocks[:, 1:].std(axis=0, ddof=1) / math.sqrt(len(blocks)))
+    )
 
 
 def _stabilised(blocks: FloatArray, n_digits: int, watched: IntervalKind) -> NDArray[np.bool_]:
@@ -247,14 +320,20 @@ def _result(
     endless = (tails > NO_VARIANCE) & ~partial
     if endless.any():
         notes.append(
-            how_many(endless, scalar=not shape) + phrase(
-                "the tails are so heavy (index {index:.2g}; a standard deviation exists below 0.5, a mean below 1) that there is no "
+            how_many(endless, scalar=not shape)
+            + phrase(
+                "the tails are so heavy (index {index:.2g}; a standard deviation exists "
+                "below 0.5, a mean below 1) that there is no "
                 "standard deviation: more draws do not help, quote an interval",
                 index=tails.max(),
             )
         )
     if not stable[(undefined == 0.0) & ~endless].all() or (conditional and not stable.all()):
-        notes.append(_unstable_note(errors, tolerance, stable, len(draws), n_digits, watched, scalar=not shape))
+        notes.append(
+            _unstable_note(
+                errors, tolerance, stable, len(draws), n_digits, watched, scalar=not shape
+            )
+        )
     return MonteCarloResult(
         inputs=inputs,
         correlation=correlation,
@@ -285,12 +364,18 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
     consequence = (
         phrase("the statistics are conditional on the function being defined")
         if conditional
-        else phrase("no mean, u or interval is given there (where_defined gives them conditional on the function being defined)")
+        else phrase(
+            "no mean, u or interval is given there (where_defined gives them conditional "
+            "on the function being defined)"
+        )
     )
     said = {"share": 100.0 * undefined.max(), "consequence": consequence}
     if scalar:
         return [phrase("{share:.3g} % of the draws give no finite value: {consequence}", **said)]
-    return [how_many(affected, scalar=scalar) + phrase("up to {share:.3g} % of the draws give no finite value: {consequence}", **said)]
+    return [
+        how_many(affected, scalar=scalar)
+        + phrase("up to {share:.3g} % of the draws give no finite value: {consequence}", **said)
+    ]
 
 
 def _unstable_note(
@@ -305,15 +390,22 @@ def _unstable_note(
 ) -> str:
     unstable = ~stable & np.isfinite(tolerance)
     if not unstable.any():
-        return how_many(~stable, scalar=scalar) + phrase("not stabilised: too few draws have a finite value")
+        return how_many(~stable, scalar=scalar) + phrase(
+            "not stabilised: too few draws have a finite value"
+        )
     rows = _WATCHED[watched]
     ratio = np.where(unstable, errors[rows] / np.maximum(tolerance, np.finfo(float).tiny), -1.0)
     row, output = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
     error = 2.0 * errors[rows[int(row)], output]
     return how_many(unstable, scalar=scalar) + phrase(
-        "not stabilised to {digits} digits of u after {n} draws: twice the standard error of {what} is {error:.2g}, while the tolerance "
+        "not stabilised to {digits} digits of u after {n} draws: twice the standard error "
+        "of {what} is {error:.2g}, while the tolerance "
         "is {tolerance:.2g}",
-        digits=n_digits, n=n_draw, what=phrase(_STATISTICS[rows[int(row)]]), error=error, tolerance=tolerance[output],
+        digits=n_digits,
+        n=n_draw,
+        what=phrase(_STATISTICS[rows[int(row)]]),
+        error=error,
+        tolerance=tolerance[output],
     )
 
 
@@ -325,26 +417,39 @@ def _input_notes(inputs: Sequence[Input]) -> list[str]:
         if math.isinf(one.standard_deviation):
             notes.append(
                 phrase(
-                    "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may not converge, so quote intervals only",
-                    name=one.name, dof=one.drawn_dof,
+                    "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may "
+                    "not converge, so quote intervals only",
+                    name=one.name,
+                    dof=one.drawn_dof,
                 )
             )
         if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
             notes.append(
                 phrase(
-                    "'{name}' is drawn from a {distribution} distribution: its {dof:g} degrees of freedom are not used",
-                    name=one.name, distribution=one.distribution, dof=one.dof,
+                    "'{name}' is drawn from a {distribution} distribution: its {dof:g} "
+                    "degrees of freedom are not used",
+                    name=one.name,
+                    distribution=one.distribution,
+                    dof=one.dof,
                 )
             )
     return notes
 
 
-def _check_choices(n_draw: object, max_draw: object, n_digits: object, watched: object, probability: float) -> None:
+def _check_choices(
+    n_draw: object, max_draw: object, n_digits: object, watched: object, probability: float
+) -> None:
     least = _draws_for(probability)
-    for field, count, smallest in (("n_draw", n_draw, least), ("max_draw", max_draw, least), ("n_digits", n_digits, 1)):
+    for field, count, smallest in (
+        ("n_draw", n_draw, least),
+        ("max_draw", max_draw, least),
+        ("n_digits", n_digits, 1),
+    ):
         if count is None and field != "n_digits":
             continue
         if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < smallest:
             raise InputError(f"must be a whole number >= {smallest}", field=field, value=count)
     if watched not in get_args(IntervalKind):
-        raise InputError(f"must be one of {', '.join(get_args(IntervalKind))}", field="watched", value=watched)
+        raise InputError(
+            f"must be one of {', '.join(get_args(IntervalKind))}", field="watched", value=watched
+        )

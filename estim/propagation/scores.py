@@ -1,7 +1,9 @@
-"""The distributions of inputs as standardised quantiles: (x - value)/u as a function of the normal quantile z.
+"""The distributions of inputs as standardised quantiles: (x - value)/u as a function of the normal
+quantile z.
 
-Every map increases with z and has mean 0 and, but for ``t``, variance 1.  Sources: JCGM 101, 6.4 (its trapezoids, with half width 1, in
-6.4.3 and 6.4.4); the lognormal and the gamma distribution by their mean and standard deviation.
+Every map increases with z and has mean 0 and, but for ``t``, variance 1.  Sources: JCGM 101, 6.4
+(its trapezoids, with half width 1, in 6.4.3 and 6.4.4); the lognormal and the gamma distribution by
+their mean and standard deviation.
 """
 
 from __future__ import annotations
@@ -16,10 +18,30 @@ from estim.arrays import FloatArray
 from estim.distributions import normal_tail, student_quantile
 
 Distribution = Literal[
-    "normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t", "standardised-t", "exponential",
-    "lognormal", "gamma",
+    "normal",
+    "rectangular",
+    "triangular",
+    "trapezoidal",
+    "curvilinear-trapezoidal",
+    "arcsine",
+    "t",
+    "standardised-t",
+    "exponential",
+    "lognormal",
+    "gamma",
 ]
-SYMMETRIC = frozenset({"normal", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine", "t", "standardised-t"})
+SYMMETRIC = frozenset(
+    {
+        "normal",
+        "rectangular",
+        "triangular",
+        "trapezoidal",
+        "curvilinear-trapezoidal",
+        "arcsine",
+        "t",
+        "standardised-t",
+    }
+)
 SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
 POSITIVE = frozenset({"lognormal", "gamma"})
@@ -27,7 +49,9 @@ _NEWTON_STEPS = 8
 
 
 def half_width_in_u(distribution: str, shape: float) -> float:
-    """Half width of a bounded distribution divided by its standard deviation (GUM 4.3.7, 4.3.9; JCGM 101, 6.4.2-6.4.6)."""
+    """Half width of a bounded distribution divided by its standard deviation (GUM 4.3.7, 4.3.9;
+    JCGM 101, 6.4.2-6.4.6).
+    """
     return {
         "rectangular": math.sqrt(3.0),
         "triangular": math.sqrt(6.0),
@@ -37,10 +61,14 @@ def half_width_in_u(distribution: str, shape: float) -> float:
     }[distribution]
 
 
-def score(z: FloatArray, distribution: str, *, dof: float, shape: float, relative: float) -> FloatArray:
+def score(
+    z: FloatArray, distribution: str, *, dof: float, shape: float, relative: float
+) -> FloatArray:
     """(x - value)/u at the normal quantiles `z`, any shape.
 
-    dof : of the two t.  shape : of the two trapezoids, see `Input`.  relative : u/value, of the lognormal and the gamma distribution.
+    dof : of the two t.
+    shape : of the two trapezoids, see `Input`.  relative : u/value, of the lognormal and the gamma
+        distribution.
     """
     if distribution == "normal":
         return z
@@ -52,13 +80,16 @@ def score(z: FloatArray, distribution: str, *, dof: float, shape: float, relativ
     if distribution == "gamma":
         k = relative**-2
         below = special.gammaincinv(k, special.ndtr(np.minimum(z, 0.0)))
-        above = special.gammainccinv(k, normal_tail(np.maximum(z, 0.0)))  # the probability in the nearer tail keeps its digits
+        # the probability in the nearer tail keeps its digits
+        above = special.gammainccinv(k, normal_tail(np.maximum(z, 0.0)))
         return np.asarray((np.where(z < 0.0, below, above) - k) / math.sqrt(k))
     return np.asarray(np.copysign(_magnitude(normal_tail(np.abs(z)), distribution, dof, shape), z))
 
 
 def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) -> FloatArray:
-    """Of a symmetric distribution: the score that is exceeded with probability `tail`, at most 1/2."""
+    """Of a symmetric distribution: the score that is exceeded with probability `tail`, at most
+    1/2.
+    """
     if distribution in ("t", "standardised-t"):
         scale = 1.0 if distribution == "t" else math.sqrt((dof - 2.0) / dof)
         return np.asarray(-scale * student_quantile(tail, dof))
@@ -72,15 +103,18 @@ def _magnitude(tail: FloatArray, distribution: str, dof: float, shape: float) ->
     if distribution == "trapezoidal":
         height = 1.0 / (1.0 + shape)
         slope = 1.0 - np.sqrt(2.0 * tail * (1.0 - shape) / height)
-        return np.asarray(width * np.where(tail <= 0.5 * height * (1.0 - shape), slope, (0.5 - tail) / height))
+        return np.asarray(
+            width * np.where(tail <= 0.5 * height * (1.0 - shape), slope, (0.5 - tail) / height)
+        )
     return width * _curvilinear(tail, shape)
 
 
 def _curvilinear(tail: FloatArray, d: float) -> FloatArray:
     """The curvilinear trapezoid with half width 1, known to +/- d: y with P(Y > y) = tail.
 
-    Y = W V with V uniform on (-1, 1) and W on (1 - d, 1 + d).  Where y < 1 - d, P(|Y| > y) = 1 - y ln((1 + d)/(1 - d))/(2 d); beyond,
-    with q = y/(1 + d), (1 + d)(1 - q + q ln q)/(2 d), which Newton's method solves from the left.
+    Y = W V with V uniform on (-1, 1) and W on (1 - d, 1 + d).  Where y < 1 - d, P(|Y| > y) = 1 - y
+    ln((1 + d)/(1 - d))/(2 d); beyond, with q = y/(1 + d), (1 + d)(1 - q + q ln q)/(2 d), which
+    Newton's method solves from the left.
     """
     flat = math.inf if d == 1.0 else math.log1p(2.0 * d / (1.0 - d)) / (2.0 * d)
     inner = (1.0 - 2.0 * tail) / flat
@@ -88,6 +122,12 @@ def _curvilinear(tail: FloatArray, d: float) -> FloatArray:
     q = np.maximum(1.0 - np.sqrt(2.0 * wanted), 1e-12)
     for _ in range(_NEWTON_STEPS):
         slope = np.log(q)
-        q = np.minimum(q - np.where(slope < 0.0, (1.0 - q + q * slope - wanted) / np.where(slope < 0.0, slope, 1.0), 0.0), 1.0)
+        q = np.minimum(
+            q
+            - np.where(
+                slope < 0.0, (1.0 - q + q * slope - wanted) / np.where(slope < 0.0, slope, 1.0), 0.0
+            ),
+            1.0,
+        )
     outer = np.minimum((1.0 + d) * q, 1.0 + d)
     return np.asarray(np.where(inner < 1.0 - d, inner, np.maximum(outer, 1.0 - d)))

@@ -1,7 +1,8 @@
 """What limits a result: the uncertainty budget of a linear propagation.
 
-Use `budget` for a number and `budget_along` for a curve.  A share is a part of the variance, so an input with a share of 1 %
-still contributes 10 % of u; and the shares describe the straight-line approximation, so look at `estim.propagation.validation.compare` first.
+Use `budget` for a number and `budget_along` for a curve.  A share is a part of the variance, so an
+input with a share of 1 % still contributes 10 % of u; and the shares describe the straight-line
+approximation, so look at `estim.propagation.validation.compare` first.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from estim.propagation.linear import LinearResult, frozen, uncertainty_component
 class BudgetRow:
     """One input's part.
 
-    sensitivity : c = dy/dx.   contribution : |c| u(x) in the unit of the output.   share : 100 c^2 u^2(x)/u^2(y) in %.
+    sensitivity : c = dy/dx.
+    contribution : |c| u(x) in the unit of the output.   share : 100 c^2 u^2(x)/u^2(y) in %.
     """
 
     input: Input
@@ -34,7 +36,9 @@ class BudgetRow:
 
 @dataclass(frozen=True, eq=False)
 class CorrelationRow:
-    """A correlated pair's part: share 200 c_i c_j r u_i u_j/u^2(y) in %, negative where the correlation helps."""
+    """A correlated pair's part: share 200 c_i c_j r u_i u_j/u^2(y) in %, negative where the
+    correlation helps.
+    """
 
     names: tuple[str, str]
     correlation: float
@@ -46,8 +50,10 @@ class Budget:
     """Uncertainty budget of one output.
 
     value, u, dof, k, low, high, probability : as in `LinearResult`.
-    rows : one an input, largest share first (equal ones in the order given).   pairs : correlated pairs, largest |share| first.
-    correlation_share : the sum over `pairs`, in %.  The shares of `rows` and this one add up to 100; without u they are all NaN.
+    rows : one an input, largest share first (equal ones in the order given).
+    pairs : correlated pairs, largest |share| first.
+    correlation_share : the sum over `pairs`, in %.  The shares of `rows` and this one add up to
+        100; without u they are all NaN.
     """
 
     value: float
@@ -64,7 +70,8 @@ class Budget:
 
 
 def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
-    """Uncertainty budget of a scalar result, or of output number `output` of a curve.  Source: GUM 5.1.3, H.1 table H.1.
+    """Uncertainty budget of a scalar result, or of output number `output` of a curve.  Source: GUM
+    5.1.3, H.1 table H.1.
 
     Raises InputError if `output` is missing for a curve, given for a scalar, or out of range.
     """
@@ -72,9 +79,15 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
     if linear.value.ndim == 0 and output is not None:
         raise InputError("must be left out for a scalar result", field="output", value=output)
     if linear.value.ndim == 1 and (
-        isinstance(output, bool) or not isinstance(output, (int, np.integer)) or not 0 <= output < n_out
+        isinstance(output, bool)
+        or not isinstance(output, (int, np.integer))
+        or not 0 <= output < n_out
     ):
-        raise InputError(f"must number one of the outputs 0 to {n_out - 1} (or use budget_along)", field="output", value=output)
+        raise InputError(
+            f"must number one of the outputs 0 to {n_out - 1} (or use budget_along)",
+            field="output",
+            value=output,
+        )
     at = output or 0
     components = uncertainty_components(linear.inputs, linear.sensitivities)[:, at]
     u = float(linear.u.reshape(-1)[at])
@@ -82,7 +95,11 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
     rows = [
         BudgetRow(one, float(c), float(abs(component)), float(100.0 * part**2))
         for one, c, component, part in zip(
-            linear.inputs, linear.sensitivities.reshape(len(components), -1)[:, at], components, relative, strict=True
+            linear.inputs,
+            linear.sensitivities.reshape(len(components), -1)[:, at],
+            components,
+            relative,
+            strict=True,
         )
     ]
     pairs = [
@@ -95,7 +112,8 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
         if linear.correlation[i, j] != 0.0
     ]
     value, dof, k, low, high = (
-        float(array.reshape(-1)[at]) for array in (linear.value, linear.dof, linear.k, linear.low, linear.high)
+        float(array.reshape(-1)[at])
+        for array in (linear.value, linear.dof, linear.k, linear.low, linear.high)
     )
     return Budget(
         value=value,
@@ -114,7 +132,9 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """From abscissa `start` to `stop`, both included, the input `name` has the largest share; "" where u is 0 or unknown."""
+    """From abscissa `start` to `stop`, both included, the input `name` has the largest share; ""
+    where u is 0 or unknown.
+    """
 
     start: float
     stop: float
@@ -126,10 +146,10 @@ class BudgetAlong:
     """Uncertainty budget along a curve.
 
     x : (n_out,).   names : of the inputs, in the order given.   u : (n_out,) of the curve.
-    contributions : (n_in, n_out) |c_i| u_i.   shares : (n_in, n_out) in %.   correlation_share : (n_out,) in %, what is
-        missing to 100.
-    dominating : (n_out,) names of the inputs of largest share (the first in the order given if equal); "" where u is 0 or
-        unknown.
+    contributions : (n_in, n_out) |c_i| u_i.
+    shares : (n_in, n_out) in %.   correlation_share : (n_out,) in %, what is missing to 100.
+    dominating : (n_out,) names of the inputs of largest share (the first in the order given if
+        equal); "" where u is 0 or unknown.
     stretches : runs of neighbouring x with one dominating input, in the order of x.
     """
 
@@ -150,7 +170,9 @@ def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
     Raises InputError for a scalar result or an `x` that does not fit.
     """
     if linear.value.ndim == 0:
-        raise InputError("must be a curve (use budget for a number)", field="linear", value=linear.value.shape)
+        raise InputError(
+            "must be a curve (use budget for a number)", field="linear", value=linear.value.shape
+        )
     abscissa = frozen(real_numbers(x, "x"))
     if abscissa.shape != linear.value.shape:
         raise InputError(f"must be shaped {linear.value.shape}", field="x", value=abscissa.shape)
@@ -160,7 +182,10 @@ def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
     shares = 100.0 * relative**2
     known = np.isfinite(shares).all(axis=0)
     indices = np.atleast_1d(np.argmax(np.where(known, shares, 0.0), axis=0)).tolist()
-    dominating = tuple(names[i] if good else "" for i, good in zip(indices, np.atleast_1d(known).tolist(), strict=True))
+    dominating = tuple(
+        names[i] if good else ""
+        for i, good in zip(indices, np.atleast_1d(known).tolist(), strict=True)
+    )
     off_diagonal = linear.correlation - np.eye(len(names))
     return BudgetAlong(
         x=abscissa,

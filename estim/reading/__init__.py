@@ -1,14 +1,39 @@
-"""Bytes to records: TOML with its lines, CSV tables, runs; `tracker/` for files of the program Tracker.
+"""Bytes to records: TOML with its lines, CSV tables, runs; `tracker/` for files of the program
+Tracker.
 
-Read `run` first.  Imports `common` alone."""
+Read `run` first.  Imports `common` alone.
+"""
 
 from estim.reading.columns import columns_sentence, line_numbers, read_columns, read_known_columns
 from estim.reading.dialect import Decimal, Dialect, Encoding, is_column, name_and_unit
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text
-from estim.reading.layout import Layout, first_and_second, is_called, no_names, numeric_columns, read_layout, uncertainty_of, value_columns
-from estim.reading.run import COLUMNS, Run, compare_intervals, is_timed_track, read_run, run_of_table
+from estim.reading.layout import (
+    Layout,
+    first_and_second,
+    is_called,
+    no_names,
+    numeric_columns,
+    read_layout,
+    uncertainty_of,
+    value_columns,
+)
+from estim.reading.run import (
+    COLUMNS,
+    Run,
+    compare_intervals,
+    is_timed_track,
+    read_run,
+    run_of_table,
+)
 from estim.reading.table import Table
 from estim.reading.toml import Places, parse_toml
-from estim.reading.tracker.importing import Choices, import_track, is_tracker_file, read_release, run_table, track_columns
+from estim.reading.tracker.importing import (
+    Choices,
+    import_track,
+    is_tracker_file,
+    read_release,
+    run_table,
+    track_columns,
+)
 from estim.reading.tracker.plausibility import odd_intervals, of_any_curve
 from estim.reading.tracker.track import Unit

@@ -1,4 +1,6 @@
-"""What one cell of a table says: a number, nothing, or the error of a spreadsheet; and which lines are comments."""
+"""What one cell of a table says: a number, nothing, or the error of a spreadsheet; and which lines
+are comments.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +12,14 @@ _MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
 _MARKS = re.compile(r"[\t;,|]")
 _TOO_NARROW = re.compile(r"#{3,}")  # what a spreadsheet shows of a number wider than its column
 _OF_SPREADSHEETS = (
-    "#N/A #N/D #N/B #NV #I/T #YOK #Н/Д #GETTING_DATA #DIV/0! #DZIEL/0! #DEEL/0! #DIVISION/0! #SAYI/0! #ДЕЛ/0! #¡DIV/0! #VALUE! #WERT! #VALEUR! "
-    "#VALORE! #VALOR! #¡VALOR! #WAARDE! #ARG! #DEĞER! #ЗНАЧ! #REF! #¡REF! #BEZUG! #RIF! #VERW! #ADR! #BAŞV! #ССЫЛКА! #NAME? #NOM? #NOME? #NOMBRE? "
-    "#¿NOMBRE? #NAAM? #NAZWA? #AD? #ИМЯ? #NUM! #¡NUM! #NÚM! #ZAHL! #NOMBRE! #GETAL! #LICZBA! #SAYI! #ЧИСЛО! #NULL! #NUL! #NULO! #¡NULO! #NULLO! "
-    "#LEEG! #ZERO! #BOŞ! #ПУСТО! #ÜBERLAUF! #SPILL! #CALC! #FIELD! #ERROR! #UNKNOWN! #CONNECT! #BLOCKED! #BUSY!"
+    "#N/A #N/D #N/B #NV #I/T #YOK #Н/Д #GETTING_DATA #DIV/0! #DZIEL/0! #DEEL/0! "
+    "#DIVISION/0! #SAYI/0! #ДЕЛ/0! #¡DIV/0! #VALUE! #WERT! #VALEUR! "
+    "#VALORE! #VALOR! #¡VALOR! #WAARDE! #ARG! #DEĞER! #ЗНАЧ! #REF! #¡REF! #BEZUG! #RIF! "
+    "#VERW! #ADR! #BAŞV! #ССЫЛКА! #NAME? #NOM? #NOME? #NOMBRE? "
+    "#¿NOMBRE? #NAAM? #NAZWA? #AD? #ИМЯ? #NUM! #¡NUM! #NÚM! #ZAHL! #NOMBRE! #GETAL! "
+    "#LICZBA! #SAYI! #ЧИСЛО! #NULL! #NUL! #NULO! #¡NULO! #NULLO! "
+    "#LEEG! #ZERO! #BOŞ! #ПУСТО! #ÜBERLAUF! #SPILL! #CALC! #FIELD! #ERROR! #UNKNOWN! "
+    "#CONNECT! #BLOCKED! #BUSY!"
 )
 _ERRORS = frozenset(_OF_SPREADSHEETS.split())
 
@@ -29,20 +35,38 @@ def is_missing(cell: str) -> bool:
 
 
 def is_spreadsheet_error(cell: str) -> bool:
-    """Whether a cell is what a spreadsheet puts in the place of a value that it does not have: `#N/A`, `#DIV/0!`, in several languages."""
+    """Whether a cell is what a spreadsheet puts in the place of a value that it does not have:
+    `#N/A`, `#DIV/0!`, in several languages.
+    """
     return cell.upper() in _ERRORS
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line is a comment: it begins with `#`, and is no row whose first cell a spreadsheet could not compute, or show."""
+    """Whether a line is a comment: it begins with `#`, and is no row whose first cell a spreadsheet
+    could not compute, or show.
+    """
     text = line.strip()
-    return text.startswith("#") and not _is_row(_MARKS.split(text), words=False) and not _is_row(text.split(), words=True)
+    return (
+        text.startswith("#")
+        and not _is_row(_MARKS.split(text), words=False)
+        and not _is_row(text.split(), words=True)
+    )
 
 
 def _is_row(cells: Sequence[str], *, words: bool) -> bool:
-    """Whether cells that begin with `#` are a row.  words : blanks part them, as they part the words of a comment."""
+    """Whether cells that begin with `#` are a row.  words : blanks part them, as they part the
+    words of a comment.
+    """
     first, *others = [cell.strip() for cell in cells]
-    says = [looks_like_a_number(cell) or is_missing(cell) or is_spreadsheet_error(cell) for cell in others]
+    says = [
+        looks_like_a_number(cell) or is_missing(cell) or is_spreadsheet_error(cell)
+        for cell in others
+    ]
     if is_spreadsheet_error(first):
         return all(says) if words else any(says)
-    return bool(_TOO_NARROW.fullmatch(first)) and not words and bool(others) and all(map(looks_like_a_number, others))
+    return (
+        bool(_TOO_NARROW.fullmatch(first))
+        and not words
+        and bool(others)
+        and all(map(looks_like_a_number, others))
+    )

@@ -1,6 +1,7 @@
 """How a table of numbers is written: what a person states of it, and what its lines show.
 
-Nothing is guessed that two people might read in two ways: such a file is refused with the key that settles it.
+Nothing is guessed that two people might read in two ways: such a file is refused with the key that
+settles it.
 """
 
 from __future__ import annotations
@@ -16,24 +17,42 @@ from estim.reading.cells import is_spreadsheet_error, looks_like_a_number
 from estim.reading.table import split_cells
 
 Decimal = Literal["point", "comma"]
-Encoding = Literal["utf-8", "utf-16", "latin-1", "windows-1252", "windows-1250", "windows-1251", "iso-8859-15", "mac-roman", "cp437", "cp850"]
+Encoding = Literal[
+    "utf-8",
+    "utf-16",
+    "latin-1",
+    "windows-1252",
+    "windows-1250",
+    "windows-1251",
+    "iso-8859-15",
+    "mac-roman",
+    "cp437",
+    "cp850",
+]
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
-_NAMED_UNIT = re.compile(r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})")
+_NAMED_UNIT = re.compile(
+    r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
+)
 _UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
-_FUNCTION = re.compile(r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE)
-_LETTERS_BEFORE = {"t": "", "l": "V", "L": "V", "h": "tτ", "d": "tτ", "T": "B", "F": "C"}  # V(l) are litres, T(l) is T as it follows from l
+_FUNCTION = re.compile(
+    r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE
+)
+# V(l) are litres, T(l) is T as it follows from l
+_LETTERS_BEFORE = {"t": "", "l": "V", "L": "V", "h": "tτ", "d": "tτ", "T": "B", "F": "C"}
 
 
 @dataclass(frozen=True)
 class Dialect:
     """What is stated of a table; None: what its lines show.
 
-    columns : names of all columns from left to right, in place of a header.  delimiter : what separates the cells, or its name (`tab`).
-    skip_rows : lines left unread at the top.  header : whether the line after those holds the names, whatever it looks like.
+    columns : names of all columns from left to right, in place of a header.
+    delimiter : what separates the cells, or its name (`tab`).
+    skip_rows : lines left unread at the top.
+    header : whether the line after those holds the names, whatever it looks like.
     """
 
     columns: tuple[str, ...] | None = None
@@ -45,18 +64,26 @@ class Dialect:
 
     def __post_init__(self) -> None:
         if self.delimiter is not None and self.mark not in DELIMITERS:
-            raise InputError(f"must be one of {', '.join(_WORDS)[:-4]}", field="delimiter", value=self.delimiter)
+            raise InputError(
+                f"must be one of {', '.join(_WORDS)[:-4]}", field="delimiter", value=self.delimiter
+            )
         if self.skip_rows is not None and self.skip_rows < 0:
-            raise InputError("must be a number of lines, 0 or more", field="skip_rows", value=self.skip_rows)
+            raise InputError(
+                "must be a number of lines, 0 or more", field="skip_rows", value=self.skip_rows
+            )
         if self.columns is not None:
             named = [name for name in self.columns if name and not name.startswith("_")]
             if not named or len(set(named)) < len(named):
                 rule = "must name the columns from left to right, each by a name of its own"
                 raise InputError(rule, field="columns", value=", ".join(self.columns))
             if self.header:
-                raise InputError("cannot be true together with 'columns', which give the names", field="header")
+                raise InputError(
+                    "cannot be true together with 'columns', which give the names", field="header"
+                )
         elif self.header is False:
-            raise InputError("is missing: a table without a line of names needs them", field="columns")
+            raise InputError(
+                "is missing: a table without a line of names needs them", field="columns"
+            )
 
     @property
     def mark(self) -> str | None:
@@ -65,7 +92,9 @@ class Dialect:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where the name states none, as `ln(U/V)` and `s(t)`."""
+    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where
+    the name states none, as `ln(U/V)` and `s(t)`.
+    """
     said = _UNIT_BEHIND_IN.fullmatch(cell.strip())
     if said is not None and is_unit(said[2]):
         return said[1].strip(), said[2].strip()
@@ -79,39 +108,63 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     inside = (round_ or square).strip()
     if (_FUNCTION.fullmatch(name) and inside != "1") or (slash and not is_unit(inside)):
         return cell.strip(), ""
-    return name.strip(), "" if round_ and not slash and not blank and _is_argument(name, inside) else inside
+    return name.strip(), "" if round_ and not slash and not blank and _is_argument(
+        name, inside
+    ) else inside
 
 
 def _is_argument(name: str, inside: str) -> bool:
-    """Whether `name(inside)` without a blank may be a quantity as it follows from another one: s(t), N(E)."""
+    """Whether `name(inside)` without a blank may be a quantity as it follows from another one:
+    s(t), N(E).
+    """
     if len(inside) > 1 or inside.isdigit():
         return False
     if inside in _LETTERS_BEFORE and (inside == "t" or len(name) < 3):
-        return not any(letter in name for letter in _LETTERS_BEFORE[inside]) and not (len(name) > 2 and name[0] in "mM")
+        return not any(letter in name for letter in _LETTERS_BEFORE[inside]) and not (
+            len(name) > 2 and name[0] in "mM"
+        )
     return not is_unit(inside)
 
 
 def is_uncertainty(name: str) -> bool:
-    """Whether a column is called as that of an uncertainty, without its unit: `u_U`, or `u(U)` where U is no unit (`u(cm)` is a length u)."""
+    """Whether a column is called as that of an uncertainty, without its unit: `u_U`, or `u(U)`
+    where U is no unit (`u(cm)` is a length u).
+    """
     found = _UNCERTAINTY.fullmatch(name.strip())
     return found is not None and not (found[1] and is_unit(found[1]))
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not enclose whole cells."""
+    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
+    enclose whole cells.
+    """
     return line.split() if delimiter == " " else split_cells(line, delimiter)
 
 
 def shown_delimiter(*lines: str) -> str:
-    """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always do, commas unless in numbers of the last."""
-    if found := next((mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None):
+    """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
+    do, commas unless in numbers of the last.
+    """
+    if found := next(
+        (mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None
+    ):
         return found
     line = lines[-1]
     words = line.split()
-    return " " if "," not in line or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word)) else ","
+    return (
+        " "
+        if "," not in line
+        or (len(words) > 1 and all(looks_like_a_number(word) for word in words if "," in word))
+        else ","
+    )
 
 
-def decimal_mark(rows: Sequence[tuple[int, Sequence[str]]], wanted: Sequence[int], stated: Decimal | None, file: str) -> str:
+def decimal_mark(
+    rows: Sequence[tuple[int, Sequence[str]]],
+    wanted: Sequence[int],
+    stated: Decimal | None,
+    file: str,
+) -> str:
     """The decimal mark of the numbers in the columns `wanted`.  rows : line and cells.
 
     Raises InputError where points and commas are mixed, or commas may part thousands.
@@ -130,14 +183,36 @@ def decimal_mark(rows: Sequence[tuple[int, Sequence[str]]], wanted: Sequence[int
             told = told or (mark == "," and _GROUPED.fullmatch(cell) is None)
     if len(first) == 2:
         line, cell = max(first.values())
-        rule = "has numbers with decimal points and others with commas: write them alike, or state which of the two is the decimal mark"
-        raise InputError(f"{rule} (--decimal point or comma; decimal = ... in a campaign)", field="row", value=cell, file=file, line=line)
+        rule = (
+            "has numbers with decimal points and others with commas: write them alike, or "
+            "state which of the two is the decimal mark"
+        )
+        raise InputError(
+            f"{rule} (--decimal point or comma; decimal = ... in a campaign)",
+            field="row",
+            value=cell,
+            file=file,
+            line=line,
+        )
     if "," in first and not told:
-        told = any(looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell) for _, cells in rows for cell in cells)
+        told = any(
+            looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
+            for _, cells in rows
+            for cell in cells
+        )
         if not told:
             line, cell = first[","]
-            rule = 'may part thousands or be a decimal comma, in every number that has one: say --decimal comma (decimal = "comma" in a campaign)'
-            raise InputError(f"{rule}, or write the numbers without thousands", field="comma", value=cell, file=file, line=line)
+            rule = (
+                "may part thousands or be a decimal comma, in every number that has one: say "
+                '--decimal comma (decimal = "comma" in a campaign)'
+            )
+            raise InputError(
+                f"{rule}, or write the numbers without thousands",
+                field="comma",
+                value=cell,
+                file=file,
+                line=line,
+            )
     return "," if "," in first else "."
 
 
@@ -150,7 +225,11 @@ def number_in(cell: str, name: str, mark: str, file: str, line: int) -> float:
         pass
     hint = ""
     if looks_like_a_number(cell):
-        hint = " with a decimal point, not a comma" if mark == "." else " with a decimal comma, not a point"
+        hint = (
+            " with a decimal point, not a comma"
+            if mark == "."
+            else " with a decimal comma, not a point"
+        )
     elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
         hint = " without marks between thousands"
     elif is_spreadsheet_error(cell):
@@ -163,7 +242,9 @@ def split_row(line: str, delimiter: str, file: str, number: int) -> list[str]:
     try:
         return cells_of(line, delimiter)
     except csv.Error as error:
-        raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
+        raise InputError(
+            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
+        ) from None
 
 
 def is_column(name: str, names: Sequence[str]) -> bool:
@@ -172,11 +253,24 @@ def is_column(name: str, names: Sequence[str]) -> bool:
 
 
 def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> int:
-    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing what there is."""
-    places = [i for i, found in enumerate(names) if found == name] or [i for i, found in enumerate(names) if name_and_unit(found)[0] == name]
+    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
+    what there is.
+    """
+    places = [i for i, found in enumerate(names) if found == name] or [
+        i for i, found in enumerate(names) if name_and_unit(found)[0] == name
+    ]
     if not places:
-        raise InputError("is missing", field=name, file=file, line=line, quoted=f"the header has {listed([found for found in names if found])}")
+        raise InputError(
+            "is missing",
+            field=name,
+            file=file,
+            line=line,
+            quoted=f"the header has {listed([found for found in names if found])}",
+        )
     if len(places) > 1:
-        rule = "occurs twice in the header: name all columns from left to right (--columns a,b,c; columns = [...] in a campaign)"
+        rule = (
+            "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
+            "columns = [...] in a campaign)"
+        )
         raise InputError(rule, field=name, file=file, line=line)
     return places[0]

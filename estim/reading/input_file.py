@@ -1,7 +1,9 @@
-"""Input files: read whole, within bounds, and only where they are ordinary files; their text, and its lines.
+"""Input files: read whole, within bounds, and only where they are ordinary files; their text, and
+its lines.
 
-Every input file is opened here.  A pipe would wait for its writer, a device never ends, and a file that the system makes
-as it is read (/proc, /sys) may wait or never end though it calls itself regular: its size is 0.
+Every input file is opened here.  A pipe would wait for its writer, a device never ends, and a file
+that the system makes as it is read (/proc, /sys) may wait or never end though it calls itself
+regular: its size is 0.
 """
 
 from __future__ import annotations
@@ -24,16 +26,21 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def read_bytes(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> bytes:
-    """Content of a regular file that is not empty and has at most `limit` bytes; raises InputError where it cannot be read."""
+    """Content of a regular file that is not empty and has at most `limit` bytes; raises InputError
+    where it cannot be read.
+    """
     try:
-        _check_status(path.stat(), shown_as, limit)  # before it is opened: opening a device may move it
+        # before it is opened: opening a device may move it
+        _check_status(path.stat(), shown_as, limit)
         with path.open("rb", buffering=0) as stream:
             _check_status(os.fstat(stream.fileno()), shown_as, limit)
             if os.name == "posix":
                 os.set_blocking(stream.fileno(), False)
             data = _read(stream.fileno(), limit + 1)
     except OSError as error:
-        raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as) from None
+        raise InputError(
+            f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as
+        ) from None
     except InputError:
         raise
     except ValueError as error:  # a null character in the name
@@ -70,7 +77,9 @@ def _too_large(limit: int, size: object, shown_as: str) -> InputError:
 
 
 def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str, str]:
-    """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read as such."""
+    """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read
+    as such.
+    """
     data = read_bytes(path, shown_as=shown_as, limit=limit)
     try:
         text = data.decode("utf-8-sig")
@@ -82,30 +91,51 @@ def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str
 def _without_nulls(text: str, file: str) -> str:
     if "\0" in text:
         line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
-        raise InputError("must not hold a null character (UTF-16 without its mark, or a damaged file)", field="text", file=file, line=line)
+        raise InputError(
+            "must not hold a null character (UTF-16 without its mark, or a damaged file)",
+            field="text",
+            file=file,
+            line=line,
+        )
     return text
 
 
-def read_any_text(path: Path, *, shown_as: str, encoding: str | None = None) -> tuple[str, str, str]:
-    """Text of a table of anybody's making, the SHA-256 of its bytes, and how it was read where that is not plain ("" for UTF-8).
+def read_any_text(
+    path: Path, *, shown_as: str, encoding: str | None = None
+) -> tuple[str, str, str]:
+    """Text of a table of anybody's making, the SHA-256 of its bytes, and how it was read where that
+    is not plain ("" for UTF-8).
 
-    encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are the same as in every other kind of Latin text.
-    Raises InputError where the file is no text.
+    encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are
+        the same as in every other kind of Latin text.  Raises InputError where the file is no text.
     """
     data = read_bytes(path, shown_as=shown_as)
     if data.startswith(_NO_TEXT):
-        raise InputError("must be a text file, not a workbook, an archive or a PDF: save its table as CSV", field="file", file=shown_as)
-    note = phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
+        raise InputError(
+            "must be a text file, not a workbook, an archive or a PDF: save its table as CSV",
+            field="file",
+            file=shown_as,
+        )
+    note = (
+        phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
+    )
     try:
-        text = data.decode(encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")).removeprefix("\ufeff")
+        text = data.decode(
+            encoding or ("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
+        ).removeprefix("\ufeff")
     except UnicodeDecodeError as error:
         if encoding is not None or data.startswith(_UTF_16):
-            raise InputError(f"cannot be read as {encoding or 'utf-16'}", field="encoding", file=shown_as) from None
+            raise InputError(
+                f"cannot be read as {encoding or 'utf-16'}", field="encoding", file=shown_as
+            ) from None
         try:
             text = data.decode("windows-1252")
         except UnicodeDecodeError:
             raise not_utf8(data, error, shown_as) from None
-        note = phrase("the file is not UTF-8 and was read as Windows-1252 (state the encoding if letters of a name look wrong)")
+        note = phrase(
+            "the file is not UTF-8 and was read as Windows-1252 (state the encoding if "
+            "letters of a name look wrong)"
+        )
     return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest(), note
 
 
@@ -117,12 +147,18 @@ def not_utf8(data: bytes, error: UnicodeDecodeError, file: str) -> InputError:
     else:
         what = "this may be Latin-1 or Windows-1252"
     return InputError(
-        f"must be UTF-8 text ({what}: save it again as UTF-8)", field="byte", value=error.object[error.start : error.start + 1], file=file, line=line
+        f"must be UTF-8 text ({what}: save it again as UTF-8)",
+        field="byte",
+        value=error.object[error.start : error.start + 1],
+        file=file,
+        line=line,
     )
 
 
 def lines_of(text: str) -> list[str]:
-    r"""Lines as editors show them, ended by \n, \r\n or \r and by no other mark that Unicode knows (in a comment, its rest would be data)."""
+    r"""Lines as editors show them, ended by \n, \r\n or \r and by no other mark that Unicode knows
+    (in a comment, its rest would be data).
+    """
     return _LINE_END.split(text)
 
 
@@ -136,6 +172,8 @@ def leads_out(path: Path, folder: Path) -> bool:
 
 
 def line_after_comment(text: str) -> int | None:
-    r"""Number of the first line that a \r alone parts from a comment though other lines end with \n: some programs show it as part of the comment."""
+    r"""Number of the first line that a \r alone parts from a comment though other lines end with
+    \n: some programs show it as part of the comment.
+    """
     found = _HIDDEN_ROWS.search(text) if "\n" in text else None
     return None if found is None else len(_LINE_END.findall(text[: found.end()])) + 1

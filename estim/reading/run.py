@@ -1,7 +1,9 @@
-"""A run: the measurements of one motion, read from a CSV file without changing a number, or from a file of Tracker.
+"""A run: the measurements of one motion, read from a CSV file without changing a number, or from a
+file of Tracker.
 
-Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed, `theta_rad` angle turned since release,
-`omega_rad_s` angular rate, `sigma_x_m`, `sigma_v_m_s` standard deviations row by row.
+Columns: `t_s` time, `x_m` position along the ramp since release, `v_m_s` speed, `theta_rad` angle
+turned since release, `omega_rad_s` angular rate, `sigma_x_m`, `sigma_v_m_s` standard deviations row
+by row.
 """
 
 from __future__ import annotations
@@ -44,12 +46,15 @@ class Run:
     lines : (n_row,) line of the file that each row stands on.
     sha256 : of the file's bytes.
     warnings : what is suspicious about the file, in words.
-    facts : where an imported track comes from and how x was made of it, in words; also for a CSV made by `estim import`; what a table lacks.
-    tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it is not known.
+    facts : where an imported track comes from and how x was made of it, in words; also for a CSV
+        made by `estim import`; what a table lacks.
+    tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it
+        is not known.
     left_out : how many rows of the file were left out by `without`.
     interval : s between frames, of an imported run of a campaign; None of others.
     blank : lines of the file that are left out, since a column has no value there.
-    imported : whether it is an imported track, or a CSV made by `estim import`.  unread : columns of numbers in the file beside these.
+    imported : whether it is an imported track, or a CSV made by `estim import`.
+    unread : columns of numbers in the file beside these.
     """
 
     name: str
@@ -81,23 +86,39 @@ class Run:
         Raises InputError naming `leave_out_s` for a time that has no row.
         """
         if "t_s" not in self.columns:
-            raise InputError("needs times: the run's file has no t_s column", field="leave_out_s", value=times[0])
+            raise InputError(
+                "needs times: the run's file has no t_s column", field="leave_out_s", value=times[0]
+            )
         t = self.columns["t_s"]
         within = _SAME_TIME * float(np.median(np.diff(t)))
         rows = [int(np.argmin(np.abs(t - time))) for time in times]
         for row, time in zip(rows, times, strict=True):
             if not abs(t[row] - time) <= within:
-                rule = f"must name times of rows of {self.file}: the nearest is {t[row]:.6g} s, on line {self.lines[row]}"
+                rule = (
+                    f"must name times of rows of {self.file}: the nearest is {t[row]:.6g} s, on "
+                    f"line {self.lines[row]}"
+                )
                 raise InputError(rule, field="leave_out_s", value=time)
         kept = np.setdiff1d(np.arange(t.size), rows)
         columns = {name: column[kept] for name, column in self.columns.items()}
         for column in columns.values():
             column.setflags(write=False)
-        return replace(self, columns=MappingProxyType(columns), lines=self.lines[kept], left_out=t.size - kept.size)
+        return replace(
+            self,
+            columns=MappingProxyType(columns),
+            lines=self.lines[kept],
+            left_out=t.size - kept.size,
+        )
 
     def error(self, rule: str, column: str, row: int) -> InputError:
         """An InputError for the cell of `column` in `row`."""
-        return InputError(rule, field=column, value=self.columns[column][row].item(), file=self.file, line=int(self.lines[row]))
+        return InputError(
+            rule,
+            field=column,
+            value=self.columns[column][row].item(),
+            file=self.file,
+            line=int(self.lines[row]),
+        )
 
     @property
     def rate(self) -> str:
@@ -105,16 +126,26 @@ class Run:
         return "v_m_s" if self.coordinate == "x_m" else "omega_rad_s"
 
 
-def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Choices | None = None, dialect: Dialect | None = None) -> Run:
+def read_run(
+    path: Path,
+    *,
+    name: str,
+    shown_as: str | None = None,
+    choices: Choices | None = None,
+    dialect: Dialect | None = None,
+) -> Run:
     """The run in the file at `path`; `shown_as` is how messages and reports name the file.
 
-    dialect : how the table is written, where that is stated; its columns may then be among others, and are called as below, or "time (s)".
+    dialect : how the table is written, where that is stated; its columns may then be among others,
+        and are called as below, or "time (s)".
 
-    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is imported (`importing`).  Without
-    `choices` a table of `t` and `x` alone is refused, since nothing shows whether its x is counted from the release.
+    A .trk, a .trz, a text export of Tracker, and any file for which there are `choices`, is
+    imported (`importing`).  Without `choices` a table of `t` and `x` alone is refused, since
+    nothing shows whether its x is counted from the release.
 
-    Raises InputError with file, line, field, rule and value for anything that is not a table of finite numbers with
-    known columns, one of `x_m` and `theta_rad` among them, and times that increase.
+    Raises InputError with file, line, field, rule and value for anything that is not a table of
+    finite numbers with known columns, one of `x_m` and `theta_rad` among them, and times that
+    increase.
     """
     stated = dialect is not None and dialect != Dialect()
     if stated and (choices is not None or is_tracker_file(path)):
@@ -125,11 +156,19 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
         if choices is None and not is_tracker_file(path):
             refuse_bare_export(path, shown_as or str(path))
         return _imported(imported, name)
-    table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect)
+    table = read_known_columns(
+        path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect
+    )
     names = set(table.columns)
     shown = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):
-        raise InputError("must hold exactly one of x_m and theta_rad", field="header", value=shown, file=table.file, line=table.header_line)
+        raise InputError(
+            "must hold exactly one of x_m and theta_rad",
+            field="header",
+            value=shown,
+            file=table.file,
+            line=table.header_line,
+        )
     if not {"t_s", "v_m_s", "omega_rad_s"} & names:
         rule = "must hold a time (t_s) or a speed (v_m_s, omega_rad_s)"
         raise InputError(rule, field="header", value=shown, file=table.file, line=table.header_line)
@@ -138,18 +177,34 @@ def read_run(path: Path, *, name: str, shown_as: str | None = None, choices: Cho
 
 
 def run_of_table(table: Table, name: str) -> Run:
-    """The run `name` in a table that has been checked, with what the head of an imported one says of its origin."""
+    """The run `name` in a table that has been checked, with what the head of an imported one says
+    of its origin.
+    """
     return Run(
-        name=name, file=table.file, sha256=table.sha256, columns=table.columns, lines=table.lines, warnings=table.warnings,
-        facts=table.facts, tilt=stated_tilt(table.facts), blank=table.blank, imported=table.imported,
+        name=name,
+        file=table.file,
+        sha256=table.sha256,
+        columns=table.columns,
+        lines=table.lines,
+        warnings=table.warnings,
+        facts=table.facts,
+        tilt=stated_tilt(table.facts),
+        blank=table.blank,
+        imported=table.imported,
         unread=table.unread,
     )
 
 
 def _imported(track: Imported, name: str) -> Run:
     return Run(
-        name=name, file=track.track.file, sha256=track.track.sha256, columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
-        lines=track.track.lines[track.rows], warnings=track.warnings, facts=track.facts, tilt=track.tilt,
+        name=name,
+        file=track.track.file,
+        sha256=track.track.sha256,
+        columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
+        lines=track.track.lines[track.rows],
+        warnings=track.warnings,
+        facts=track.facts,
+        tilt=track.tilt,
         imported=True,
     )
 
@@ -160,21 +215,40 @@ def is_timed_track(run: Run) -> bool:
 
 
 def compare_intervals(runs: Mapping[str, Run]) -> dict[str, Run]:
-    """The same runs, by name, each imported one with its frame interval, and a warning where that is not the interval of most of them."""
-    intervals = {name: float(np.median(np.diff(run.columns["t_s"]))) for name, run in runs.items() if is_timed_track(run)}
+    """The same runs, by name, each imported one with its frame interval, and a warning where that
+    is not the interval of most of them.
+    """
+    intervals = {
+        name: float(np.median(np.diff(run.columns["t_s"])))
+        for name, run in runs.items()
+        if is_timed_track(run)
+    }
     odd = odd_intervals(intervals)
-    warnings = {name: (*run.warnings, odd[name]) if name in odd else run.warnings for name, run in runs.items()}
-    return {name: replace(run, warnings=warnings[name], interval=intervals.get(name)) for name, run in runs.items()}
+    warnings = {
+        name: (*run.warnings, odd[name]) if name in odd else run.warnings
+        for name, run in runs.items()
+    }
+    return {
+        name: replace(run, warnings=warnings[name], interval=intervals.get(name))
+        for name, run in runs.items()
+    }
 
 
 def _check_numbers(table: Table) -> None:
-    """Numbers are of a size that can be measured, times increase, standard deviations are positive."""
+    """Numbers are of a size that can be measured, times increase, standard deviations are
+    positive.
+    """
     for name, column in table.columns.items():
         if np.any(np.abs(column) > MOST):
-            raise table.error(f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST)))
+            raise table.error(
+                f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST))
+            )
     if "t_s" in table.columns:
         steps = np.diff(table.columns["t_s"])
-        for wrong, rule in ((steps <= 0.0, "must increase from row to row"), (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s")):
+        for wrong, rule in (
+            (steps <= 0.0, "must increase from row to row"),
+            (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s"),
+        ):
             if np.any(wrong):
                 raise table.error(rule, "t_s", int(np.argmax(wrong)) + 1)
     for name in ("sigma_x_m", "sigma_v_m_s"):

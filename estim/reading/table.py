@@ -1,4 +1,5 @@
-"""What every source of a table gives, a CSV file (`estim.reading.columns`) or a track: columns of numbers, their units, and the line of each row.
+"""What every source of a table gives, a CSV file (`estim.reading.columns`) or a track: columns of
+numbers, their units, and the line of each row.
 
 `#` starts a comment line; a column whose name starts with `_` is left unread.
 """
@@ -26,12 +27,20 @@ _OTHER_NAMES = {
     "omega (rad/s)": "omega_rad_s",
 }
 UNITS = {
-    "t_s": "s", "x_m": "m", "v_m_s": "m/s", "theta_rad": "rad", "omega_rad_s": "rad/s", "sigma_x_m": "m", "sigma_v_m_s": "m/s",
+    "t_s": "s",
+    "x_m": "m",
+    "v_m_s": "m/s",
+    "theta_rad": "rad",
+    "omega_rad_s": "rad/s",
+    "sigma_x_m": "m",
+    "sigma_v_m_s": "m/s",
 }  # of columns that are known by name
 _COMMENTS = ("#", "%")
-_WHOLE = re.compile(r"[+-]?\d*(,([+-]?\d+([eE][+-]?\d+)?)?)*", re.ASCII)  # no decimal point, no word, no quote, no blank beside a comma
+# no decimal point, no word, no quote, no blank beside a comma
+_WHOLE = re.compile(r"[+-]?\d*(,([+-]?\d+([eE][+-]?\d+)?)?)*", re.ASCII)
 DECIMAL_COMMAS = (
-    "may hold decimal commas: every cell is a whole number, and columns that are not read leave room for the digits behind commas;"
+    "may hold decimal commas: every cell is a whole number, and columns that are not read "
+    "leave room for the digits behind commas;"
     " separate the cells by semicolons, or write one number with a decimal point, as 0.0"
 )
 _MAX_LINE = 100_000  # characters
@@ -44,10 +53,14 @@ IMPORTED = "# made by estim import"  # first line of what it writes
 class Table:
     """columns : name -> (n_row,) read-only array.  lines : (n_row,) line of the file of each row.
 
-    file : how messages name it.  header_line : line of the column names.  sha256 : of the file's bytes.
-    warnings : texts of the comment lines "# warning: ...".  facts : the other comments above the header of a file that
-    `estim import` made; empty for other files.  units : column -> unit that the header states, "" for none; empty where no header may.
-    blank : lines of the rows that are left out, since a column has no value there.  imported : whether `estim import` made the file.
+    file : how messages name it.
+    header_line : line of the column names.  sha256 : of the file's bytes.
+    warnings : texts of the comment lines "# warning: ...".
+    facts : the other comments above the header of a file that `estim import` made; empty for other
+        files.  units : column -> unit that the header states, "" for none; empty where no header
+        may.
+    blank : lines of the rows that are left out, since a column has no value there.
+    imported : whether `estim import` made the file.
     unread : further columns of numbers that the file has.
     """
 
@@ -64,15 +77,32 @@ class Table:
     unread: tuple[str, ...] = ()
 
     def require_unit(self, u: str, of: str) -> None:
-        """Raises InputError where the header states one unit for the column `u` of uncertainties, and another for the column that they are of."""
+        """Raises InputError where the header states one unit for the column `u` of uncertainties,
+        and another for the column that they are of.
+        """
         stated, wanted = (self.units.get(name, "").strip() for name in (u, of))
         if stated and wanted and not same_unit(stated, wanted):
-            rule = f"must be in the unit of '{of}', {self.units[of]}; write it in that unit, or name the columns without units by --columns"
-            raise InputError(f"{rule} (columns = [...] in a campaign)", field=u, value=self.units[u], file=self.file, line=self.header_line or None)
+            rule = (
+                f"must be in the unit of '{of}', {self.units[of]}; write it in that unit, or "
+                "name the columns without units by --columns"
+            )
+            raise InputError(
+                f"{rule} (columns = [...] in a campaign)",
+                field=u,
+                value=self.units[u],
+                file=self.file,
+                line=self.header_line or None,
+            )
 
     def error(self, rule: str, name: str, row: int) -> InputError:
         """An InputError for the cell of column `name` in `row`."""
-        return InputError(rule, field=name, value=self.columns[name][row].item(), file=self.file, line=int(self.lines[row]))
+        return InputError(
+            rule,
+            field=name,
+            value=self.columns[name][row].item(),
+            file=self.file,
+            line=int(self.lines[row]),
+        )
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:
@@ -84,21 +114,36 @@ def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ..
 
 
 def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:
-    """The lines that are not blank, each with its number.  Raises InputError where there are too many, or one is too long."""
+    """The lines that are not blank, each with its number.  Raises InputError where there are too
+    many, or one is too long.
+    """
     rows = [(number, line) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
     if len(rows) > _MAX_ROWS:
-        raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows), file=file)
+        raise InputError(
+            f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows), file=file
+        )
     if hidden := line_after_comment(text):
-        rule = "must not follow a comment after a carriage return alone, where other lines end otherwise"
+        rule = (
+            "must not follow a comment after a carriage return alone, where other lines end "
+            "otherwise"
+        )
         raise InputError(rule, field="row", file=file, line=hidden)
     for number, line in rows:
         if len(line) > _MAX_LINE:
-            raise InputError(f"must have at most {_MAX_LINE} characters", field="row", value=len(line), file=file, line=number)
+            raise InputError(
+                f"must have at most {_MAX_LINE} characters",
+                field="row",
+                value=len(line),
+                file=file,
+                line=number,
+            )
     return rows
 
 
 def may_be_decimal_commas(lines: Iterable[str]) -> bool:
-    """Whether the commas of every line may be those of numbers like 0,5: with columns left unread, the count of the cells does not tell."""
+    """Whether the commas of every line may be those of numbers like 0,5: with columns left unread,
+    the count of the cells does not tell.
+    """
     return all(_WHOLE.fullmatch(line.strip()) for line in lines)
 
 
@@ -108,5 +153,7 @@ def own_name(cell: str) -> str:
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not enclose whole cells."""
+    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
+    enclose whole cells.
+    """
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]

@@ -16,7 +16,7 @@ _MAX_DEPTH = 20
 _TOKEN = re.compile(
     r"""
       \#[^\n]*+                                             # comment
-    | "{3}(?:[^"\\]|\\.|"(?!""))*+"{3,5} | "{3}.*+          # strings of several lines; one that does not end
+    | "{3}(?:[^"\\]|\\.|"(?!""))*+"{3,5} | "{3}.*+  # strings of several lines; one without end
     | '{3}(?:[^']|'(?!''))*+'{3,5} | '{3}.*+
     | "(?:[^"\\\n]|\\.)*+" | '[^'\n]*+' | ["'][^\n]*+     # strings
     | [^\S\n]++ | [^\s"'\#=\[\]{},.]++ | .                # blanks, words, marks and ends of lines
@@ -32,25 +32,46 @@ class Places:
     file: str
     lines: Mapping[tuple[str | int, ...], int]
 
-    def error(self, rule: str, path: Sequence[str | int], *, field: str | None = None, value: object = None) -> InputError:
-        """An InputError at the line of `path`, or of the first key in it where it has no line itself, or of the closest table above it."""
+    def error(
+        self,
+        rule: str,
+        path: Sequence[str | int],
+        *,
+        field: str | None = None,
+        value: object = None,
+    ) -> InputError:
+        """An InputError at the line of `path`, or of the first key in it where it has no line
+        itself, or of the closest table above it.
+        """
         key = tuple(path)
         if key and key not in self.lines:
             key = next((inside for inside in self.lines if inside[: len(key)] == key), key)
         while key and key not in self.lines:
             key = key[:-1]
-        name = field if field is not None else next((part for part in reversed(path) if isinstance(part, str)), None)
+        name = (
+            field
+            if field is not None
+            else next((part for part in reversed(path) if isinstance(part, str)), None)
+        )
         return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
 
 
 def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
-    """The tree of a TOML text and the lines of its keys; a syntax error becomes an InputError with its line.
+    """The tree of a TOML text and the lines of its keys; a syntax error becomes an InputError with
+    its line.
 
-    Lines and depth are limited before anything else: the standard parser takes memory as the square of the length of a dotted key.
+    Lines and depth are limited before anything else: the standard parser takes memory as the square
+    of the length of a dotted key.
     """
     for number, line in enumerate(text.split("\n"), start=1):
         if len(line) > _MAX_LINE:
-            raise InputError(f"must have at most {_MAX_LINE} characters", field="line", value=len(line), file=file, line=number)
+            raise InputError(
+                f"must have at most {_MAX_LINE} characters",
+                field="line",
+                value=len(line),
+                file=file,
+                line=number,
+            )
     try:
         tree = tomllib.loads(text)
         if _depth(tree) > _MAX_DEPTH:
@@ -59,7 +80,13 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).rpartition(" (at ")
         found = re.match(r"line (\d+), column \d+\)", place)
-        raise InputError("is not valid TOML", quoted=message, file=file, field="file", line=int(found[1]) if found else None) from None
+        raise InputError(
+            "is not valid TOML",
+            quoted=message,
+            file=file,
+            field="file",
+            line=int(found[1]) if found else None,
+        ) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise InputError("is not valid TOML", quoted=str(error), file=file, field="file") from None
     except RecursionError:
@@ -70,22 +97,31 @@ def _depth(tree: object) -> int:
     """How deep tables and arrays are nested, counted level by level."""
     level, depth = [tree], 0
     while level and depth <= _MAX_DEPTH:
-        inner = (value.values() if isinstance(value, dict) else value for value in level if isinstance(value, dict | list))
+        inner = (
+            value.values() if isinstance(value, dict) else value
+            for value in level
+            if isinstance(value, dict | list)
+        )
         level, depth = [value for values in inner for value in values], depth + 1
     return depth
 
 
 def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
-    """Line of each table and each `key = value` of a valid TOML text, by path; keys inside inline tables are not listed.
+    """Line of each table and each `key = value` of a valid TOML text, by path; keys inside inline
+    tables are not listed.
 
     The time grows in proportion to the text.
     """
     lines: dict[tuple[str | int, ...], int] = {}
     table: tuple[str | int, ...] = ()
-    counts: dict[tuple[str | int, ...], int] = {}  # path of an array of tables -> index of its last one
+    # path of an array of tables -> index of its last one
+    counts: dict[tuple[str | int, ...], int] = {}
     for number, tokens in _statements(text):
         array, header = tokens[:2] == ["[", "["], tokens[0] == "["
-        keys = [_key(token) for token in [token for token in tokens if token not in (".", "[", "]")][:_MAX_DEPTH]]
+        keys = [
+            _key(token)
+            for token in [token for token in tokens if token not in (".", "[", "]")][:_MAX_DEPTH]
+        ]
         if not header:
             for depth in range(1, len(keys) + 1):
                 lines.setdefault((*table, *keys[:depth]), number)
@@ -98,12 +134,17 @@ def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
             if table in counts:
                 table = (*table, counts[table])
         lines[table] = number
-    as_read = {tuple(normalize("NFKC", part) if isinstance(part, str) else part for part in path): number for path, number in lines.items()}
+    as_read = {
+        tuple(normalize("NFKC", part) if isinstance(part, str) else part for part in path): number
+        for path, number in lines.items()
+    }
     return as_read | lines  # names in formulas are looked up as Python reads them
 
 
 def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
-    """Line and tokens of the head of every statement: a header of a table, or what stands before `=`."""
+    """Line and tokens of the head of every statement: a header of a table, or what stands before
+    `=`.
+    """
     number, first, depth, value = 1, 1, 0, False
     tokens: list[str] = []
     for found in _TOKEN.finditer(text):

@@ -1,4 +1,6 @@
-"""What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.  Read `analysis` first."""
+"""What a reader sees: Markdown, figures, result.json, ArviZ and pandas; one file a subject.  Read
+`analysis` first.
+"""
 
 from estim.reports.analysis import analysis_report, index_report, report_and_result
 from estim.reports.comparison import compare_report, folder_of

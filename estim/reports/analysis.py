@@ -1,6 +1,7 @@
 """Reports: Markdown, figures and JSON of an analysis, as a mapping from relative path to bytes.
 
-The text stands in `templates/`; every number in it comes from `result.Result`, rounded by its uncertainty here.
+The text stands in `templates/`; every number in it comes from `result.Result`, rounded by its
+uncertainty here.
 """
 
 from __future__ import annotations
@@ -12,7 +13,18 @@ from typing import TYPE_CHECKING
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
-from estim.common import Label, Markdown, Notation, Status, format_quantity, format_rounded, kind_words, phrase, signed, table
+from estim.common import (
+    Label,
+    Markdown,
+    Notation,
+    Status,
+    format_quantity,
+    format_rounded,
+    kind_words,
+    phrase,
+    signed,
+    table,
+)
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
@@ -21,14 +33,39 @@ from estim.reports.consistency import consistency_text, forest_figure
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words, trace_figure
 from estim.reports.counts import counted_runs, counts_figure, counts_text
-from estim.reports.curve_figures import MOST_DRAWN, drawn_runs, phase_figure, residual_figure, together_figure
+from estim.reports.curve_figures import (
+    MOST_DRAWN,
+    drawn_runs,
+    phase_figure,
+    residual_figure,
+    together_figure,
+)
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import deviation_text, discrepancy_figure, discrepancy_text, force_figure
+from estim.reports.deviation import (
+    deviation_text,
+    discrepancy_figure,
+    discrepancy_text,
+    force_figure,
+)
 from estim.reports.explanation import explanation_text, runs_text, slip_words
-from estim.reports.identifiability import IdentifySection, direction_figure, identify_section, profile_figure
+from estim.reports.identifiability import (
+    IdentifySection,
+    direction_figure,
+    identify_section,
+    profile_figure,
+)
 from estim.reports.pages import Drawers, page, shortened
 from estim.reports.rendering import render
-from estim.reports.result import ParameterSummary, Result, Subject, first_reasons, first_screen, opened_by, result_of, to_json
+from estim.reports.result import (
+    ParameterSummary,
+    Result,
+    Subject,
+    first_reasons,
+    first_screen,
+    opened_by,
+    result_of,
+    to_json,
+)
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
 from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
@@ -36,23 +73,36 @@ from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40  # parameters, beyond which a figure of directions, or a table of all correlations, is not for reading
+# parameters, beyond which a figure of directions, or a table of all correlations, is not for
+# reading
+_MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
 _FELT = 0.05  # posterior standard deviations
 _PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
 
 def analysis_report(
-    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    voice: Voice = Voice.PYTHON,
+    figures: bool = True,
+    profiles: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
-    voice : to whom advice is given.  figures, profiles : whether there are any figures, and profile intervals.
+    voice : to whom advice is given.
+    figures, profiles : whether there are any figures, and profile intervals.
     """
     return report_and_result(campaign, analysis, voice=voice, figures=figures, profiles=profiles)[0]
 
 
 def report_and_result(
-    campaign: Subject, analysis: Analysis, *, voice: Voice = Voice.PYTHON, figures: bool = True, profiles: bool = True
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    voice: Voice = Voice.PYTHON,
+    figures: bool = True,
+    profiles: bool = True,
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
     if figures:
@@ -62,18 +112,33 @@ def report_and_result(
     result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
     section = identify_section(
-        analysis.problem, analysis.identifiability, determination.intervals, determination.sensitivity,
+        analysis.problem,
+        analysis.identifiability,
+        determination.intervals,
+        determination.sensitivity,
         analysis.chain.thinned(_SECTION_DRAWS),
     )
 
     def text(pictures: Collection[str]) -> str:
         agreement, on_edge = analysis.consistency, analysis.fit.at_bound
         return analysis_text(
-            result, section, corner_words(analysis.problem, truth=bool(campaign.truth)), pictures, converged=analysis.chain.convergence.met,
-            consistency="" if agreement is None else consistency_text(agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge),
-            explanation="" if analysis.explanation is None else explanation_text(analysis.explanation), counts=counts_text(analysis.fit, pictures),
+            result,
+            section,
+            corner_words(analysis.problem, truth=bool(campaign.truth)),
+            pictures,
+            converged=analysis.chain.convergence.met,
+            consistency=""
+            if agreement is None
+            else consistency_text(
+                agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge
+            ),
+            explanation=""
+            if analysis.explanation is None
+            else explanation_text(analysis.explanation),
+            counts=counts_text(analysis.fit, pictures),
             shares=shares,
-            first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings, voice),
+            first_step=slip_words(analysis.explanation)
+            or first_step(analysis.diagnosis.findings, voice),
         )
 
     drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
@@ -82,7 +147,10 @@ def report_and_result(
 
 
 def _drawers(
-    analysis: Analysis, intervals: Sequence[ProfileInterval], shares: Shares | None, truth: Mapping[str, float]
+    analysis: Analysis,
+    intervals: Sequence[ProfileInterval],
+    shares: Shares | None,
+    truth: Mapping[str, float],
 ) -> Drawers:
     drawn = drawn_runs(analysis.goodness)
     figures: dict[str, Callable[[], Figure]] = {
@@ -94,19 +162,34 @@ def _drawers(
         "figures/traces.png": lambda: trace_figure(analysis),
     }
     if analysis.problem.n_par <= _MOST_DIRECTIONS:
-        figures["figures/directions.png"] = lambda: direction_figure(analysis.problem, analysis.identifiability)
+        figures["figures/directions.png"] = lambda: direction_figure(
+            analysis.problem, analysis.identifiability
+        )
     if intervals:
-        figures["figures/profiles.png"] = lambda: profile_figure(analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS))
+        figures["figures/profiles.png"] = lambda: profile_figure(
+            analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS)
+        )
     if shares is not None:
-        figures["figures/budget.png"] = partial(budget_figure, [label.tex for label in shares.labels], shares.sources, 100.0 * shares.shares)
+        figures["figures/budget.png"] = partial(
+            budget_figure,
+            [label.tex for label in shares.labels],
+            shares.sources,
+            100.0 * shares.shares,
+        )
     if analysis.consistency is not None:
         on_edge = analysis.fit.at_bound
         edges = {p.name: (p.prior.low, p.prior.high) for p in analysis.problem.parameters}
-        figures["figures/consistency.png"] = partial(forest_figure, analysis.consistency, on_edge=on_edge, edges=edges)
+        figures["figures/consistency.png"] = partial(
+            forest_figure, analysis.consistency, on_edge=on_edge, edges=edges
+        )
     if len(analysis.problem.runs) > 1:
-        figures["figures/residuals_together.png"] = lambda: together_figure(analysis.problem, analysis.goodness)
+        figures["figures/residuals_together.png"] = lambda: together_figure(
+            analysis.problem, analysis.goodness
+        )
     if analysis.fit.forces:
-        figures["figures/force.png"] = lambda: force_figure(analysis.fit.forces, analysis.problem.runs)
+        figures["figures/force.png"] = lambda: force_figure(
+            analysis.fit.forces, analysis.problem.runs
+        )
     if analysis.diagnosis.ok and any(one.stated for one in analysis.rolling):
         figures["figures/rolling.png"] = lambda: rolling_figure(
             analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling
@@ -114,43 +197,101 @@ def _drawers(
     if counted_runs(analysis.problem.runs):
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)
     if analysis.fit.deviations:
-        figures["figures/deviation.png"] = lambda: discrepancy_figure(analysis.fit.deviations, analysis.problem.runs)
+        figures["figures/deviation.png"] = lambda: discrepancy_figure(
+            analysis.fit.deviations, analysis.problem.runs
+        )
     return figures
 
 
 def analysis_text(
-    result: Result, section: IdentifySection, corner_words: Markdown, pictures: Collection[str], *, converged: bool, consistency: str,
-    explanation: str, counts: str = "", shares: Shares | None = None, first_step: str = "",
+    result: Result,
+    section: IdentifySection,
+    corner_words: Markdown,
+    pictures: Collection[str],
+    *,
+    converged: bool,
+    consistency: str,
+    explanation: str,
+    counts: str = "",
+    shares: Shares | None = None,
+    first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
-    section : what it says about the data against the priors.  corner_words : below the corner figure.  converged : whether there are enough draws.
-    consistency : about several runs, "" for one.  explanation : of what may be missing, "" where that was not asked.
+    section : what it says about the data against the priors.
+    corner_words : below the corner figure.  converged : whether there are enough draws.
+    consistency : about several runs, "" for one.
+    explanation : of what may be missing, "" where that was not asked.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
     first_step : what to do first where the status is not ok.
     """
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY)
-    told_below = P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
-    lacks = discrepancy_text(result.curve_deviation, result.labels, pictures) if result.curve_deviation else ""
+    told_below = (
+        P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
+    )
+    lacks = (
+        discrepancy_text(result.curve_deviation, result.labels, pictures)
+        if result.curve_deviation
+        else ""
+    )
     screen = first_screen(result)
     return render(
-        "analysis.md.j2", pictures=pictures, opened=opened_by(result), screen=screen, screen_table=table(screen.head, screen.rows),
-        copies=copies_of(screen.estimates) if screen.estimates else None, caption=caption_of(result),
-        budget=shares, result=result, kind=kind_words(result.kind), status_words=STATUS_WORDS[Status(result.status)],
-        prior=prior_cell, fit=fit_cell, value=value_cell, interval=interval_cell,
-        symbols=[result.labels.symbol(name) for name in result.correlation.names[:_MOST_CORRELATED]],
+        "analysis.md.j2",
+        pictures=pictures,
+        opened=opened_by(result),
+        screen=screen,
+        screen_table=table(screen.head, screen.rows),
+        copies=copies_of(screen.estimates) if screen.estimates else None,
+        caption=caption_of(result),
+        budget=shares,
+        result=result,
+        kind=kind_words(result.kind),
+        status_words=STATUS_WORDS[Status(result.status)],
+        prior=prior_cell,
+        fit=fit_cell,
+        value=value_cell,
+        interval=interval_cell,
+        symbols=[
+            result.labels.symbol(name) for name in result.correlation.names[:_MOST_CORRELATED]
+        ],
         derived=derived_rows(result.runs, result.labels),
-        reject_below=P_POOR_FIT / among, told_below=told_below, conflict_below=P_CONFLICT, ends=_turning_rows(result), identify=section,
-        meaningless=not Status(result.status).draws_count, limits_count=Status(result.status).limits_count,
-        what_if=_what_if_rows(result), what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency, friction=friction_cell, axes=axes,
-        axes_words=phrase(" and ").join(phrase("{y} against {x}", y=y, x=x) for x, y in axes), limits_only=result.status != "ok",
-        converged=converged, corner_words=corner_words, lacks=lacks, explanation=explanation, counts=counts,
-        deviation=deviation_text(result.deviation, result.labels, pictures) if result.deviation else "",
-        complete=complete_runs([result]), name_of_test=name_of_test, first_step=first_step, reasons=first_reasons(result.reasons),
-        said=[*complete_runs([result]), *(words for force in (result.deviation or {}).values() for words in (force.words, force.noise_words))]
-        if result.status == "ok" else [],
+        reject_below=P_POOR_FIT / among,
+        told_below=told_below,
+        conflict_below=P_CONFLICT,
+        ends=_turning_rows(result),
+        identify=section,
+        meaningless=not Status(result.status).draws_count,
+        limits_count=Status(result.status).limits_count,
+        what_if=_what_if_rows(result),
+        what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
+        consistency=consistency,
+        friction=friction_cell,
+        axes=axes,
+        axes_words=phrase(" and ").join(phrase("{y} against {x}", y=y, x=x) for x, y in axes),
+        limits_only=result.status != "ok",
+        converged=converged,
+        corner_words=corner_words,
+        lacks=lacks,
+        explanation=explanation,
+        counts=counts,
+        deviation=deviation_text(result.deviation, result.labels, pictures)
+        if result.deviation
+        else "",
+        complete=complete_runs([result]),
+        name_of_test=name_of_test,
+        first_step=first_step,
+        reasons=first_reasons(result.reasons),
+        said=[
+            *complete_runs([result]),
+            *(
+                words
+                for force in (result.deviation or {}).values()
+                for words in (force.words, force.noise_words)
+            ),
+        ]
+        if result.status == "ok"
+        else [],
         drawn=MOST_DRAWN if len(result.runs) > MOST_DRAWN else None,
         uncorrelated=max(len(result.correlation.names) - _MOST_CORRELATED, 0),
         x_named="x" in re.findall(r"\w+", result.formula or ""),
@@ -169,7 +310,11 @@ def complete_runs(results: Iterable[Result]) -> dict[str, list[str]]:
 
 def _moved_by_errors(result: Result) -> list[str]:
     """The parameters that some error moves by more than rounding hides."""
-    return [name for name in result.parameters if any(abs(one.shifts.get(name, 0.0)) >= _FELT for one in result.what_if)]
+    return [
+        name
+        for name in result.parameters
+        if any(abs(one.shifts.get(name, 0.0)) >= _FELT for one in result.what_if)
+    ]
 
 
 def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
@@ -178,7 +323,11 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
     several = len(result.runs) > 1
     return [
         (
-            (one.error if one.shifts else phrase("{error}: no fit that allows for it converges", error=one.error))
+            (
+                one.error
+                if one.shifts
+                else phrase("{error}: no fit that allows for it converges", error=one.error)
+            )
             + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
             [_shift_cell(one.shifts.get(name)) for name in names],
         )
@@ -193,25 +342,49 @@ def _shift_cell(shift: float | None) -> str:
     return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
 
 
-def index_report(campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()) -> dict[str, bytes]:
+def index_report(
+    campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()
+) -> dict[str, bytes]:
     """`report.md` that leads to the reports of runs fit one by one, each in a folder of its name.
 
     explanations : of what may be missing, of those runs of which it was asked.
     """
-    columns = list(dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values()))
+    columns = list(
+        dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values())
+    )
     derived = {
-        run: {result.labels.derived[own][name]: one.derived[name] for own, one in result.runs.items() for name in one.sought}
+        run: {
+            result.labels.derived[own][name]: one.derived[name]
+            for own, one in result.runs.items()
+            for name in one.sought
+        }
         for run, result in results.items()
     }
     columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
     table = []
     for run, result in results.items():
-        cells = {result.labels.bare[name]: _index_cell(p, result.labels.bare[name]) for name, p in result.parameters.items()}
+        cells = {
+            result.labels.bare[name]: _index_cell(p, result.labels.bare[name])
+            for name, p in result.parameters.items()
+        }
         cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
-        table.append((run, result.status, [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns]))
+        table.append(
+            (
+                run,
+                result.status,
+                [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns],
+            )
+        )
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
     heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
-    text = render("index.md.j2", title=campaign.title, kind=kind_words(campaign.kind), heads=heads, table=table, causes=causes)
+    text = render(
+        "index.md.j2",
+        title=campaign.title,
+        kind=kind_words(campaign.kind),
+        heads=heads,
+        table=table,
+        causes=causes,
+    )
     return {"report.md": text.encode()}
 
 
@@ -220,7 +393,10 @@ def _index_cell(p: ParameterSummary, shown: Label) -> str:
     if p.measured or p.limit is not None:
         return value_cell(p, shown)
     if p.upper_95 is not None:
-        return f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} (95 %)"
+        return (
+            f"< {format_rounded(p.upper_95 * shown.factor, 0.25 * p.upper_95 * shown.factor)} "
+            "(95 %)"
+        )
     return phrase("as stated")
 
 
@@ -232,17 +408,24 @@ def fit_cell(name: str, p: ParameterSummary, result: Result) -> str:
         size = abs(value) if p.q975 is None or p.q025 is None else (p.q975 - p.q025) * shown.factor
         return format_rounded(value, 0.1 * size)
     if p.limit is not None:
-        edge = format_rounded(p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor)
+        edge = format_rounded(
+            p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor
+        )
         return phrase("{value} (at its edge)", value=edge)
     if sd is None:
-        return phrase("{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * shown.factor))
+        return phrase(
+            "{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * shown.factor)
+        )
     return format_quantity(value, sd * shown.factor)
 
 
 def prior_cell(p: ParameterSummary, shown: Label) -> str:
     """What was stated of a parameter before, in its shown unit."""
     if p.prior == "normal" and p.prior_mean is not None and p.prior_sd is not None:
-        return phrase("{value} (normal)", value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor))
+        return phrase(
+            "{value} (normal)",
+            value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor),
+        )
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
 
 
@@ -258,19 +441,34 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
 def caption_of(result: Result) -> str:
     """What the marks of the main figure mean."""
     left_out = any(run.excluded for run in result.runs.values())
-    points = phrase("Points: data ± one standard deviation (crosses: excluded).") if left_out else phrase("Points: data ± one standard deviation.")
+    points = (
+        phrase("Points: data ± one standard deviation (crosses: excluded).")
+        if left_out
+        else phrase("Points: data ± one standard deviation.")
+    )
     forces = list((result.deviation or {}).values())
     if result.status != "ok":
         if forces:
-            bare = phrase("Blue: the most probable curve, without an unmodelled force and starting from rest; there are no bands, "
-                          "because the status is not ok.")
+            bare = phrase(
+                "Blue: the most probable curve, without an unmodelled force and starting "
+                "from rest; there are no bands, "
+                "because the status is not ok."
+            )
         else:
-            bare = phrase("Blue: the most probable curve; there are no bands, because the status is not ok.")
+            bare = phrase(
+                "Blue: the most probable curve; there are no bands, because the status is not ok."
+            )
         return f"{points} {bare}"
     if any(force.drawn for force in forces):
-        curve = phrase("Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new reading, 95 %.")
+        curve = phrase(
+            "Blue: the curve including the unmodelled force, 68 and 95 %. Grey: a new "
+            "reading, 95 %."
+        )
     elif result.curve_deviation or forces:
-        curve = phrase("Blue: the curve without the unmodelled deviation, 68 and 95 %. Grey: a new reading without it, 95 %.")
+        curve = phrase(
+            "Blue: the curve without the unmodelled deviation, 68 and 95 %. Grey: a new "
+            "reading without it, 95 %."
+        )
     else:
         curve = phrase("Blue: the curve, 68 and 95 %. Grey: a new reading, 95 %.")
     return f"{points} {curve}"

@@ -1,4 +1,6 @@
-"""The overview of a batch: a table for people, one for programs, and a figure in which what stands apart is named."""
+"""The overview of a batch: a table for people, one for programs, and a figure in which what stands
+apart is named.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ from estim.words import Voice
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_PANELS, _INFORMED = 4, 0.5  # at most so many quantities, of which the data say something in at least half of the runs
+# at most so many quantities, of which the data say something in at least half of the runs
+_PANELS, _INFORMED = 4, 0.5
 _BARS = 200  # runs; of more, error bars would be one black band
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
@@ -38,13 +41,19 @@ def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
 
 
-def full_files(campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()) -> dict[str, bytes]:
+def full_files(
+    campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()
+) -> dict[str, bytes]:
     """The whole report of a run."""
-    return with_formats(analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats)
+    return with_formats(
+        analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats
+    )
 
 
 def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw, `figures/overview.png`."""
+    """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
+    `figures/overview.png`.
+    """
     found = spreads(rows)
     shown = [one for one in found if one.informed >= _INFORMED][:_PANELS]
 
@@ -52,11 +61,16 @@ def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, byte
         return _text(rows, found, pictures)
 
     drawers = {"figures/overview.png": lambda: overview_figure(rows, shown)} if shown else {}
-    return page(drawers, text, wanted=figures) | {"summary.csv": _csv(rows, found), "summary.json": _json(rows)}
+    return page(drawers, text, wanted=figures) | {
+        "summary.csv": _csv(rows, found),
+        "summary.json": _json(rows),
+    }
 
 
 def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
-    """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says what follows from the inputs."""
+    """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says
+    what follows from the inputs.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["campaign", "run", "cpu_s"])
@@ -67,7 +81,11 @@ def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
 def batch_line(rows: Sequence[Row]) -> str:
     """How many of each status, and what they took, in one line."""
     counts = ", ".join(f"{number} {status}" for status, number in _counts(rows))
-    return phrase("{counts} ({seconds:.3g} s of processor time)", counts=counts, seconds=sum(row.seconds for row in rows))
+    return phrase(
+        "{counts} ({seconds:.3g} s of processor time)",
+        counts=counts,
+        seconds=sum(row.seconds for row in rows),
+    )
 
 
 def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
@@ -78,23 +96,38 @@ def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
 def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str]) -> str:
     bad = [row for row in rows if row.status != "ok"]
     apart = [
-        ", ".join(rows[i].name for i in one.apart[:_NAMED]) + (phrase(" and others") if len(one.apart) > _NAMED else "") or phrase("none")
+        ", ".join(rows[i].name for i in one.apart[:_NAMED])
+        + (phrase(" and others") if len(one.apart) > _NAMED else "")
+        or phrase("none")
         for one in found
     ]
     return render(
-        "batch.md.j2", pictures=pictures, n=len(rows), counts=_counts(rows), synthetic=synthetic_words(rows), odd=odd_runs(rows)[:_LISTED],
-        quantities=list(zip(found, map(_numbers, found), apart, strict=True)), bad=bad[:_LISTED], left=max(len(bad) - _LISTED, 0),
+        "batch.md.j2",
+        pictures=pictures,
+        n=len(rows),
+        counts=_counts(rows),
+        synthetic=synthetic_words(rows),
+        odd=odd_runs(rows)[:_LISTED],
+        quantities=list(zip(found, map(_numbers, found), apart, strict=True)),
+        bad=bad[:_LISTED],
+        left=max(len(bad) - _LISTED, 0),
     )
 
 
 def _numbers(one: Spread) -> tuple[str, str, str]:
     size = one.typical if one.typical > 0.0 else abs(one.median)
-    scatter = format_rounded(one.scatter, 0.1 * size) if math.isfinite(one.scatter) else phrase("fewer than 5")
+    scatter = (
+        format_rounded(one.scatter, 0.1 * size)
+        if math.isfinite(one.scatter)
+        else phrase("fewer than 5")
+    )
     return format_rounded(one.median, 0.1 * size), scatter, format_rounded(one.typical, 0.1 * size)
 
 
 def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
-    """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units, empty where there is none."""
+    """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units,
+    empty where there is none.
+    """
     names = sorted((one.name, one.unit) for one in found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -105,14 +138,35 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
         cells: list[object] = []
         for name, unit in names:
             value = row.values.get(name)
-            cells += [""] * 4 if value is None or value.unit != unit else [value.mean, value.sd, value.q025, value.q975]
-        writer.writerow([_cell(row.campaign), _cell(row.run), row.status or "no result", _cell(row.error or row.reason), *cells])
+            cells += (
+                [""] * 4
+                if value is None or value.unit != unit
+                else [value.mean, value.sd, value.q025, value.q975]
+            )
+        writer.writerow(
+            [
+                _cell(row.campaign),
+                _cell(row.run),
+                row.status or "no result",
+                _cell(row.error or row.reason),
+                *cells,
+            ]
+        )
     return text.getvalue().encode()
 
 
 def _json(rows: Sequence[Row]) -> bytes:
     """What the rows say of the runs, without how and when it was made."""
-    return as_json([{name: value for name, value in msgspec.to_builtins(row).items() if name not in ("seconds", "key", "outputs")} for row in rows])
+    return as_json(
+        [
+            {
+                name: value
+                for name, value in msgspec.to_builtins(row).items()
+                if name not in ("seconds", "key", "outputs")
+            }
+            for row in rows
+        ]
+    )
 
 
 def _cell(text: str) -> str:
@@ -125,11 +179,17 @@ def synthetic_words(rows: Sequence[Row]) -> str:
     n, of = sum(row.kind == "synthetic" for row in rows), sum(bool(row.kind) for row in rows)
     if n == 0:
         return ""
-    return phrase("SYNTHETIC data") if n == of else phrase("SYNTHETIC data in {n} of {total} runs", n=n, total=of)
+    return (
+        phrase("SYNTHETIC data")
+        if n == of
+        else phrase("SYNTHETIC data in {n} of {total} runs", n=n, total=of)
+    )
 
 
 def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
-    """Each quantity against the number of the run; a run that is not ok is a cross at the bottom, what stands apart is named."""
+    """Each quantity against the number of the run; a run that is not ok is a cross at the bottom,
+    what stands apart is named.
+    """
     figure = new_figure(0.7 + 1.5 * len(shown))
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
@@ -139,20 +199,55 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         ax.axhline(one.median, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
             if len(rows) <= _BARS:
-                ax.errorbar(at[chosen], one.mean[chosen], one.sd[chosen], fmt=mark, color=colour, markersize=3.5, linewidth=0.8, capsize=0)
+                ax.errorbar(
+                    at[chosen],
+                    one.mean[chosen],
+                    one.sd[chosen],
+                    fmt=mark,
+                    color=colour,
+                    markersize=3.5,
+                    linewidth=0.8,
+                    capsize=0,
+                )
             else:
-                ax.plot(at[chosen], one.mean[chosen], mark, color=colour, markersize=2.0, markeredgewidth=0.0)
+                ax.plot(
+                    at[chosen],
+                    one.mean[chosen],
+                    mark,
+                    color=colour,
+                    markersize=2.0,
+                    markeredgewidth=0.0,
+                )
         for i in one.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
             value = one.mean[one.rows.index(i)]
-            ax.annotate(name, (i + 1, value), xytext=(4, 3), textcoords="offset points", fontsize=7, color=INK)
+            ax.annotate(
+                name,
+                (i + 1, value),
+                xytext=(4, 3),
+                textcoords="offset points",
+                fontsize=7,
+                color=INK,
+            )
         if bad.size:
-            ax.plot(bad, np.full(bad.size, 0.04), "x", color=INK, markersize=3.5, markeredgewidth=0.8, transform=ax.get_xaxis_transform())
+            ax.plot(
+                bad,
+                np.full(bad.size, 0.04),
+                "x",
+                color=INK,
+                markersize=3.5,
+                markeredgewidth=0.8,
+                transform=ax.get_xaxis_transform(),
+            )
         ax.set_ylabel(f"{one.name}" + ("" if one.unit == "1" else f" ({one.unit})"))
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)
-    said = phrase("number of the run (cross at the bottom: not ok)") if bad.size else phrase("number of the run")
+    said = (
+        phrase("number of the run (cross at the bottom: not ok)")
+        if bad.size
+        else phrase("number of the run")
+    )
     axes[-1].set_xlabel(said)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

@@ -17,7 +17,9 @@ _LEAST_SHARE = 0.5  # %, of what is told of a budget
 
 
 class BodyValue(msgspec.Struct, frozen=True):
-    """One quantity of a body: by linear propagation, by Monte Carlo, and the share (%) of each input in the linear variance."""
+    """One quantity of a body: by linear propagation, by Monte Carlo, and the share (%) of each
+    input in the linear variance.
+    """
 
     unit: str
     meaning: str
@@ -62,28 +64,57 @@ class BodyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> BodyResult:
     """The record of bodies given by their parts."""
     linear, drawn = weighing.linear, weighing.sampled
-    bodies = {body.name: BodySummary([part for part, _ in body.parts], {}) for body in weighing.bodies}
+    bodies = {
+        body.name: BodySummary([part for part, _ in body.parts], {}) for body in weighing.bodies
+    }
     for i, (body, out) in enumerate(weighing.names):
         _, unit, meaning = OUTPUTS[out]
         bodies[body].values[out] = BodyValue(
-            unit, meaning, float(linear.value[i]), float(weighing.u[i]), number(drawn.mean[i]), number(drawn.u[i]), number(drawn.symmetric.low[i]),
-            number(drawn.symmetric.high[i]), bool(weighing.linear_holds[i]),
-            {row.input.name: round(row.share, 3) for row in weighing.budgets[i].rows if weighing.u[i] * row.input.u > 0.0},
+            unit,
+            meaning,
+            float(linear.value[i]),
+            float(weighing.u[i]),
+            number(drawn.mean[i]),
+            number(drawn.u[i]),
+            number(drawn.symmetric.low[i]),
+            number(drawn.symmetric.high[i]),
+            bool(weighing.linear_holds[i]),
+            {
+                row.input.name: round(row.share, 3)
+                for row in weighing.budgets[i].rows
+                if weighing.u[i] * row.input.u > 0.0
+            },
         )
     uncertain = [i for i, u in enumerate(weighing.u) if u > 0.0]
     names = [f"{weighing.names[i][1]}[{weighing.names[i][0]}]" for i in uncertain]
     matrix = weighing.correlation[np.ix_(uncertain, uncertain)].round(6).tolist()
     inputs = {one.name: BodyInput(one.value, one.u, one.unit) for one in linear.inputs}
     at = Provenance(one_line(str(source.path)), source.sha256, {}, seed, software_versions())
-    return BodyResult(BODY_SCHEMA, source.title, source.kind, bodies, Correlation(names, matrix), inputs, list(weighing.notes), at)
+    return BodyResult(
+        BODY_SCHEMA,
+        source.title,
+        source.kind,
+        bodies,
+        Correlation(names, matrix),
+        inputs,
+        list(weighing.notes),
+        at,
+    )
 
 
 def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) -> dict[str, bytes]:
     """`report.md` and `result.json`."""
     result = body_result(source, weighing, seed=seed)
     text = render(
-        "body.md.j2", result=result, kind=kind_words(result.kind), budgets=_budgets(result), label=lambda out, unit: OUTPUTS[out][0].label(unit),
-        symbols=[f"{OUTPUTS[out][0].symbol}[{rest}" for out, _, rest in (name.partition("[") for name in result.correlation.names)],
+        "body.md.j2",
+        result=result,
+        kind=kind_words(result.kind),
+        budgets=_budgets(result),
+        label=lambda out, unit: OUTPUTS[out][0].label(unit),
+        symbols=[
+            f"{OUTPUTS[out][0].symbol}[{rest}"
+            for out, _, rest in (name.partition("[") for name in result.correlation.names)
+        ],
     )
     return {"report.md": text.encode(), "result.json": as_json(result)}
 
@@ -93,20 +124,42 @@ def body_lines(weighing: BodyProperties) -> list[str]:
     lines: dict[str, list[str]] = {}
     for i, (body, out) in enumerate(weighing.names):
         notation, unit, _ = OUTPUTS[out]
-        factor, shown = (notation.factor, notation.unit) if notation.unit else (1.0, "" if unit == "1" else unit)
-        value = format_quantity(float(weighing.linear.value[i]) * factor, float(weighing.u[i]) * factor, plus_minus=False)
+        factor, shown = (
+            (notation.factor, notation.unit)
+            if notation.unit
+            else (1.0, "" if unit == "1" else unit)
+        )
+        value = format_quantity(
+            float(weighing.linear.value[i]) * factor,
+            float(weighing.u[i]) * factor,
+            plus_minus=False,
+        )
         lines.setdefault(body, []).append(f"{notation.symbol} = {value} {shown}".rstrip())
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 
 def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, list[str]]]]]:
-    """For each body the symbols of what is uncertain, and a row for each input that says anything: its share of each variance."""
+    """For each body the symbols of what is uncertain, and a row for each input that says anything:
+    its share of each variance.
+    """
     found = {}
     for body, summary in result.bodies.items():
         outs = [out for out, v in summary.values.items() if v.u > 0.0]
-        names = list(dict.fromkeys(name for out in outs for name, share in summary.values[out].budget.items() if share >= _LEAST_SHARE))
-        shares = {name: [summary.values[out].budget.get(name, 0.0) for out in outs] for name in names}
+        names = list(
+            dict.fromkeys(
+                name
+                for out in outs
+                for name, share in summary.values[out].budget.items()
+                if share >= _LEAST_SHARE
+            )
+        )
+        shares = {
+            name: [summary.values[out].budget.get(name, 0.0) for out in outs] for name in names
+        }
         largest = sorted(names, key=lambda name: -max(shares[name]))
-        rows = [(name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]]) for name in largest]
+        rows = [
+            (name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]])
+            for name in largest
+        ]
         found[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
     return found

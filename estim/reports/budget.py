@@ -1,4 +1,6 @@
-"""Where the uncertainty of a result comes from, as a reader sees it: records for `result.json`, and the rows of a table of shares."""
+"""Where the uncertainty of a result comes from, as a reader sees it: records for `result.json`, and
+the rows of a table of shares.
+"""
 
 from __future__ import annotations
 
@@ -31,20 +33,28 @@ _WRITTEN = 0.5  # %, from which a share has its number beside it
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):
-    source: str  # a parameter whose stated value or prior it is, or a part of the errors of the readings
-    kind: str  # "stated", "prior" (not a measured value's), "common" (clock, scale: the default), "curve" (what it lacks, its start), "readings"
-    u: float  # standard uncertainty of the quantity, linear; of a stated value signed: how far the quantity moves if it grows by one of its own
+    # a parameter whose stated value or prior it is, or a part of the errors of the readings
+    source: str
+    # "stated", "prior" (not a measured value's), "common" (clock, scale: the default), "curve"
+    # (what it lacks, its start), "readings"
+    kind: str
+    # standard uncertainty of the quantity, linear; of a stated value signed: how far the quantity
+    # moves if it grows by one of its own
+    u: float
     share: float  # of the variance, linear
     share_drawn: float | None  # the same from the draws; null where they do not tell
 
 
 class UncertaintyBudget(msgspec.Struct, frozen=True):
-    """Parts of the uncertainty of one parameter, or of what is derived; the squares of `u` and of `others` add up to that of `sd_linear`."""
+    """Parts of the uncertainty of one parameter, or of what is derived; the squares of `u` and of
+    `others` add up to that of `sd_linear`.
+    """
 
     unit: str
     sd_linear: float
     sd_posterior: float
-    sources: list[UncertaintySource]  # the largest first; those below a thousandth of the variance are `others`
+    # the largest first; those below a thousandth of the variance are `others`
+    sources: list[UncertaintySource]
     others: float
 
 
@@ -52,9 +62,13 @@ class UncertaintyBudget(msgspec.Struct, frozen=True):
 class Shares:
     """What a table and a figure show.
 
-    symbols : (n_quantity,).  sources : (n_source,) in words.  shares : (n_source, n_quantity) of the variance, columns add up to 1.
-    drawn : the same from draws, nan where they do not tell.  sums, posterior : (n_quantity,) standard deviations as text.
-    n_left : how many quantities are not shown.  bent : symbols of those whose sds differ by more than a fifth.
+    symbols : (n_quantity,).
+    sources : (n_source,) in words.  shares : (n_source, n_quantity) of the variance, columns add up
+        to 1.
+    drawn : the same from draws, nan where they do not tell.
+    sums, posterior : (n_quantity,) standard deviations as text.
+    n_left : how many quantities are not shown.
+    bent : symbols of those whose sds differ by more than a fifth.
     """
 
     labels: tuple[Label, ...]
@@ -67,7 +81,9 @@ class Shares:
     bent: tuple[str, ...]
 
     def cells(self) -> list[tuple[str, list[str]]]:
-        """Rows of a table: a source, and its share of each quantity with that of the draws in brackets."""
+        """Rows of a table: a source, and its share of each quantity with that of the draws in
+        brackets.
+        """
         return [
             (source, [_cell(a, b) for a, b in zip(linear, drawn, strict=True)])
             for source, linear, drawn in zip(self.sources, self.shares, self.drawn, strict=True)
@@ -76,15 +92,26 @@ class Shares:
 
 def budget_of(analysis: Analysis) -> Budget | None:
     """None where the status allows no standard deviation, or there is no covariance."""
-    return uncertainty_budget(analysis.fit, analysis.chain.thinned(_DRAWS)) if analysis.diagnosis.ok else None
+    return (
+        uncertainty_budget(analysis.fit, analysis.chain.thinned(_DRAWS))
+        if analysis.diagnosis.ok
+        else None
+    )
 
 
-def budget_records(analysis: Analysis, budget: Budget | None) -> dict[str, UncertaintyBudget] | None:
+def budget_records(
+    analysis: Analysis, budget: Budget | None
+) -> dict[str, UncertaintyBudget] | None:
     """One for each quantity of the budget; None where there is none."""
     if budget is None:
         return None
-    units = {one.name: one.unit for run in analysis.problem.runs for one in run.sought} | {p.name: p.unit for p in analysis.problem.parameters}
-    return {name: _record(budget, k, units.get(name) or units[name.partition("[")[0]]) for k, name in enumerate(budget.names)}
+    units = {one.name: one.unit for run in analysis.problem.runs for one in run.sought} | {
+        p.name: p.unit for p in analysis.problem.parameters
+    }
+    return {
+        name: _record(budget, k, units.get(name) or units[name.partition("[")[0]])
+        for k, name in enumerate(budget.names)
+    }
 
 
 def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
@@ -92,18 +119,34 @@ def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
     order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= _TOLD]
     sources = [
         UncertaintySource(
-            budget.sources[i].name, budget.sources[i].kind, float(budget.contributions[i, k]), float(shares[i]), number(float(drawn[i]))
+            budget.sources[i].name,
+            budget.sources[i].kind,
+            float(budget.contributions[i, k]),
+            float(shares[i]),
+            number(float(drawn[i])),
         )
         for i in order
     ]
     rest = float(np.sum(np.delete(shares, order)))
-    return UncertaintyBudget(unit, float(budget.sds[k]), float(budget.posterior[k]), sources, float(budget.sds[k]) * max(rest, 0.0) ** 0.5)
+    return UncertaintyBudget(
+        unit,
+        float(budget.sds[k]),
+        float(budget.posterior[k]),
+        sources,
+        float(budget.sds[k]) * max(rest, 0.0) ** 0.5,
+    )
 
 
 def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
-    """What is sought first, then the parameters that runs share; sources that are alike (the tilts of many runs) together, small ones too."""
+    """What is sought first, then the parameters that runs share; sources that are alike (the tilts
+    of many runs) together, small ones too.
+    """
     shown = [*derived_labels(analysis).items(), *labels.parameters.items()]
-    known = [(name, label) for name, label in shown if name in budget.names and name not in _between(analysis)]
+    known = [
+        (name, label)
+        for name, label in shown
+        if name in budget.names and name not in _between(analysis)
+    ]
     chosen = known[:MAX_QUANTITIES]
     columns = [budget.names.index(name) for name, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
@@ -111,17 +154,32 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     alike = Counter((source.kind, split_level(source.name)[0]) for source in budget.sources)
     for i, source in enumerate(budget.sources):
         groups.setdefault(_words(source, alike, labels), []).append(i)
-    ordered = sorted(groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0))))
-    kept = [words for words in ordered[:MAX_SOURCES] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005]
+    ordered = sorted(
+        groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0)))
+    )
+    kept = [
+        words
+        for words in ordered[:MAX_SOURCES]
+        if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
+    ]
     rows = [(words, groups[words]) for words in kept]
     rest = [i for words in ordered if words not in kept for i in groups[words]]
     rows += [(phrase("all others"), rest)] if rest else []
     return Shares(
-        tuple(label for _, label in chosen), tuple(words for words, _ in rows), np.array([np.sum(shares[own], axis=0) for _, own in rows]),
+        tuple(label for _, label in chosen),
+        tuple(words for words, _ in rows),
+        np.array([np.sum(shares[own], axis=0) for _, own in rows]),
         np.array([np.sum(drawn[own], axis=0) for _, own in rows]),
         tuple(_sd(budget.sds[k], label) for k, (_, label) in zip(columns, chosen, strict=True)),
-        tuple(_sd(budget.posterior[k], label) for k, (_, label) in zip(columns, chosen, strict=True)), len(known) - len(chosen),
-        tuple(label.symbol for k, (_, label) in zip(columns, chosen, strict=True) if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= _BENT),
+        tuple(
+            _sd(budget.posterior[k], label) for k, (_, label) in zip(columns, chosen, strict=True)
+        ),
+        len(known) - len(chosen),
+        tuple(
+            label.symbol
+            for k, (_, label) in zip(columns, chosen, strict=True)
+            if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= _BENT
+        ),
     )
 
 
@@ -134,18 +192,33 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
     """alike : how many sources there are of a kind and a base name."""
     if source.kind not in (STATED, PRIOR):
         return {
-            READINGS: phrase("readings"), "scale_x": phrase("length scale (default)"), "scale_t": phrase("clock (default)"),
-            FORCE: phrase("unmodelled force"), DEVIATION: phrase("the unmodelled deviation"), START: phrase("push at release"),
+            READINGS: phrase("readings"),
+            "scale_x": phrase("length scale (default)"),
+            "scale_t": phrase("clock (default)"),
+            FORCE: phrase("unmodelled force"),
+            DEVIATION: phrase("the unmodelled deviation"),
+            START: phrase("push at release"),
             FRAMES: phrase("bad frames"),
         }[source.name]
     base = split_level(source.name)[0]
     n = alike[source.kind, base]
-    shown = phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=n) if n > 2 else labels.symbol(source.name)
-    return phrase("{shown}, stated", shown=shown) if source.kind == STATED else phrase("{shown}, prior", shown=shown)
+    shown = (
+        phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=n)
+        if n > 2
+        else labels.symbol(source.name)
+    )
+    return (
+        phrase("{shown}, stated", shown=shown)
+        if source.kind == STATED
+        else phrase("{shown}, prior", shown=shown)
+    )
 
 
 def _sd(value: float, label: Label) -> str:
-    return f"{format_rounded(value * label.factor, value * label.factor)} {'' if label.unit == '1' else label.unit}".strip()
+    return (
+        f"{format_rounded(value * label.factor, value * label.factor)} "
+        f"{'' if label.unit == '1' else label.unit}"
+    ).strip()
 
 
 def _cell(share: float, drawn: float) -> str:
@@ -154,12 +227,21 @@ def _cell(share: float, drawn: float) -> str:
 
 
 def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: FloatArray) -> Figure:
-    """Shares (n_source, n_quantity) of each source in the variance of each quantity, in %; that of correlations may be negative."""
-    figure, panels = grid(len(quantities), height=0.27 * max(len(sources), 2) + 0.7, columns=3, sharey=True)
+    """Shares (n_source, n_quantity) of each source in the variance of each quantity, in %; that of
+    correlations may be negative.
+    """
+    figure, panels = grid(
+        len(quantities), height=0.27 * max(len(sources), 2) + 0.7, columns=3, sharey=True
+    )
     places = np.arange(len(sources))
     for ax, name, widths in zip(panels, quantities, shares.T, strict=True):
         bars = ax.barh(places, widths, color=BLUE, height=0.7)
-        ax.bar_label(bars, [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths], padding=3, fontsize=7.5)
+        ax.bar_label(
+            bars,
+            [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths],
+            padding=3,
+            fontsize=7.5,
+        )
         ax.axvline(0.0, color=INK, lw=0.8)
         ax.margins(x=0.28 if np.all(widths >= 0.0) else 0.45)
         ax.set_title(f"u²({name})")

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.calibration import COVERAGE_SDS, UNIFORM_BELOW, Calibration, coverage_sentence, direction, edges, findings, rank_counts, uniformity_band
+from estim.calibration import (
+    COVERAGE_SDS,
+    UNIFORM_BELOW,
+    Calibration,
+    coverage_sentence,
+    direction,
+    edges,
+    findings,
+    rank_counts,
+    uniformity_band,
+)
 from estim.campaign import Campaign
 from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, grid, name_ticks, new_figure
@@ -29,7 +39,9 @@ _ENGINES = {"importance sampling": later("importance sampling"), "chain": later(
 
 
 class CoverageRecord(msgspec.Struct, frozen=True):
-    """Share of the trials whose interval of `probability` held the truth; sd of that share if intervals keep their word."""
+    """Share of the trials whose interval of `probability` held the truth; sd of that share if
+    intervals keep their word.
+    """
 
     probability: float
     share: float
@@ -63,36 +75,55 @@ class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"
 
 
 def unlike_fit(problem: Problem, with_usual_errors: Problem) -> str:
-    """What `estim fit` has beside the curves of a problem and a calibration has not, in words; "" where it is the same analysis."""
+    """What `estim fit` has beside the curves of a problem and a calibration has not, in words; ""
+    where it is the same analysis.
+    """
     usual = problem.names != with_usual_errors.names
     beside = [phrase("an unmodelled force")] if any(run.force for run in problem.runs) else []
     beside += [phrase("default errors of clock and scale")] if usual else []
     if not beside:
         return ""
     return phrase(
-        "the intervals checked are those of the curve alone; those of estim fit also allow for {beside}, and are not checked here",
+        "the intervals checked are those of the curve alone; those of estim fit also allow "
+        "for {beside}, and are not checked here",
         beside=phrase(" and ").join(beside),
     )
 
 
 def calibration_report(
-    campaign: Campaign, calibrations: Sequence[Calibration], *, unlike: str = "", figures: bool = True
+    campaign: Campaign,
+    calibrations: Sequence[Calibration],
+    *,
+    unlike: str = "",
+    figures: bool = True,
 ) -> dict[str, bytes]:
     """The files of one or two calibrations (ranks, coverage) of the same runs.
 
-    unlike : how the analysis differs from that of `estim fit`, "" where it does not.  figures : whether there are any.
+    unlike : how the analysis differs from that of `estim fit`, "" where it does not.
+    figures : whether there are any.
     """
     drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
             drawers["figures/ranks.png"] = partial(rank_figure, calibration)
-        drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(coverage_figure, calibration)
+        drawers[f"figures/coverage-{_AT[calibration.what]}.png"] = partial(
+            coverage_figure, calibration
+        )
     text = partial(
-        render, "calibration.md.j2", title=campaign.title, kind=kind_words(campaign.kind), runs=", ".join(calibrations[0].runs),
-        uniform_below=UNIFORM_BELOW, coverage_sds=COVERAGE_SDS, parts=[_part(calibration) for calibration in calibrations], unlike=unlike,
+        render,
+        "calibration.md.j2",
+        title=campaign.title,
+        kind=kind_words(campaign.kind),
+        runs=", ".join(calibrations[0].runs),
+        uniform_below=UNIFORM_BELOW,
+        coverage_sds=COVERAGE_SDS,
+        parts=[_part(calibration) for calibration in calibrations],
+        unlike=unlike,
     )
     records = {c.what: calibration_record(campaign, c) for c in calibrations}
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"calibration.json": as_json(records)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
+        "calibration.json": as_json(records)
+    }
 
 
 def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
@@ -103,11 +134,25 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
         ranks = c.ranks_of(name)
         held = zip(c.probabilities, c.share(name).tolist(), c.share_sd().tolist(), strict=True)
         mean = float(np.mean((ranks + 0.5) / (c.n_rank + 1))) if ranks.size else float("nan")
-        numbers[name] = NumberRecord(unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held])
+        numbers[name] = NumberRecord(
+            unit, number(c.p_value(name)), number(mean), [CoverageRecord(*cells) for cells in held]
+        )
     return CalibrationRecord(
-        schema_=SCHEMA, what=c.what, status=decide(found), findings=[tell(f) for f in found], runs=list(c.runs),
-        n_trial=c.n_trial, n_rejected=c.n_rejected, n_failed=c.n_failed, n_short=c.n_short, engines=dict(c.how), failures=dict(c.failures),
-        leaning=list(c.leaning), n_rank=c.n_rank, numbers=numbers, ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
+        schema_=SCHEMA,
+        what=c.what,
+        status=decide(found),
+        findings=[tell(f) for f in found],
+        runs=list(c.runs),
+        n_trial=c.n_trial,
+        n_rejected=c.n_rejected,
+        n_failed=c.n_failed,
+        n_short=c.n_short,
+        engines=dict(c.how),
+        failures=dict(c.failures),
+        leaning=list(c.leaning),
+        n_rank=c.n_rank,
+        numbers=numbers,
+        ranks={name: c.ranks[:, i].tolist() for i, name in enumerate(c.reported)},
         provenance=provenance(campaign, list(c.runs), c.seed),
     )
 
@@ -117,21 +162,47 @@ def _part(c: Calibration) -> Mapping[str, object]:
     rows = []
     for name in c.reported:
         share, p_value = c.share(name), c.p_value(name)
-        off = [abs(s - p) > COVERAGE_SDS * u for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)]
-        covered = [Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %" for s, o in zip(share, off, strict=True)]
+        off = [
+            abs(s - p) > COVERAGE_SDS * u
+            for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)
+        ]
+        covered = [
+            Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %"
+            for s, o in zip(share, off, strict=True)
+        ]
         how = direction_words(direction(c, name)) or "—"
-        rows.append((c.labels[name].symbol, "n/a" if np.isnan(p_value) else p_digits(p_value), *covered, how))
+        rows.append(
+            (
+                c.labels[name].symbol,
+                "n/a" if np.isnan(p_value) else p_digits(p_value),
+                *covered,
+                how,
+            )
+        )
     sd = 100 * c.share_sd()
-    engines = [phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how])) for how, count in sorted(c.how.items()) if how != "none"]
+    engines = [
+        phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how]))
+        for how, count in sorted(c.how.items())
+        if how != "none"
+    ]
     return {
-        "calibration": c, "at": _AT[c.what], "findings": [tell(f) for f in findings(c)], "rows": rows, "sds": [f"{u:.1f}" for u in sd],
-        "engines": ", ".join(engines), "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
-        "sentences": [coverage_sentence(c, name) for name in c.reported] if c.what == "coverage" else [],
+        "calibration": c,
+        "at": _AT[c.what],
+        "findings": [tell(f) for f in findings(c)],
+        "rows": rows,
+        "sds": [f"{u:.1f}" for u in sd],
+        "engines": ", ".join(engines),
+        "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
+        "sentences": [coverage_sentence(c, name) for name in c.reported]
+        if c.what == "coverage"
+        else [],
     }
 
 
 def rank_figure(calibration: Calibration) -> Figure:
-    """Distribution function of the ranks minus that of uniform ranks, one panel a quantity, with the 95 % simultaneous band."""
+    """Distribution function of the ranks minus that of uniform ranks, one panel a quantity, with
+    the 95 % simultaneous band.
+    """
     names = list(calibration.reported)
     figure, axes = grid(len(names), height=1.75, columns=3, sharey=True)
     z = edges(calibration.n_rank)
@@ -145,21 +216,35 @@ def rank_figure(calibration: Calibration) -> Figure:
         difference = rank_counts(ranks, calibration.n_rank) / ranks.size - z
         inside = bool(np.all((difference >= low - z) & (difference <= high - z)))
         ax.fill_between(z, low - z, high - z, color=GREY, alpha=0.3, lw=0)
-        ax.step(z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8)
-    figure.supxlabel(phrase("rank of the true value among posterior draws, as a fraction"), fontsize=8)
+        ax.step(
+            z, difference, where="mid", color=BLUE if inside else ORANGE, lw=1.2 if inside else 1.8
+        )
+    figure.supxlabel(
+        phrase("rank of the true value among posterior draws, as a fraction"), fontsize=8
+    )
     figure.supylabel(phrase("ECDF − uniform"), fontsize=8)
     return figure
 
 
 def coverage_figure(calibration: Calibration) -> Figure:
-    """Share of the trials whose interval held the truth, with one and three Monte-Carlo standard deviations about the stated probability."""
+    """Share of the trials whose interval held the truth, with one and three Monte-Carlo standard
+    deviations about the stated probability.
+    """
     names = list(calibration.reported)
     figure = new_figure(0.26 * len(names) + 1.0)
     axes = figure.subplots(1, len(calibration.probabilities), squeeze=False, sharey=True)[0]
     rows = np.arange(len(names))[::-1]
-    for i, (ax, p, sd) in enumerate(zip(axes, calibration.probabilities, calibration.share_sd(), strict=True)):
+    for i, (ax, p, sd) in enumerate(
+        zip(axes, calibration.probabilities, calibration.share_sd(), strict=True)
+    ):
         for width, shade in ((1.0, 0.35), (COVERAGE_SDS, 0.18)):
-            ax.axvspan(100 * (p - width * sd), min(100 * (p + width * sd), 100.0), color=GREY, alpha=shade, lw=0)
+            ax.axvspan(
+                100 * (p - width * sd),
+                min(100 * (p + width * sd), 100.0),
+                color=GREY,
+                alpha=shade,
+                lw=0,
+            )
         ax.axvline(100 * p, color=INK, lw=0.8)
         shares = np.array([calibration.share(name)[i] for name in names])
         off = np.abs(shares - p) > COVERAGE_SDS * sd

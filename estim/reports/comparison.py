@@ -40,21 +40,45 @@ class ComparedSummary(msgspec.Struct, frozen=True):
     influential: dict[str, list[float]]
 
 
-def compare_report(campaign: Campaign, compared: Sequence[Compared], *, seed: int, figures: bool = True) -> dict[str, bytes]:
-    """The files of a comparison, next to which each model's own report may stand in a folder of its name.  figures : whether there are any."""
+def compare_report(
+    campaign: Campaign, compared: Sequence[Compared], *, seed: int, figures: bool = True
+) -> dict[str, bytes]:
+    """The files of a comparison, next to which each model's own report may stand in a folder of its
+    name.  figures : whether there are any.
+    """
     common = _common(compared)
     summaries = [_summary(c, common) for c in compared]
     runs = [run.name for run in compared[0].analysis.problem.runs]
     text = partial(
-        render, "compare.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries,
+        render,
+        "compare.md.j2",
+        title=campaign.title,
+        runs=runs,
+        kind=kind_words(campaign.kind),
+        rows=summaries,
         cells=[_cells(s, common) for s in summaries],
         heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
-        influential=INFLUENTIAL, behind=_BEHIND, folder=folder_of, several_data=len({s.data for s in summaries}) > 1,
+        influential=INFLUENTIAL,
+        behind=_BEHIND,
+        folder=folder_of,
+        several_data=len({s.data for s in summaries}) > 1,
         data=[phrase(_DATA[s.data]) for s in summaries],
     )
-    record = {"title": campaign.title, "kind": campaign.kind, "runs": runs, "models": summaries, "provenance": provenance(campaign, runs, seed)}
-    drawers = {"figures/comparison.png": partial(values_figure, [(s.name, s.status == "ok", s.posterior) for s in summaries], common)}
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"comparison.json": as_json(record)}
+    record = {
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "runs": runs,
+        "models": summaries,
+        "provenance": provenance(campaign, runs, seed),
+    }
+    drawers = {
+        "figures/comparison.png": partial(
+            values_figure, [(s.name, s.status == "ok", s.posterior) for s in summaries], common
+        )
+    }
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
+        "comparison.json": as_json(record)
+    }
 
 
 def folder_of(name: str) -> str:
@@ -74,11 +98,21 @@ def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
     posterior = {p.name: analysis.summaries[analysis.problem.names.index(p.name)] for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
     return ComparedSummary(
-        name=c.candidate.name, words=c.candidate.words, data=c.data, n_obs=analysis.problem.n_obs, status=analysis.diagnosis.status,
-        reasons=list(analysis.diagnosis.reasons), posterior=posterior,
-        elpd=number(c.loo.elpd), se_elpd=number(c.loo.se), p_loo=number(c.loo.p_loo), behind=number(c.behind), se_behind=number(c.behind_se),
+        name=c.candidate.name,
+        words=c.candidate.words,
+        data=c.data,
+        n_obs=analysis.problem.n_obs,
+        status=analysis.diagnosis.status,
+        reasons=list(analysis.diagnosis.reasons),
+        posterior=posterior,
+        elpd=number(c.loo.elpd),
+        se_elpd=number(c.loo.se),
+        p_loo=number(c.loo.p_loo),
+        behind=number(c.behind),
+        se_behind=number(c.behind_se),
         log_evidence=None if evidence is None else number(evidence.log_evidence),
-        u_log_evidence=None if evidence is None else number(evidence.u_log_evidence), influential=c.influential,
+        u_log_evidence=None if evidence is None else number(evidence.u_log_evidence),
+        influential=c.influential,
     )
 
 

@@ -1,4 +1,6 @@
-"""The section of a report on whether the runs of a joint fit agree; the text stands in `templates/consistency.md.j2`."""
+"""The section of a report on whether the runs of a joint fit agree; the text stands in
+`templates/consistency.md.j2`.
+"""
 
 from __future__ import annotations
 
@@ -20,32 +22,54 @@ _MOST_ROWS, _FARTHEST = 64, 24
 
 
 def consistency_text(
-    consistency: Consistency, pictures: Collection[str] = (), *, limits_only: bool = False, on_edge: Collection[str] = ()
+    consistency: Consistency,
+    pictures: Collection[str] = (),
+    *,
+    limits_only: bool = False,
+    on_edge: Collection[str] = (),
 ) -> Markdown:
-    """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to read them.
+    """Markdown fragment without a heading: verdict, table of sources, table of estimates, how to
+    read them.
 
     pictures : paths of the figures beside it.
-    limits_only : leave out what all runs give together, where that is no result.  on_edge : parameters of which it is a limit and no value.
+    limits_only : leave out what all runs give together, where that is no result.
+    on_edge : parameters of which it is a limit and no value.
     """
     return render(
-        "consistency.md.j2", pictures=pictures,
-        consistency=consistency, priors=PRIORS, on_edge=on_edge, cell=_cell, reject_below=P_INCONSISTENT, limits_only=limits_only,
+        "consistency.md.j2",
+        pictures=pictures,
+        consistency=consistency,
+        priors=PRIORS,
+        on_edge=on_edge,
+        cell=_cell,
+        reject_below=P_INCONSISTENT,
+        limits_only=limits_only,
     )
 
 
 def _cell(estimate: SharedEstimate, i: int, shown: Label) -> str:
-    return format_quantity(float(estimate.mean[i]) * shown.factor, float(estimate.sd[i]) * shown.factor)
+    return format_quantity(
+        float(estimate.mean[i]) * shown.factor, float(estimate.sd[i]) * shown.factor
+    )
 
 
 def forest_figure(
-    consistency: Consistency, *, on_edge: Collection[str] = (), edges: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    consistency: Consistency,
+    *,
+    on_edge: Collection[str] = (),
+    edges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> Figure:
-    """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded band is the joint fit.
+    """One panel a shared parameter, one line a run; bars are one standard uncertainty, the shaded
+    band is the joint fit.
 
-    Runs that disagree are vermilion.  Of more than 64 runs the 24 are drawn that are
-    farthest from all others, in their order.  edges : parameter -> ends of its prior, beyond which nothing is drawn.
+    Runs that disagree are vermilion.  Of more than 64 runs the 24 are drawn that are farthest from
+    all others, in their order.
+    edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
-    panels = [(i, name, shown) for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))]
+    panels = [
+        (i, name, shown)
+        for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))
+    ]
     drawn = {name: _drawn(consistency, name) for _, name, _ in panels}
     tallest = max(map(len, drawn.values()))
     figure, axes = grid(len(panels), height=0.22 * tallest + 1.1, columns=3)
@@ -53,17 +77,48 @@ def forest_figure(
     for ax, (i, name, shown) in zip(axes, panels, strict=True):
         runs = drawn[name]
         low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
-        centre, sd = consistency.joint.mean[i] * shown.factor, consistency.joint.sd[i] * shown.factor
+        centre = consistency.joint.mean[i] * shown.factor
+        sd = consistency.joint.sd[i] * shown.factor
         if name not in on_edge:  # there all runs together give a limit
-            ax.axvspan(max(centre - sd, low), min(centre + sd, high), color=GREY, alpha=0.25, lw=0, label=phrase("all"))
+            ax.axvspan(
+                max(centre - sd, low),
+                min(centre + sd, high),
+                color=GREY,
+                alpha=0.25,
+                lw=0,
+                label=phrase("all"),
+            )
             ax.axvline(centre, color=GREY, lw=0.8)
         for place, run in enumerate(runs):
             others, alone = consistency.others[run], consistency.alone[run]
             colour = VERMILION if run in wrong else BLUE
-            value, bar = _within(others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high)
-            ax.errorbar(value, place + 0.17, xerr=bar, fmt="o", mfc="white", ms=3.5, color=INK, lw=0.9, label=phrase("all but this run"))
-            value, bar = _within(alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high)
-            ax.errorbar(value, place - 0.17, xerr=bar, fmt="o", ms=3.5, color=colour, lw=1.4, label=phrase("this run and the stated values"))
+            value, bar = _within(
+                others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high
+            )
+            ax.errorbar(
+                value,
+                place + 0.17,
+                xerr=bar,
+                fmt="o",
+                mfc="white",
+                ms=3.5,
+                color=INK,
+                lw=0.9,
+                label=phrase("all but this run"),
+            )
+            value, bar = _within(
+                alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high
+            )
+            ax.errorbar(
+                value,
+                place - 0.17,
+                xerr=bar,
+                fmt="o",
+                ms=3.5,
+                color=colour,
+                lw=1.4,
+                label=phrase("this run and the stated values"),
+            )
         name_ticks(ax.yaxis, range(len(runs)), runs)
         for tick, run in zip(ax.get_yticklabels(), runs, strict=True):
             tick.set_fontweight("bold" if run in wrong else "normal")
@@ -86,7 +141,11 @@ def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
 
     def apart(run: str) -> float:
         one, others = consistency.alone[run], consistency.others[run]
-        return float(np.abs(one.mean[i] - others.mean[i]) / max(one.sd[i], 1e-300)) if np.isfinite(one.sd[i]) else 0.0
+        return (
+            float(np.abs(one.mean[i] - others.mean[i]) / max(one.sd[i], 1e-300))
+            if np.isfinite(one.sd[i])
+            else 0.0
+        )
 
     chosen = set(sorted(runs, key=apart, reverse=True)[:_FARTHEST])
     return [run for run in runs if run in chosen]

@@ -1,8 +1,10 @@
-"""Results to copy into a lab report: plain lines, LaTeX for the package siunitx in both of its notations, and CSV.
+"""Results to copy into a lab report: plain lines, LaTeX for the package siunitx in both of its
+notations, and CSV.
 
-siunitx reads "3.3(20)" and "3.3 +- 2.0" alike; which of them is printed is a matter of its options, so both are offered.  Limits and lopsided
-values have no notation that every version of it knows: they are written as mathematics.  The table has the value of the text: of a lopsided one the
-median without u, whose 68 % interval stands beside it.
+siunitx reads "3.3(20)" and "3.3 +- 2.0" alike; which of them is printed is a matter of its options,
+so both are offered.  Limits and lopsided values have no notation that every version of it knows:
+they are written as mathematics.  The table has the value of the text: of a lopsided one the median
+without u, whose 68 % interval stands beside it.
 """
 
 from __future__ import annotations
@@ -17,17 +19,73 @@ from estim.checks import Estimate, lopsided
 from estim.common import Label, Markdown, format_quantity, one_line, phrase, powers_in
 
 _BASES = {
-    "m": "metre", "s": "second", "g": "gram", "A": "ampere", "K": "kelvin", "mol": "mole", "cd": "candela", "N": "newton", "J": "joule", "W": "watt",
-    "V": "volt", "C": "coulomb", "Hz": "hertz", "Pa": "pascal", "Ω": "ohm", "T": "tesla", "F": "farad", "H": "henry", "S": "siemens", "rad": "radian",
-    "eV": "electronvolt", "min": "minute", "h": "hour", "d": "day", "L": "litre", "°": "degree", "°C": "degreeCelsius", "%": "percent",
+    "m": "metre",
+    "s": "second",
+    "g": "gram",
+    "A": "ampere",
+    "K": "kelvin",
+    "mol": "mole",
+    "cd": "candela",
+    "N": "newton",
+    "J": "joule",
+    "W": "watt",
+    "V": "volt",
+    "C": "coulomb",
+    "Hz": "hertz",
+    "Pa": "pascal",
+    "Ω": "ohm",
+    "T": "tesla",
+    "F": "farad",
+    "H": "henry",
+    "S": "siemens",
+    "rad": "radian",
+    "eV": "electronvolt",
+    "min": "minute",
+    "h": "hour",
+    "d": "day",
+    "L": "litre",
+    "°": "degree",
+    "°C": "degreeCelsius",
+    "%": "percent",
 }
 _PREFIXES = {
-    "": "", "p": "pico", "n": "nano", "µ": "micro", "μ": "micro", "m": "milli", "c": "centi", "d": "deci", "h": "hecto", "k": "kilo", "M": "mega",
+    "": "",
+    "p": "pico",
+    "n": "nano",
+    "µ": "micro",
+    "μ": "micro",
+    "m": "milli",
+    "c": "centi",
+    "d": "deci",
+    "h": "hecto",
+    "k": "kilo",
+    "M": "mega",
     "G": "giga",
 }
 _NAMES = (
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau",
-    "upsilon", "phi", "chi", "psi", "omega",
+    "alpha",
+    "beta",
+    "gamma",
+    "delta",
+    "epsilon",
+    "zeta",
+    "eta",
+    "theta",
+    "iota",
+    "kappa",
+    "lambda",
+    "mu",
+    "nu",
+    "xi",
+    "pi",
+    "rho",
+    "sigma",
+    "tau",
+    "upsilon",
+    "phi",
+    "chi",
+    "psi",
+    "omega",
 )
 _GREEK = dict(zip("αβγδεζηθικλμνξπρστυφχψω", _NAMES, strict=True)) | {name: name for name in _NAMES}
 _VARIED = {"phi": "varphi", "epsilon": "varepsilon"}
@@ -50,7 +108,14 @@ def copies_of(estimates: Sequence[Estimate]) -> Copies:
     shown = [one for one in estimates if one.value != "n/a"]
     told = [one for one in shown if one.told]
     return Copies(
-        _block([one.relation if one.measured else phrase("{relation} (not measured here)", relation=one.relation) for one in told]),
+        _block(
+            [
+                one.relation
+                if one.measured
+                else phrase("{relation} (not measured here)", relation=one.relation)
+                for one in told
+            ]
+        ),
         _block([_noted(one, False) for one in told], "latex"),
         _block([_noted(one, True) for one in told], "latex"),
         _block(_rows(shown), "csv"),
@@ -59,25 +124,40 @@ def copies_of(estimates: Sequence[Estimate]) -> Copies:
 
 def _block(lines: Sequence[str], language: str = "text") -> Markdown:
     """Lines shown as they are; nothing in them can end the block."""
-    return Markdown("\n".join([f"```{language}", *(one_line(line).replace("`", "'") for line in lines), "```"]))
+    return Markdown(
+        "\n".join([f"```{language}", *(one_line(line).replace("`", "'") for line in lines), "```"])
+    )
 
 
 def _rows(estimates: Sequence[Estimate]) -> list[str]:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"])
+    writer.writerow(
+        ["quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"]
+    )
     for one in estimates:
         p, factor = one.summary, one.label.factor
         limit = p.limit.limit_95 if p.limit is not None else one.upper
-        unit, said = "" if one.label.unit == "1" else one.label.unit, "yes" if one.measured else "no"
+        unit = "" if one.label.unit == "1" else one.label.unit
+        said = "yes" if one.measured else "no"
         if limit is not None:
             lower = p.limit is not None and p.limit.side == "lower"
             ends = ("", _digits(limit * factor))
-            writer.writerow([one.label.symbol, "", "", "", "", *(ends[::-1] if lower else ends), unit, said])
+            writer.writerow(
+                [one.label.symbol, "", "", "", "", *(ends[::-1] if lower else ends), unit, said]
+            )
         else:
-            centre = [p.median, None] if lopsided(p) else [p.mean, p.sd]  # as the text has it, in which ± would mislead there
+            # as the text has it, in which ± would mislead there
+            centre = [p.median, None] if lopsided(p) else [p.mean, p.sd]
             numbers = [*centre, p.q16, p.q84, p.q025, p.q975]
-            writer.writerow([one.label.symbol, *("" if v is None else _digits(v * factor) for v in numbers), unit, said])
+            writer.writerow(
+                [
+                    one.label.symbol,
+                    *("" if v is None else _digits(v * factor) for v in numbers),
+                    unit,
+                    said,
+                ]
+            )
     return buffer.getvalue().splitlines()
 
 
@@ -95,39 +175,63 @@ def _tex(one: Estimate, plus_minus: bool) -> str:
     known = unit and not unit.startswith(r"\text")
     behind = rf"\,\unit{{{unit}}}" if known else rf"\,{unit}" if unit else ""
     if "±" in text and p.mean is not None and p.sd is not None:
-        number = _number(format_quantity(p.mean * shown.factor, p.sd * shown.factor, plus_minus=plus_minus)).replace(" ± ", " +- ")
+        number = _number(
+            format_quantity(p.mean * shown.factor, p.sd * shown.factor, plus_minus=plus_minus)
+        ).replace(" ± ", " +- ")
         written = rf"\qty{{{number}}}{{{unit}}}" if known else rf"\num{{{number}}}{behind}"
         return f"${symbol} = {written}$"
     if found := re.match(r"([<>]) (\S+?)[ °]", text):
         return f"${symbol} {found[1]} {_number(found[2])}{behind}$ (95\\,\\%)"
     if found := re.match(r"\(?(\S+) \+(\S+) −([^\s)]+)", text):
-        centre, up, down = (rf"\num{{{_number(one)}}}" if "×" in one else _number(one) for one in found.groups())
+        centre, up, down = (
+            rf"\num{{{_number(one)}}}" if "×" in one else _number(one) for one in found.groups()
+        )
         return f"${symbol} = {centre}^{{+{up}}}_{{-{down}}}{behind}$"
     return f"${symbol} = {_number(text.partition(' ')[0])}{behind}$"
 
 
 def _number(text: str) -> str:
-    """A number as siunitx reads it: "(1.2 ± 0.3)×10⁻⁵" as "1.2 ± 0.3 e-5", "4.20(8)e+03" as "4.20(8)e3"."""
+    """A number as siunitx reads it: "(1.2 ± 0.3)×10⁻⁵" as "1.2 ± 0.3 e-5", "4.20(8)e+03" as
+    "4.20(8)e3".
+    """
     if "e" in text:
         mantissa, _, exponent = text.partition("e")
         return f"{mantissa}e{int(exponent)}"
     if found := re.match(r"\((.+)\)×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", text):
         return f"{found[1].replace('−', '-')} e{found[2].translate(_RAISED)}"
-    return re.sub(r"×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: "e" + found[1].translate(_RAISED), text).replace("−", "-").replace("°", "")
+    return (
+        re.sub(r"×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: "e" + found[1].translate(_RAISED), text)
+        .replace("−", "-")
+        .replace("°", "")
+    )
 
 
 def _unit(unit: str) -> str:
-    r"""A unit in siunitx's words ("1/µs" as \per\micro\second), "" for 1; what has none stands as text."""
+    r"""A unit in siunitx's words ("1/µs" as \per\micro\second), "" for 1; what has none stands as
+    text.
+    """
     if unit in ("", "1"):
         return ""
     powers = powers_in(unit)
-    factors = [None] if powers is None else [_word(symbol, power) for symbol, power in powers.items() if power]
-    return rf"\text{{{_escaped(unit)}}}" if None in factors else "".join(factor or "" for factor in factors)
+    factors = (
+        [None]
+        if powers is None
+        else [_word(symbol, power) for symbol, power in powers.items() if power]
+    )
+    return (
+        rf"\text{{{_escaped(unit)}}}"
+        if None in factors
+        else "".join(factor or "" for factor in factors)
+    )
 
 
 def _word(symbol: str, power: int) -> str | None:
     """One factor of a unit, or None."""
-    spelled = [(p, symbol[len(p):]) for p in _PREFIXES if symbol.startswith(p) and symbol[len(p):] in _BASES]
+    spelled = [
+        (p, symbol[len(p) :])
+        for p in _PREFIXES
+        if symbol.startswith(p) and symbol[len(p) :] in _BASES
+    ]
     if not spelled:
         return None
     prefix, base = min(spelled, key=lambda pair: len(pair[0]))
@@ -139,13 +243,23 @@ def _word(symbol: str, power: int) -> str | None:
 def _symbol(shown: Label) -> str:
     base, bracket, level = shown.symbol.partition("[")
     lowered = base.translate(_LOWERED)
-    index = lowered[len(base.rstrip("₀₁₂₃₄₅₆₇₈₉")):]
+    index = lowered[len(base.rstrip("₀₁₂₃₄₅₆₇₈₉")) :]
     stem, underscore, below = base.rstrip("₀₁₂₃₄₅₆₇₈₉").partition("_")
     if numbered := re.fullmatch(r"([A-Za-z]+?)(\d+)", stem):
         stem, index = numbered[1], numbered[2] + index
     greek = _GREEK.get(stem, "")
-    letter = rf"\{_VARIED.get(greek, greek)}" if greek else stem if len(stem) == 1 else rf"\mathrm{{{_upright(stem)}}}"
-    parts = (rf"\mathrm{{{_upright(below)}}}" if underscore else "", index, rf"\text{{{_escaped(level[:-1])}}}" if bracket else "")
+    letter = (
+        rf"\{_VARIED.get(greek, greek)}"
+        if greek
+        else stem
+        if len(stem) == 1
+        else rf"\mathrm{{{_upright(stem)}}}"
+    )
+    parts = (
+        rf"\mathrm{{{_upright(below)}}}" if underscore else "",
+        index,
+        rf"\text{{{_escaped(level[:-1])}}}" if bracket else "",
+    )
     low = ",".join(filter(None, parts))
     return letter + (f"_{{{low}}}" if low else "")
 

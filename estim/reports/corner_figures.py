@@ -11,7 +11,18 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, Markdown, phrase
-from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, PURPLE, WIDTH, name_ticks, new_figure, tick_texts
+from estim.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PALE,
+    PURPLE,
+    WIDTH,
+    name_ticks,
+    new_figure,
+    tick_texts,
+)
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, uses_of
 from estim.reports.derived import derived_quantity_draws
@@ -24,10 +35,13 @@ if TYPE_CHECKING:
 
 PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
-_NARROWEST = 1e-11  # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
-_BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3  # inches left of and below the panels, right of them, and above them, where the title has room
+# part of a value that an axis is wide at least: what is narrower has too few numbers to draw
+_NARROWEST = 1e-11
+# inches left of and below the panels, right of them, and above them, where the title has room
+_BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3
 _GAP = 0.05  # between two panels, as a share of one
-_N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0  # cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
+# cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
+_N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)  # of ensembles
 _MOST_STEPS, _MOST_STRIPS = 1000, 40
@@ -35,9 +49,11 @@ _MOST_STEPS, _MOST_STRIPS = 1000, 40
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """A parameter of the figure, or what follows from some: draws (n_draw,), ends of its axis and ticks (n_tick,), in the unit that is shown.
+    """A parameter of the figure, or what follows from some: draws (n_draw,), ends of its axis and
+    ticks (n_tick,), in the unit that is shown.
 
-    prior : None for what follows from parameters.  true : of synthetic data, in the unit that is shown; None where it is not known.
+    prior : None for what follows from parameters.
+    true : of synthetic data, in the unit that is shown; None where it is not known.
     """
 
     prior: Prior | None
@@ -51,9 +67,11 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Density:
-    """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the middles of the cells and the ends of their ranges.
+    """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the
+    middles of the cells and the ends of their ranges.
 
-    levels : (2,), increasing; above them lie 95 and 68 % of the density, and a little more of the draws, which smoothing spreads.
+    levels : (2,), increasing; above them lie 95 and 68 % of the density, and a little more of the
+        draws, which smoothing spreads.
     """
 
     x: FloatArray
@@ -63,7 +81,8 @@ class Density:
 
 
 def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> Figure:
-    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each marginal.
+    """Marginal and joint posteriors of `corner_parameters`, with the prior (orange) beside each
+    marginal.
 
     truth : parameter -> true value of synthetic data, a dashed line.
     """
@@ -74,14 +93,26 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     size = max(0.75 * WIDTH, 1.35 * n)
     figure = Figure(figsize=(size, size), facecolor="white")
     before = _BEFORE / size
-    figure.subplots_adjust(left=before, bottom=before, right=1.0 - _BEHIND / size, top=1.0 - _ABOVE / size, wspace=_GAP, hspace=_GAP)
+    figure.subplots_adjust(
+        left=before,
+        bottom=before,
+        right=1.0 - _BEHIND / size,
+        top=1.0 - _ABOVE / size,
+        wspace=_GAP,
+        hspace=_GAP,
+    )
     for i, row in enumerate(columns):
         for j, column in enumerate(columns[: i + 1]):
             ax = figure.add_subplot(n, n, i * n + j + 1, xlim=(column.low, column.high))
             if i == j:
                 _draw_marginal(ax, column)
             else:
-                _draw_contours(ax, density_of(column.draws, row.draws, [(column.low, column.high), (row.low, row.high)]))
+                _draw_contours(
+                    ax,
+                    density_of(
+                        column.draws, row.draws, [(column.low, column.high), (row.low, row.high)]
+                    ),
+                )
                 ax.set_ylim(row.low, row.high)
                 _mark_true(ax.axhline, row)
             _mark_true(ax.axvline, column)
@@ -91,27 +122,51 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     return figure
 
 
-def columns_of(analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})) -> list[Column]:
+def columns_of(
+    analysis: Analysis, truth: Mapping[str, float] = MappingProxyType({})
+) -> list[Column]:
     """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
-    shown, draws = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)], analysis.chain.thinned(20_000)
+    shown = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]
+    draws = analysis.chain.thinned(20_000)
     names = analysis.problem.names
-    columns = [_column(p.prior, p.bare_label if single else p.label, draws[:, names.index(p.name)], truth.get(p.name)) for p in shown]
-    return columns + [_column(None, label, values) for label, values in derived_quantity_draws(analysis)[:MAX_SOUGHT]]
+    columns = [
+        _column(
+            p.prior,
+            p.bare_label if single else p.label,
+            draws[:, names.index(p.name)],
+            truth.get(p.name),
+        )
+        for p in shown
+    ]
+    return columns + [
+        _column(None, label, values)
+        for label, values in derived_quantity_draws(analysis)[:MAX_SOUGHT]
+    ]
 
 
 def density_of(
-    x: FloatArray, y: FloatArray, ranges: Sequence[tuple[float, float]], *, n_bin: int = _N_BIN, smooth: float = _SMOOTH
+    x: FloatArray,
+    y: FloatArray,
+    ranges: Sequence[tuple[float, float]],
+    *,
+    n_bin: int = _N_BIN,
+    smooth: float = _SMOOTH,
 ) -> Density:
-    """The density of draws (n_draw,) between the ends of two `ranges`; smooth : standard deviation of the kernel, in cells."""
+    """The density of draws (n_draw,) between the ends of two `ranges`; smooth : standard deviation
+    of the kernel, in cells.
+    """
     counts, *edges = np.histogram2d(x, y, bins=n_bin, range=ranges)
-    middles = [np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges]
+    middles = [
+        np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges
+    ]
     smoothed = blurred(counts, smooth)
     return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed))
 
 
 def blurred(counts: FloatArray, sd: float) -> FloatArray:
-    """A histogram (n, n) smoothed by a normal kernel of `sd` cells, the counts beyond its edges those inside mirrored.
+    """A histogram (n, n) smoothed by a normal kernel of `sd` cells, the counts beyond its edges
+    those inside mirrored.
 
     The package of SciPy that does the same takes longer to load than the figure to draw.
     """
@@ -121,30 +176,50 @@ def blurred(counts: FloatArray, sd: float) -> FloatArray:
     weights = np.exp(-0.5 * np.square(steps / sd))
     mirrored = np.add.outer(np.arange(n), steps) % (2 * n)
     kernel = np.zeros((n, n))
-    np.add.at(kernel, (np.arange(n)[:, None], np.minimum(mirrored, 2 * n - 1 - mirrored)), weights / np.sum(weights))
+    np.add.at(
+        kernel,
+        (np.arange(n)[:, None], np.minimum(mirrored, 2 * n - 1 - mirrored)),
+        weights / np.sum(weights),
+    )
     return np.asarray(kernel @ counts @ kernel.T)
 
 
 def _levels(smoothed: FloatArray) -> FloatArray:
-    """Not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide, so such a region would be too short along it."""
+    """Not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide,
+    so such a region would be too short along it.
+    """
     ordered = np.sort(smoothed, axis=None)[::-1]
     held = np.cumsum(ordered)
     low, high = ordered[np.searchsorted(held, np.array(PROBABILITIES) * held[-1])]
     return np.array([min(low, high * (1.0 - 1e-4)), high])
 
 
-def _column(prior: Prior | None, label: Label, draws: FloatArray, true: float | None = None) -> Column:
+def _column(
+    prior: Prior | None, label: Label, draws: FloatArray, true: float | None = None
+) -> Column:
     from matplotlib.ticker import MaxNLocator
 
     low, high = _reach(prior, draws * label.factor, label.factor)
     ticks = np.asarray(MaxNLocator(4).tick_values(low, high))
     clear = np.abs(ticks - 0.5 * (low + high)) < 0.42 * (high - low)  # of the next panel's
-    return Column(prior, label, draws * label.factor, low, high, ticks[clear], None if true is None else true * label.factor)
+    return Column(
+        prior,
+        label,
+        draws * label.factor,
+        low,
+        high,
+        ticks[clear],
+        None if true is None else true * label.factor,
+    )
 
 
 def _draw_marginal(ax: Axes, column: Column) -> None:
-    """Histogram of the draws and line of the prior; a prior without a height has none, and one that is far narrower leaves the panel."""
-    heights, edges = np.histogram(column.draws, bins=_N_BIN, range=(column.low, column.high), density=True)
+    """Histogram of the draws and line of the prior; a prior without a height has none, and one that
+    is far narrower leaves the panel.
+    """
+    heights, edges = np.histogram(
+        column.draws, bins=_N_BIN, range=(column.low, column.high), density=True
+    )
     ax.stairs(heights, edges, color=BLUE, lw=1.0)
     top = 1.1 * float(heights.max())
     if column.prior is not None and np.isfinite(column.prior.sd):
@@ -158,7 +233,9 @@ def _draw_marginal(ax: Axes, column: Column) -> None:
 def _draw_contours(ax: Axes, density: Density) -> None:
     """Fill the regions that hold 95 % (pale) and 68 %, each with its line."""
     levels = [*density.levels, 1.01 * float(density.z.max())]
-    drawn = ax.contourf(density.x, density.y, density.z.T, levels=levels, colors=[PALE, BLUE], antialiased=True)
+    drawn = ax.contourf(
+        density.x, density.y, density.z.T, levels=levels, colors=[PALE, BLUE], antialiased=True
+    )
     drawn.set(edgecolor=BLUE, linewidth=1.0)
 
 
@@ -168,14 +245,18 @@ def _mark_true(line: Callable[..., Line2D], column: Column) -> None:
 
 
 def _name(axis: Axis, column: Column | None, *, fontsize: float, rotation: float = 0.0) -> None:
-    """Numbers and the name of what an axis shows; neither at a panel that is not at the edge of the figure."""
+    """Numbers and the name of what an axis shows; neither at a panel that is not at the edge of the
+    figure.
+    """
     ticks = np.empty(0) if column is None else column.ticks
     name_ticks(axis, ticks, tick_texts(ticks), fontsize=7.0, rotation=rotation)
     axis.set_label_text("" if column is None else column.label.axis, fontsize=fontsize)
 
 
 def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float, float]:
-    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than the prior allows, yet apart as numbers."""
+    """Ends of an axis: all but a thousandth of the draws (n_draw,) and a margin, no farther than
+    the prior allows, yet apart as numbers.
+    """
     low, q16, q84, high = np.quantile(draws, [0.0005, 0.16, 0.84, 0.9995])
     if prior is None:  # a ratio may have tails without end
         low, high = max(low, q16 - _FAR * (q84 - q16)), min(high, q84 + _FAR * (q84 - q16))
@@ -186,7 +267,9 @@ def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float
 
 
 def corner_parameters(problem: Problem) -> list[int]:
-    """Places of the parameters that the corner figure shows: all, or where they are too many those that runs share."""
+    """Places of the parameters that the corner figure shows: all, or where they are too many those
+    that runs share.
+    """
     if problem.n_par <= MAX_CORNER:
         return list(range(problem.n_par))
     uses = uses_of(problem.runs)
@@ -195,19 +278,39 @@ def corner_parameters(problem: Problem) -> list[int]:
 
 
 def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
-    """The legend of the corner figure, with what it leaves out.  truth : whether true values are drawn."""
+    """The legend of the corner figure, with what it leaves out.  truth : whether true values are
+    drawn.
+    """
     words = [
-        phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior; derived quantities have none.")
-        if any(run.sought for run in problem.runs) else phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior.")
+        phrase(
+            "Blue: posterior, with contours containing 68 and 95 %. Orange: prior; derived "
+            "quantities have none."
+        )
+        if any(run.sought for run in problem.runs)
+        else phrase("Blue: posterior, with contours containing 68 and 95 %. Orange: prior.")
     ]
     words += [phrase("Dashed: the true values.")] if truth else []
     drawn = [problem.parameters[i].name for i in corner_parameters(problem)]
     n, of = len(drawn), problem.n_par
     uses = uses_of(problem.runs)
     if n < of and all(uses[name] > 1 for name in drawn):
-        words.append(phrase("Only {n} of the {of} parameters are drawn, those shared by the runs; `result.json` contains all of them.", n=n, of=of))
+        words.append(
+            phrase(
+                "Only {n} of the {of} parameters are drawn, those shared by the runs; "
+                "`result.json` contains all of them.",
+                n=n,
+                of=of,
+            )
+        )
     elif n < of:
-        words.append(phrase("Only the first {n} of the {of} parameters are drawn; `result.json` contains all of them.", n=n, of=of))
+        words.append(
+            phrase(
+                "Only the first {n} of the {of} parameters are drawn; `result.json` "
+                "contains all of them.",
+                n=n,
+                of=of,
+            )
+        )
     return Markdown(" ".join(words))
 
 

@@ -38,15 +38,36 @@ def counts_text(fit: Fit, pictures: Collection[str]) -> str:
         mean, trials, single = _expected(fit, run), counted.trials, single or counted.single
         scarce = np.minimum(mean, 1.0 - mean) if math.isfinite(counted.law.ceiling) else mean
         few, empty = int(np.sum(trials * scarce < _FEW)), int(np.sum(run.y == 0.0))
-        rows.append((run.name, f"{np.sum(trials * run.y):.0f}", f"{np.sum(trials * mean):.1f}", str(run.n_obs), str(few), str(empty)))
-    return render("counts.md.j2", rows=rows, few=f"{_FEW:.0f}", events=single, pictures=pictures) if rows else ""
+        rows.append(
+            (
+                run.name,
+                f"{np.sum(trials * run.y):.0f}",
+                f"{np.sum(trials * mean):.1f}",
+                str(run.n_obs),
+                str(few),
+                str(empty),
+            )
+        )
+    return (
+        render("counts.md.j2", rows=rows, few=f"{_FEW:.0f}", events=single, pictures=pictures)
+        if rows
+        else ""
+    )
 
 
 def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
-    """Counts as bars or points, what the fitted curve expects, where a count would lie, and the pulls below."""
-    pairs = [(run, good, run.noise.counted) for run, good in zip(fit.problem.runs, goodness, strict=True) if run.noise.counted is not None]
+    """Counts as bars or points, what the fitted curve expects, where a count would lie, and the
+    pulls below.
+    """
+    pairs = [
+        (run, good, run.noise.counted)
+        for run, good in zip(fit.problem.runs, goodness, strict=True)
+        if run.noise.counted is not None
+    ]
     figure = new_figure(4.4 * len(pairs))
-    axes = figure.subplots(2 * len(pairs), 1, squeeze=False, height_ratios=[3, 1] * len(pairs))[:, 0]
+    axes = figure.subplots(2 * len(pairs), 1, squeeze=False, height_ratios=[3, 1] * len(pairs))[
+        :, 0
+    ]
     for k, (run, good, counted) in enumerate(pairs):
         top, below = axes[2 * k], axes[2 * k + 1]
         _draw_counts(top, run, _expected(fit, run), counted)
@@ -67,13 +88,28 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
 
 def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted) -> None:
     law, edges = counted.law, counted.bins
-    lies = later("range of a count, {p:.0f} %") if law.word == "counts" else later("range of a fraction, {p:.0f} %")
+    lies = (
+        later("range of a count, {p:.0f} %")
+        if law.word == "counts"
+        else later("range of a fraction, {p:.0f} %")
+    )
     ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
     if edges is None:
         for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
-            ax.vlines(run.x, *ends[level], color=BLUE, lw=width, alpha=0.55, label=phrase(lies, p=100 * level))
-        ax.plot(run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expectation of the curve"))
-        ax.plot(run.x, run.y, "o", color=INK, ms=3.5, label=phrase(law.word), zorder=5, clip_on=False)
+            ax.vlines(
+                run.x,
+                *ends[level],
+                color=BLUE,
+                lw=width,
+                alpha=0.55,
+                label=phrase(lies, p=100 * level),
+            )
+        ax.plot(
+            run.x, mean, "_", color=BLUE, ms=9, mew=1.6, label=phrase("expectation of the curve")
+        )
+        ax.plot(
+            run.x, run.y, "o", color=INK, ms=3.5, label=phrase(law.word), zorder=5, clip_on=False
+        )
         return
     for low, high, height in zip(edges[:, 0], edges[:, 1], run.y, strict=True):
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
@@ -81,18 +117,26 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
     x = edges.ravel()
     for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
-        ax.fill_between(x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level))
+        ax.fill_between(
+            x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level)
+        )
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 
 
 def _expected(fit: Fit, run: Observations) -> FloatArray:
     """(n_obs,) at the fit."""
-    return np.broadcast_to(run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs))[0]
+    return np.broadcast_to(
+        run.curve.value(run.x, run.bind(fit.problem.named(fit.values))), (1, run.n_obs)
+    )[0]
 
 
-def _interval(law: Law, mean: FloatArray, trials: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """Lowest and highest (n_obs,) of the counts that hold at least `level`, the rest shared between both sides."""
+def _interval(
+    law: Law, mean: FloatArray, trials: FloatArray, level: float
+) -> tuple[FloatArray, FloatArray]:
+    """Lowest and highest (n_obs,) of the counts that hold at least `level`, the rest shared between
+    both sides.
+    """
     found = []
     for m, size in zip(mean.tolist(), trials.tolist(), strict=True):
         y, below = law.table(max(m, 0.0), size)

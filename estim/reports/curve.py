@@ -1,12 +1,13 @@
-"""What follows a fitted curve: draws of its posterior, diagnosis, bands and a report, the same as for a campaign.
+"""What follows a fitted curve: draws of its posterior, diagnosis, bands and a report, the same as
+for a campaign.
 
     fit = fit_curve(...)
     analysis = write_curve_report(fit, "cooling", title="Cooling", kind="measured")
 
 or, in two steps:
 
-    analysis = sample_curve(fit, seed=1)
-    files = curve_report(fit, analysis, title="Cooling", kind="measured")     # relative path -> bytes
+    analysis = sample_curve(fit, seed=1) files = curve_report(fit, analysis, title="Cooling",
+    kind="measured")     # relative path -> bytes
 """
 
 from __future__ import annotations
@@ -33,7 +34,8 @@ from estim.sampling import Target
 class CurveSubject:
     """A fitted curve as what a report is about: arrays in place of files.
 
-    tables : run -> its columns as a table.  truth : parameter -> its true value, of synthetic data where it is known.
+    tables : run -> its columns as a table.
+    truth : parameter -> its true value, of synthetic data where it is known.
     sha256 : digest of the formula and of what is fixed in it.
     """
 
@@ -46,26 +48,42 @@ class CurveSubject:
     truth: Mapping[str, float] = field(default_factory=dict)
 
 
-def curve_report(fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: bool = True) -> dict[str, bytes]:
+def curve_report(
+    fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: bool = True
+) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of an analysis of a fitted curve.
 
-    kind : "measured", "synthetic" or "published": printed on the report.  figures : whether there are any.
+    kind : "measured", "synthetic" or "published": printed on the report.
+    figures : whether there are any.
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
     tables = {run.name: _table_of(run) for run in fit.problem.runs}
-    text = hashlib.sha256("; ".join([fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]).encode()).hexdigest()
+    text = hashlib.sha256(
+        "; ".join(
+            [fit.text, *(f"{name} = {value!r}" for name, value in fit.fixed.items())]
+        ).encode()
+    ).hexdigest()
     subject = CurveSubject(title, kind, fit.text, "fit_curve", text, MappingProxyType(tables))
     return analysis_report(subject, analysis, figures=figures)
 
 
 def write_curve_report(
-    fit: CurveFit, folder: str | Path, *, title: str, kind: Kind, seed: int = 1, target: Target | None = None, figures: bool = True
+    fit: CurveFit,
+    folder: str | Path,
+    *,
+    title: str,
+    kind: Kind,
+    seed: int = 1,
+    target: Target | None = None,
+    figures: bool = True,
 ) -> Analysis:
-    """The draws of a fitted curve, of one data set or of several, whose report is written into `folder`: `report.md`, `result.json`, `figures/`.
+    """The draws of a fitted curve, of one data set or of several, whose report is written into
+    `folder`: `report.md`, `result.json`, `figures/`.
 
-    seed : the same one gives the same numbers.  target : of the sampling (`estim.Target`).  Files of these names that are there are replaced, each
-    whole.  Raises InputError.
+    seed : the same one gives the same numbers.
+    target : of the sampling (`estim.Target`).  Files of these names that are there are replaced,
+        each whole.  Raises InputError.
     """
     analysis = sample_curve(fit, seed=seed, target=target)
     for name, data in curve_report(fit, analysis, title=title, kind=kind, figures=figures).items():
@@ -76,5 +94,13 @@ def write_curve_report(
 def _table_of(run: Observations) -> Run:
     """The points of a data set as the table that a file would hold."""
     columns = {"x": run.x, "y": run.y, "u_y": run.noise.reading_gain()}
-    digest = hashlib.sha256(b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())).hexdigest()
-    return Run(name=run.name, file="(arrays)", sha256=digest, columns=MappingProxyType(columns), lines=np.arange(1, run.n_obs + 1))
+    digest = hashlib.sha256(
+        b"".join(np.ascontiguousarray(column).tobytes() for column in columns.values())
+    ).hexdigest()
+    return Run(
+        name=run.name,
+        file="(arrays)",
+        sha256=digest,
+        columns=MappingProxyType(columns),
+        lines=np.arange(1, run.n_obs + 1),
+    )

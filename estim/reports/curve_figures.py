@@ -1,10 +1,12 @@
-"""Figures of a fit: data and curve with its bands above what is left of the data, whitened residuals, and those of all runs over each other."""
+"""Figures of a fit: data and curve with its bands above what is left of the data, whitened
+residuals, and those of all runs over each other.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +16,17 @@ from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
 from estim.common import later, phrase
 from estim.deviation import FoundForce
-from estim.drawing import BLUE, GREY, INK, ORANGE, RUN_COLOURS, VERMILION, draw_sds, legend_below, new_figure
+from estim.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    RUN_COLOURS,
+    VERMILION,
+    draw_sds,
+    legend_below,
+    new_figure,
+)
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, reading_sd
 from estim.sampling import Bands, curve_draws
@@ -25,17 +37,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
-_BAR = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+_BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
 MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
-_FAR = 3.0  # heights of all other points that an outlier is away from them, and is no longer drawn to scale
+# heights of all other points that an outlier is away from them, and is no longer drawn to scale
+_FAR = 3.0
 _HIDING = 300  # points that hide each other, and a line between them all
 _A_BIN, _MOST_BINS = 8, 24  # points of all runs in a bin of the mean at least, and bins at most
 _NAMED = len(RUN_COLOURS)  # runs beyond which single ones are grey
 
 
-def phase_figure(analysis: Analysis, propagated: Sequence[PropagatedBand] = (), *, whose: str = "") -> Figure:
-    """Speed against position: data, median curve, credible and predictive bands, turning point; below it data less curve in the unit of y.
+def phase_figure(
+    analysis: Analysis, propagated: Sequence[PropagatedBand] = (), *, whose: str = ""
+) -> Figure:
+    """Speed against position: data, median curve, credible and predictive bands, turning point;
+    below it data less curve in the unit of y.
 
     propagated : bands of the stated inputs, drawn beside those of the fit under the name `whose`.
     """
@@ -45,12 +61,18 @@ def phase_figure(analysis: Analysis, propagated: Sequence[PropagatedBand] = (), 
     trusted = analysis.diagnosis.ok
     for (ax, low), i in zip(pairs, drawn, strict=True):
         run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], found[i]
-        reach = _draw_propagated(ax, low, stated[run.name], bands, whose) if run.name in stated else 0.0
+        reach = (
+            _draw_propagated(ax, low, stated[run.name], bands, whose) if run.name in stated else 0.0
+        )
         if trusted:
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
-            said = phrase("most probable curve, without the force") if bands.completed else phrase("most probable curve")
+            said = (
+                phrase("most probable curve, without the force")
+                if bands.completed
+                else phrase("most probable curve")
+            )
             ax.plot(bands.x, mode, color=BLUE, lw=1.2, label=said)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
@@ -60,7 +82,18 @@ def phase_figure(analysis: Analysis, propagated: Sequence[PropagatedBand] = (), 
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             left, middle, right = np.quantile(stops, [0.025, 0.5, 0.975])
             ends = [[middle - left], [right - middle]]
-            bar = ax.errorbar(middle, 0.0, xerr=ends, fmt="^", color=BLUE, mec=INK, ms=8, lw=3, label=phrase("turning point, 95 %"), zorder=6)
+            bar = ax.errorbar(
+                middle,
+                0.0,
+                xerr=ends,
+                fmt="^",
+                color=BLUE,
+                mec=INK,
+                ms=8,
+                lw=3,
+                label=phrase("turning point, 95 %"),
+                zorder=6,
+            )
             for part in (bar.lines[0], *bar.lines[2]):
                 part.set_clip_on(False)
         ax.set_ylabel(run.y_label)
@@ -75,11 +108,27 @@ def phase_figure(analysis: Analysis, propagated: Sequence[PropagatedBand] = (), 
 
 
 def _draw_propagated(ax: Axes, low: Axes, band: PropagatedBand, bands: Bands, whose: str) -> float:
-    """The band of the stated inputs in both panels of a run; how far the axis of the lower one has to reach for it."""
+    """The band of the stated inputs in both panels of a run; how far the axis of the lower one has
+    to reach for it.
+    """
     fit = np.interp(band.x, bands.x, bands.median)
     for panel, less in ((ax, np.zeros_like(fit)), (low, fit)):
-        panel.fill_between(band.x, band.mc_low - less, band.mc_high - less, color=ORANGE, alpha=0.3, lw=0, label=whose)
-        panel.plot(band.x, band.value - less, color=ORANGE, lw=1.2, label=phrase("curve at the stated inputs"))
+        panel.fill_between(
+            band.x,
+            band.mc_low - less,
+            band.mc_high - less,
+            color=ORANGE,
+            alpha=0.3,
+            lw=0,
+            label=whose,
+        )
+        panel.plot(
+            band.x,
+            band.value - less,
+            color=ORANGE,
+            lw=1.2,
+            label=phrase("curve at the stated inputs"),
+        )
     return 1.3 * float(np.nanmedian(np.abs([band.mc_low - fit, band.mc_high - fit])))
 
 
@@ -92,11 +141,30 @@ def _low_end(values: FloatArray) -> float:
 def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
     probabilities = sorted(bands.credible, reverse=True)
     widest = probabilities[0]
-    ax.fill_between(bands.x, *bands.predictive[widest], color=GREY, alpha=0.22, lw=0, label=f"{new}, {100 * widest:.0f} %")
+    ax.fill_between(
+        bands.x,
+        *bands.predictive[widest],
+        color=GREY,
+        alpha=0.22,
+        lw=0,
+        label=f"{new}, {100 * widest:.0f} %",
+    )
     for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
         low, high = bands.credible[probability]
-        curve = later("the curve including the force, {p:.0f} %") if bands.completed else later("the curve, {p:.0f} %")
-        ax.fill_between(bands.x, low, high, color=BLUE, alpha=alpha, lw=0, label=phrase(curve, p=100 * probability))
+        curve = (
+            later("the curve including the force, {p:.0f} %")
+            if bands.completed
+            else later("the curve, {p:.0f} %")
+        )
+        ax.fill_between(
+            bands.x,
+            low,
+            high,
+            color=BLUE,
+            alpha=alpha,
+            lw=0,
+            label=phrase(curve, p=100 * probability),
+        )
     ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=phrase("posterior median"))
 
 
@@ -105,29 +173,78 @@ def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
     draw_points_with_bars(ax, residuals, label=said)
     if run.excluded_points.size:
         left = run.excluded_points
-        near = (left[:, 0] >= _low_end(run.x)) & (left[:, 0] <= 1.1 * run.x.max()) & (left[:, 1] >= _low_end(run.y))
+        near = (
+            (left[:, 0] >= _low_end(run.x))
+            & (left[:, 0] <= 1.1 * run.x.max())
+            & (left[:, 1] >= _low_end(run.y))
+        )
         if not run.words.from_release:
             ends = np.array([(v.min(), v.max()) for v in (run.x, run.y[~residuals.far])])
-            near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)  # others would press the data flat
+            # others would press the data flat
+            near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)
         if np.any(near):
-            ax.plot(left[near, 0], left[near, 1], "x", color=GREY, ms=4, label=phrase("excluded "
-                                                                                      "data"), zorder=3, clip_on=not run.words.from_release)
+            ax.plot(
+                left[near, 0],
+                left[near, 1],
+                "x",
+                color=GREY,
+                ms=4,
+                label=phrase("excluded data"),
+                zorder=3,
+                clip_on=not run.words.from_release,
+            )
         if hidden := way_back(run.excluded):
             said = phrase("{n} frames of the way back (v < 0) are not shown", n=hidden)
             ax.text(0.99, 0.97, said, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
-def _draw_outliers(ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]) -> None:
+def _draw_outliers(
+    ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]
+) -> None:
     """A ring about each outlier; one that is far off is an arrow at the edge, with its y."""
     for found in outliers:
         at = found.frames[~far[found.frames]] if found.run == run.name else found.frames[:0]
         if at.size:
-            ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label=phrase("outlier"), zorder=6)
+            ax.plot(
+                run.x[at],
+                run.y[at],
+                "o",
+                mfc="none",
+                mec=VERMILION,
+                mew=1.6,
+                ms=9,
+                ls="",
+                label=phrase("outlier"),
+                zorder=6,
+            )
     said, place = phrase("distant outlier"), ax.get_xaxis_transform()
     for x, y in zip(run.x[far], run.y[far], strict=True):
-        edge, up, mark, side = (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
-        ax.plot(x, edge, mark, mfc="none", mec=VERMILION, mew=1.6, ms=8, ls="", label=said, zorder=6, transform=place)
-        ax.annotate(f"{y:.4g}", (x, edge), (0, up), xycoords=place, textcoords="offset points", fontsize=7.5, ha="center", va=side)
+        edge, up, mark, side = (
+            (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
+        )
+        ax.plot(
+            x,
+            edge,
+            mark,
+            mfc="none",
+            mec=VERMILION,
+            mew=1.6,
+            ms=8,
+            ls="",
+            label=said,
+            zorder=6,
+            transform=place,
+        )
+        ax.annotate(
+            f"{y:.4g}",
+            (x, edge),
+            (0, up),
+            xycoords=place,
+            textcoords="offset points",
+            fontsize=7.5,
+            ha="center",
+            va=side,
+        )
         said = ""
 
 
@@ -135,14 +252,28 @@ def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) 
     """A ring about the point of each bad frame, or the nearest in time."""
     times = run.t if run.t is not None else run.x
     jumps = [jump for found in forces if found.run == run.name for jump in found.bad.jumps]
-    at = sorted({int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps})
+    at = sorted(
+        {int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps}
+    )
     if at:
-        ax.plot(run.x[at], run.y[at], "o", mfc="none", mec=VERMILION, mew=1.6, ms=9, ls="", label=phrase("bad frame"), zorder=6)
+        ax.plot(
+            run.x[at],
+            run.y[at],
+            "o",
+            mfc="none",
+            mec=VERMILION,
+            mew=1.6,
+            ms=9,
+            ls="",
+            label=phrase("bad frame"),
+            zorder=6,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class Residuals:
-    """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in the unit of y.
+    """Data less the curve that is drawn, and standard deviations of the readings, (n_obs,) each in
+    the unit of y.
 
     far : (n_obs,) which points would press all others flat, and are not drawn to scale.
     """
@@ -153,17 +284,22 @@ class Residuals:
     far: NDArray[np.bool_]
 
 
-
 def drawn_runs(goodness: Sequence[Goodness]) -> list[int]:
-    """Places of the runs that have panels of their own: all, or where they are too many those that the curve explains worst, in their order."""
+    """Places of the runs that have panels of their own: all, or where they are too many those that
+    the curve explains worst, in their order.
+    """
     if len(goodness) <= MOST_DRAWN:
         return list(range(len(goodness)))
-    worst = [min((check.p_value for check in good.checks.values()), default=1.0) for good in goodness]
+    worst = [
+        min((check.p_value for check in good.checks.values()), default=1.0) for good in goodness
+    ]
     return sorted(np.argsort(worst, kind="stable")[:MOST_DRAWN].tolist())
 
 
 def residuals_of(analysis: Analysis) -> list[Residuals]:
-    """Of every run, from the median of the draws where the status is ok, else from the most probable curve."""
+    """Of every run, from the median of the draws where the status is ok, else from the most
+    probable curve.
+    """
     named, found = analysis.problem.named(analysis.fit.values[None, :]), []
     for run, bands in zip(analysis.problem.runs, analysis.bands, strict=True):
         if analysis.diagnosis.ok:
@@ -174,29 +310,41 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
             low, high = bands.predictive[0.68]
             sd = np.maximum(0.5 * np.interp(run.x, bands.x, high - low), 1e-300)
         else:
-            sd = np.broadcast_to(np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)), (1, run.n_obs))[0]
+            sd = np.broadcast_to(
+                np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)),
+                (1, run.n_obs),
+            )[0]
         found.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
     return found
 
 
 def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_]:
-    """(n_obs,) which points would press all others flat: outliers of a user's own curve, some heights of the rest away from it."""
+    """(n_obs,) which points would press all others flat: outliers of a user's own curve, some
+    heights of the rest away from it.
+    """
     named = np.zeros(run.n_obs, dtype=bool)
     for found in outliers:
         if found.run == run.name and not run.words.from_release:
             named[found.frames] = True
     rest = run.y[~named]
-    away = np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
+    away = (
+        np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
+    )
     return named & (away > _FAR * np.ptp(rest))
 
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
-    """A figure with `n` pairs of panels, residuals below their curve; in columns where there are several.  height : inches of one pair."""
+    """A figure with `n` pairs of panels, residuals below their curve; in columns where there are
+    several.  height : inches of one pair.
+    """
     columns = 1 if n == 1 else 2 if n <= _ROOMY else 3
     rows = -(-n // columns)
     figure = new_figure(rows * height * (1.0 if columns < 3 else 0.8) + 0.5)
     axes = figure.subplots(2 * rows, columns, squeeze=False, height_ratios=[2.6, 1.0] * rows)
-    pairs = [(axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns]) for k in range(rows * columns)]
+    pairs = [
+        (axes[2 * (k // columns), k % columns], axes[2 * (k // columns) + 1, k % columns])
+        for k in range(rows * columns)
+    ]
     for extra in pairs[n:]:
         for ax in extra:
             ax.set_visible(False)
@@ -215,36 +363,59 @@ def tidy_labels(pairs: Sequence[tuple[Axes, Axes]]) -> None:
 
 
 def draw_points_with_bars(ax: Axes, residuals: Residuals, *, label: str) -> None:
-    """The data used, with one standard deviation of a reading; without bars where there are so many that they would hide the curve."""
+    """The data used, with one standard deviation of a reading; without bars where there are so many
+    that they would hide the curve.
+    """
     run, near = residuals.run, ~residuals.far
     if run.n_obs > _MANY:
         ax.plot(run.x[near], run.y[near], "o", color=INK, ms=1.5, label=label, zorder=1.9)
     else:
-        ax.errorbar(run.x[near], run.y[near], yerr=residuals.sd[near], ms=3, label=label, zorder=5, **_BAR)  # type: ignore[arg-type]
+        ax.errorbar(
+            run.x[near], run.y[near], yerr=residuals.sd[near], ms=3, label=label, zorder=5, **_BAR
+        )
 
 
-def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None, *, reach: float = 0.0) -> None:
-    """Data less curve: points with their bars, and the bands about the curve; none where `bands` is None.  reach : the axis holds at least that."""
+def draw_residuals(
+    ax: Axes, residuals: Residuals, bands: Bands | None, *, reach: float = 0.0
+) -> None:
+    """Data less curve: points with their bars, and the bands about the curve; none where `bands` is
+    None.  reach : the axis holds at least that.
+    """
     run, near = residuals.run, ~residuals.far
     rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
-        shown = ((bands.predictive[0.95], GREY, 0.22), (bands.credible[0.95], BLUE, 0.30), (bands.credible[0.68], BLUE, 0.55))
+        shown = (
+            (bands.predictive[0.95], GREY, 0.22),
+            (bands.credible[0.95], BLUE, 0.30),
+            (bands.credible[0.68], BLUE, 0.55),
+        )
         for (low, high), colour, alpha in shown:
-            ax.fill_between(bands.x, low - bands.median, high - bands.median, color=colour, alpha=alpha, lw=0)
+            ax.fill_between(
+                bands.x, low - bands.median, high - bands.median, color=colour, alpha=alpha, lw=0
+            )
     ax.axhline(0.0, color=BLUE, lw=1.0)
     if run.n_obs > _MANY:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
     else:
-        ax.errorbar(run.x[near], rest, yerr=sd, ms=2.5, zorder=5, **_BAR)  # type: ignore[arg-type]
-    top = max(1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))), 2.5 * float(np.median(sd)), reach)
+        ax.errorbar(run.x[near], rest, yerr=sd, ms=2.5, zorder=5, **_BAR)
+    top = max(
+        1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))),
+        2.5 * float(np.median(sd)),
+        reach,
+    )
     ax.set_ylim(-top, top)
     unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
     symbol = _symbol(run)
-    ax.set(xlabel=run.x_label, ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit)
+    ax.set(
+        xlabel=run.x_label,
+        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit,
+    )
 
 
 def _symbol(run: Observations) -> str:
-    """The v of "speed v", or a user's own name of one letter; else "": a longer name is no symbol, and may end in a unit."""
+    """The v of "speed v", or a user's own name of one letter; else "": a longer name is no symbol,
+    and may end in a unit.
+    """
     name = run.y_name if run.motion is None else run.y_name.split(" ")[-1]
     return name if len(name) == 1 else ""
 
@@ -257,12 +428,23 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
         draw_sds(left)
         if run.n_obs <= _HIDING:
             left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
-        left.plot(run.x, good.whitened, "o", color=INK, **({"ms": 3.0} if run.n_obs <= _HIDING else {"ms": 1.2, "alpha": 0.6}))
+        left.plot(
+            run.x,
+            good.whitened,
+            "o",
+            color=INK,
+            **({"ms": 3.0} if run.n_obs <= _HIDING else {"ms": 1.2, "alpha": 0.6}),
+        )
         reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)
-        right.plot(run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi), z, color=INK, lw=1)
+        right.plot(
+            run.n_obs * (edges[1] - edges[0]) * np.exp(-0.5 * z**2) / np.sqrt(2 * np.pi),
+            z,
+            color=INK,
+            lw=1,
+        )
         left.set_ylim(-reach, reach)
         left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
         left.set_title(run.name)
@@ -272,17 +454,29 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
 
 
 def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
-    """Data less curve and whitened residuals, a row for each group of runs that share a force, and one for runs that share none."""
+    """Data less curve and whitened residuals, a row for each group of runs that share a force, and
+    one for runs that share none.
+    """
     found = {good.run: good for good in goodness}
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
-    rows += [runs] if (runs := tuple(run for group in problem.groups if len(group.runs) == 1 for run in group.runs)) else []
+    rows += (
+        [runs]
+        if (
+            runs := tuple(
+                run for group in problem.groups if len(group.runs) == 1 for run in group.runs
+            )
+        )
+        else []
+    )
     figure = new_figure(3.2 * len(rows))
     parts = np.ravel(figure.subfigures(len(rows), 1, squeeze=False))
     for part, runs in zip(parts, rows, strict=True):
         left, right = part.subplots(1, 2)
         _overlay(left, runs, [found[run.name].raw for run in runs])
         _overlay(right, runs, [found[run.name].whitened for run in runs])
-        left.set_ylabel(phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else ""))
+        left.set_ylabel(
+            phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else "")
+        )
         right.set_ylabel(phrase("whitened residual"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
         right.set_title(phrase("remaining residual"))
@@ -291,18 +485,47 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
 
 
 def binned_mean(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of x and y, and the standard error of the latter, (n_bin,) each, in bins of as many points of (x, y), (n_obs,)."""
+    """Means of x and y, and the standard error of the latter, (n_bin,) each, in bins of as many
+    points of (x, y), (n_obs,).
+    """
     n_bin = int(np.clip(x.size // _A_BIN, 1, _MOST_BINS))
     parts = np.array_split(np.argsort(x, kind="stable"), n_bin)
-    errors = [np.std(y[part], ddof=1) / np.sqrt(part.size) if part.size > 1 else np.nan for part in parts]
-    return np.array([x[part].mean() for part in parts]), np.array([y[part].mean() for part in parts]), np.array(errors)
+    errors = [
+        np.std(y[part], ddof=1) / np.sqrt(part.size) if part.size > 1 else np.nan for part in parts
+    ]
+    return (
+        np.array([x[part].mean() for part in parts]),
+        np.array([y[part].mean() for part in parts]),
+        np.array(errors),
+    )
 
 
 def _overlay(ax: Axes, runs: Sequence[Observations], residuals: Sequence[FloatArray]) -> None:
     several = len(runs) <= _NAMED
-    for run, rest, colour in zip(runs, residuals, (RUN_COLOURS if several else (GREY,)) * len(runs), strict=False):
-        ax.plot(run.x, rest, "-o", color=colour, lw=0.6, ms=2, alpha=0.8 if several else 0.4, label=run.name if several else None)
+    for run, rest, colour in zip(
+        runs, residuals, (RUN_COLOURS if several else (GREY,)) * len(runs), strict=False
+    ):
+        ax.plot(
+            run.x,
+            rest,
+            "-o",
+            color=colour,
+            lw=0.6,
+            ms=2,
+            alpha=0.8 if several else 0.4,
+            label=run.name if several else None,
+        )
     x, mean, error = binned_mean(np.concatenate([run.x for run in runs]), np.concatenate(residuals))
-    ax.errorbar(x, mean, yerr=error, fmt="-", color=INK, lw=1.8, elinewidth=1.0, label=phrase("mean of the runs"), zorder=5)
+    ax.errorbar(
+        x,
+        mean,
+        yerr=error,
+        fmt="-",
+        color=INK,
+        lw=1.8,
+        elinewidth=1.0,
+        label=phrase("mean of the runs"),
+        zorder=5,
+    )
     ax.axhline(0.0, color=GREY, lw=0.8)
     ax.set_xlabel(runs[0].x_label)

@@ -1,4 +1,6 @@
-"""What the report of a run says beside its curve: what follows from its parameters, and where its numbers come from."""
+"""What the report of a run says beside its curve: what follows from its parameters, and where its
+numbers come from.
+"""
 
 from __future__ import annotations
 
@@ -24,28 +26,44 @@ _READING = 0.001  # m or rad, as an example
 
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
-    """Name -> values at draws of the posterior (n_draw, 1), or (1, 1) of what follows from exact values alone."""
-    used = run.parameters.union(source for one in run.sought for source in one.others.values() if isinstance(source, str))
+    """Name -> values at draws of the posterior (n_draw, 1), or (1, 1) of what follows from exact
+    values alone.
+    """
+    used = run.parameters.union(
+        source for one in run.sought for source in one.others.values() if isinstance(source, str)
+    )
     places = [i for i, name in enumerate(analysis.problem.names) if name in used]
     draws = analysis.chain.thinned(_DRAWS, places)
-    return run.derived(run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)}))
+    return run.derived(
+        run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)})
+    )
 
 
 def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summary]:
-    """Of everything that is not exact; without numbers where a formula has no value at some of the draws."""
+    """Of everything that is not exact; without numbers where a formula has no value at some of the
+    draws.
+    """
     found = {}
     for name, derived in derived_draws(analysis, run).items():
         values = np.ravel(derived.values)
         if values.size > 1:
-            nothing = Summary(derived.unit, derived.meaning, None, None, None, None, None, None, None)
+            nothing = Summary(
+                derived.unit, derived.meaning, None, None, None, None, None, None, None
+            )
             undefined = name in _derived_quantities(run) and _undefined(values) > 0.0
-            summary = nothing if undefined else summarise(values, unit=derived.unit, meaning=derived.meaning)
+            summary = (
+                nothing
+                if undefined
+                else summarise(values, unit=derived.unit, meaning=derived.meaning)
+            )
             found[name] = trusted(summary, analysis.diagnosis.status)
     return found
 
 
 def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
-    """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is the same for all runs, else "g[run]"."""
+    """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is
+    the same for all runs, else "g[run]".
+    """
     runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
     for run in runs:
         for name, derived in (derived_draws(analysis, run) if run.sought else {}).items():
@@ -54,10 +72,15 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     columns: dict[str, tuple[Derived, Label]] = {}
     for name, by_run in found.items():
         first = next(iter(by_run.values()))
-        if len(by_run) == len(runs) and all(np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()):
+        if len(by_run) == len(runs) and all(
+            np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()
+        ):
             columns[name] = (first, first.label)
         else:
-            columns |= {f"{name}[{run}]": (one, one.notation.label(one.unit, f"[{run}]")) for run, one in by_run.items()}
+            columns |= {
+                f"{name}[{run}]": (one, one.notation.label(one.unit, f"[{run}]"))
+                for run, one in by_run.items()
+            }
     return columns
 
 
@@ -68,7 +91,11 @@ def derived_labels(analysis: Analysis) -> dict[str, Label]:
 
 def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
     """Label and draws (n_draw,) of those that have a value at every draw."""
-    return [(label, np.ravel(one.values)) for one, label in derived_columns(analysis).values() if not _undefined(np.ravel(one.values))]
+    return [
+        (label, np.ravel(one.values))
+        for one, label in derived_columns(analysis).values()
+        if not _undefined(np.ravel(one.values))
+    ]
 
 
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
@@ -78,18 +105,30 @@ def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
         if one.lacking:
             facts.append(
                 phrase(
-                    "{name} = {text} is omitted: this fit has no {lacking} (--joint fits runs together)",
-                    name=one.name, text=one.text, lacking=", ".join(one.lacking),
+                    "{name} = {text} is omitted: this fit has no {lacking} (--joint fits "
+                    "runs together)",
+                    name=one.name,
+                    text=one.text,
+                    lacking=", ".join(one.lacking),
                 )
             )
         elif one.name in found and found[one.name].values.size == 1:
             value = found[one.name].values[0, 0]
-            facts.append(phrase("{name} = {value:.10g}, exact: it is computed from exact values alone", name=one.name, value=value))
+            facts.append(
+                phrase(
+                    "{name} = {value:.10g}, exact: it is computed from exact values alone",
+                    name=one.name,
+                    value=value,
+                )
+            )
         elif one.name in found and (share := _undefined(np.ravel(found[one.name].values))) > 0.0:
             facts.append(
                 phrase(
-                    "{name} = {text} has no value at {share:.2g} % of the draws, so no interval is given",
-                    name=one.name, text=one.text, share=100.0 * share,
+                    "{name} = {text} has no value at {share:.2g} % of the draws, so no "
+                    "interval is given",
+                    name=one.name,
+                    text=one.text,
+                    share=100.0 * share,
                 )
             )
     return facts
@@ -103,8 +142,12 @@ def _derived_quantities(run: Observations) -> set[str]:
     return {one.name for one in run.sought}
 
 
-def derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[str, str, str, str, str]]:
-    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are the same for every run, else run by run."""
+def derived_rows(
+    runs: Mapping[str, RunSummary], labels: Labels
+) -> list[tuple[str, str, str, str, str]]:
+    """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are
+    the same for every run, else run by run.
+    """
     found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
     for run, summary in runs.items():
         for name, d in summary.derived.items():
@@ -120,14 +163,29 @@ def derived_rows(runs: Mapping[str, RunSummary], labels: Labels) -> list[tuple[s
 
 
 def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
-    """The facts of an imported track, its tilt beside the stated one where both are known, and what a user's own curve takes as exact."""
+    """The facts of an imported track, its tilt beside the stated one where both are known, and what
+    a user's own curve takes as exact.
+    """
     stated = stated_phi(run, problem)
     if not run.words.from_release:
         exact = {name: value for name, value in run.arguments.items() if not isinstance(value, str)}
-        return (*table.facts, *(phrase("{name} is fixed at {value:.10g}", name=name, value=value) for name, value in exact.items()))
+        return (
+            *table.facts,
+            *(
+                phrase("{name} is fixed at {value:.10g}", name=name, value=value)
+                for name, value in exact.items()
+            ),
+        )
     if table.tilt is None or stated is None:
         return table.facts
-    return (*table.facts, phrase("tilt measured from the track {measured}, stated {stated}", measured=_degrees(table.tilt), stated=_degrees(stated)))
+    return (
+        *table.facts,
+        phrase(
+            "tilt measured from the track {measured}, stated {stated}",
+            measured=_degrees(table.tilt),
+            stated=_degrees(stated),
+        ),
+    )
 
 
 def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
@@ -141,19 +199,27 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     said = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
     if u > 0.0:
         warning = phrase(
-            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.1f} combined standard uncertainties: "
-            "was the x axis level, and the camera square to the plane of motion?", apart=apart / u, **said,
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
+            "{apart:.1f} combined standard uncertainties: "
+            "was the x axis level, and the camera square to the plane of motion?",
+            apart=apart / u,
+            **said,
         )
     else:
         warning = phrase(
-            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by {apart:.2g} deg, both taken as exact: "
-            "was the x axis level, and the camera square to the plane of motion?", apart=math.degrees(apart), **said,
+            "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
+            "{apart:.2g} deg, both taken as exact: "
+            "was the x axis level, and the camera square to the plane of motion?",
+            apart=math.degrees(apart),
+            **said,
         )
     return (*table.warnings, warning)
 
 
 def speed_facts(run: Observations) -> tuple[str, ...]:
-    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the frames that only a fit of positions can use."""
+    """What a fit of the speeds of a rolling body takes as exact unless told otherwise, and the
+    frames that only a fit of positions can use.
+    """
     if run.motion is None or run.positions:
         return ()
     facts = []
@@ -163,21 +229,30 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
         example = format_quantity(0.0, reading or _READING, plus_minus=False)
         facts.append(
             phrase(
-                "the zero of {coordinate} (the release) is taken as exact; if it is a single reading, state {key}, e.g. {key} = \"{example}\"",
-                coordinate=coordinate, key=key, example=example,
+                "the zero of {coordinate} (the release) is taken as exact; if it is a "
+                'single reading, state {key}, e.g. {key} = "{example}"',
+                coordinate=coordinate,
+                key=key,
+                example=example,
             )
         )
     back = way_back(run.excluded)
     if back > _HANDFUL:
         facts.append(
-            phrase("noise with model = \"positions\" would also use the {back} frames of the way back, and can reduce the "
-                   "uncertainties considerably", back=back)
+            phrase(
+                'noise with model = "positions" would also use the {back} frames of the '
+                "way back, and can reduce the "
+                "uncertainties considerably",
+                back=back,
+            )
         )
     return tuple(facts)
 
 
 def stated_phi(run: Observations, problem: Problem) -> Quantity | None:
-    """Tilt of the ramp (rad) as stated before the fit, with a common zero error; None for a curve that has no tilt."""
+    """Tilt of the ramp (rad) as stated before the fit, with a common zero error; None for a curve
+    that has no tilt.
+    """
     if run.motion is None or "phi" not in run.arguments:
         return None
     priors = {p.name: p.prior for p in problem.parameters}

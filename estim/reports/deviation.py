@@ -1,4 +1,6 @@
-"""The sections of a report on what the curve lacks: an unmodelled force along a track, or the deviation of a user's own curve."""
+"""The sections of a report on what the curve lacks: an unmodelled force along a track, or the
+deviation of a user's own curve.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ _AVERAGE = "rolling_resistance"  # what a constant force is part of
 
 
 class AverageResistance(msgspec.Struct, frozen=True):
-    """The coefficient of rolling resistance: the average over this track, and what it says of the material."""
+    """The coefficient of rolling resistance: the average over this track, and what it says of the
+    material.
+    """
 
     parameter: str
     sd: float
@@ -42,11 +46,15 @@ class ForceSummary(msgspec.Struct, frozen=True):
     unit: str
     typical: float  # root mean square of the best estimate along the track
     most: float  # its largest size
-    noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the size of the noise of the readings, 1: as stated
+    # quantiles 0.16, 0.5, 0.84 of the size of the noise of the readings, 1: as stated
+    noise: list[float]
     conservative: bool  # whether the readings scatter by far less than stated
     runs: list[str]  # that share it; one where it is that of a run alone
-    own: dict[str, float]  # run -> root mean square of what it adds to a shared force; empty where none is shared
-    growth: dict[str, float]  # sd of each parameter over that with the stated noise and an exact start, linearised; empty where not ok
+    # run -> root mean square of what it adds to a shared force; empty where none is shared
+    own: dict[str, float]
+    # sd of each parameter over that with the stated noise and an exact start, linearised; empty
+    # where not ok
+    growth: dict[str, float]
     average: AverageResistance | None
     words: str
     drawn: bool  # whether the bands of the curve hold it
@@ -60,11 +68,15 @@ class ForceSummary(msgspec.Struct, frozen=True):
 
 
 def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
-    """Run, or body of runs that share one -> its unmodelled force; None where none was asked for."""
+    """Run, or body of runs that share one -> its unmodelled force; None where none was asked
+    for.
+    """
     return {found.run: _summary(analysis, found) for found in analysis.fit.forces} or None
 
 
-def deviation_text(forces: Mapping[str, ForceSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+def deviation_text(
+    forces: Mapping[str, ForceSummary], labels: Labels, pictures: Collection[str]
+) -> Markdown:
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     return render("deviation.md.j2", pictures=pictures, forces=forces, labels=labels)
 
@@ -75,22 +87,41 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
     ok = analysis.diagnosis.ok
     low_95, low_68, median, high_68, high_95 = force.quantiles.tolist()
     return ForceSummary(
-        prior_scale=found.scale, probability=force.probability, amplitude=list(force.amplitude),
-        length=[None if np.isnan(one) else one for one in force.length], unit=found.unit, typical=force.typical, most=force.most,
-        noise=list(found.noise), conservative=found.conservative, runs=list(found.runs),
+        prior_scale=found.scale,
+        probability=force.probability,
+        amplitude=list(force.amplitude),
+        length=[None if np.isnan(one) else one for one in force.length],
+        unit=found.unit,
+        typical=force.typical,
+        most=force.most,
+        noise=list(found.noise),
+        conservative=found.conservative,
+        runs=list(found.runs),
         own={one.run: float(np.sqrt(np.mean(np.square(one.mean)))) for one in found.own},
-        growth=dict(found.growth) if ok else {}, average=_average(analysis, found, sds) if ok else None,
-        words=tell(force_finding(found)), drawn=found.completed is not None, noise_words=None if noise is None else tell(noise), x=force.x.tolist(),
-        low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
+        growth=dict(found.growth) if ok else {},
+        average=_average(analysis, found, sds) if ok else None,
+        words=tell(force_finding(found)),
+        drawn=found.completed is not None,
+        noise_words=None if noise is None else tell(noise),
+        x=force.x.tolist(),
+        low_95=low_95,
+        low_68=low_68,
+        median=median,
+        high_68=high_68,
+        high_95=high_95,
     )
 
 
-def _average(analysis: Analysis, found: FoundForce, sds: Mapping[str, float]) -> AverageResistance | None:
+def _average(
+    analysis: Analysis, found: FoundForce, sds: Mapping[str, float]
+) -> AverageResistance | None:
     run = next(run for run in analysis.problem.runs if run.name == found.runs[0])
     name = run.arguments.get(_AVERAGE)
     if not isinstance(name, str):
         return None
-    return AverageResistance(name, sds[name], float(np.hypot(sds[name], found.force.material_sd / found.upright)))
+    return AverageResistance(
+        name, sds[name], float(np.hypot(sds[name], found.force.material_sd / found.upright))
+    )
 
 
 def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> Figure:
@@ -102,26 +133,67 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
         draw_bands(ax, force.x, 100.0 * force.quantiles, median=phrase("median"))
         ax.axhline(0.0, color=GREY, lw=0.8)
         if force.back is not None:
-            ax.plot(force.x, 100.0 * force.back[2], color=ORANGE, lw=1.4, ls="--", label=phrase("way back, median and 68 %"))
-            ax.plot(np.tile(force.x, (2, 1)).T, 100.0 * force.back[[1, 3]].T, color=ORANGE, lw=0.7, ls=":")
+            ax.plot(
+                force.x,
+                100.0 * force.back[2],
+                color=ORANGE,
+                lw=1.4,
+                ls="--",
+                label=phrase("way back, median and 68 %"),
+            )
+            ax.plot(
+                np.tile(force.x, (2, 1)).T,
+                100.0 * force.back[[1, 3]].T,
+                color=ORANGE,
+                lw=0.7,
+                ls=":",
+            )
         for own, colour in zip(found.own, RUN_COLOURS[1:] * len(found.own), strict=False):
-            ax.plot(own.x, 100.0 * own.mean, color=colour, lw=0.8, label=phrase("{run} adds", run=own.run))
+            ax.plot(
+                own.x,
+                100.0 * own.mean,
+                color=colour,
+                lw=0.8,
+                label=phrase("{run} adds", run=own.run),
+            )
         place = np.concatenate([run.y if run.positions else run.x for run in several])
         label = several[0].y_label if several[0].positions else several[0].x_label
-        ax.plot(place, 0.0 * place + 0.025, "|", color=INK, ms=6, transform=ax.get_xaxis_transform(), label=phrase("fitted points"))
-        ax.set(xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1]))
-        said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability)
+        ax.plot(
+            place,
+            0.0 * place + 0.025,
+            "|",
+            color=INK,
+            ms=6,
+            transform=ax.get_xaxis_transform(),
+            label=phrase("fitted points"),
+        )
+        ax.set(
+            xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1])
+        )
+        said = phrase(
+            "{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability
+        )
         ax.set_title(said)
     legend_below(figure, ncols=4)
     return figure
 
 
 def _title(found: FoundForce) -> str:
-    return found.run if len(found.runs) == 1 else phrase("body {body}, shared by {n} runs", body=found.run.removeprefix(OF_BODY), n=len(found.runs))
+    return (
+        found.run
+        if len(found.runs) == 1
+        else phrase(
+            "body {body}, shared by {n} runs",
+            body=found.run.removeprefix(OF_BODY),
+            n=len(found.runs),
+        )
+    )
 
 
 class SizeSummary(msgspec.Struct, frozen=True):
-    """One way to read what a curve lacks; quantiles 0.16, 0.5, 0.84 if it is there, null where it certainly is not."""
+    """One way to read what a curve lacks; quantiles 0.16, 0.5, 0.84 if it is there, null where it
+    certainly is not.
+    """
 
     share: float  # probability
     prior_scale: float  # of the half-normal prior of its amplitude, unit of y
@@ -131,7 +203,9 @@ class SizeSummary(msgspec.Struct, frozen=True):
 
 
 class DeviationSummary(msgspec.Struct, frozen=True):
-    """What the curve of a run lacks, and what of it the curve cannot make up for, at the points; unit of y."""
+    """What the curve of a run lacks, and what of it the curve cannot make up for, at the points;
+    unit of y.
+    """
 
     unit: str  # of y
     probability: float  # P(amplitude > 0)
@@ -139,10 +213,14 @@ class DeviationSummary(msgspec.Struct, frozen=True):
     correlated: SizeSummary | None  # errors of readings that follow each other
     typical: float  # root mean square of the best estimate of the visible part
     most: float  # its largest size
-    noise: list[float]  # quantiles 0.16, 0.5, 0.84 of the independent errors, in units of the stated ones, or of y where none were stated
+    # quantiles 0.16, 0.5, 0.84 of the independent errors, in units of the stated ones, or of y
+    # where none were stated
+    noise: list[float]
     stated: bool  # whether the size of the errors was stated
     conservative: bool  # whether the readings scatter by far less than stated
-    growth: dict[str, float]  # sd of each parameter over that with independent errors, both linearised; empty where the status is not ok
+    # sd of each parameter over that with independent errors, both linearised; empty where the
+    # status is not ok
+    growth: dict[str, float]
     words: str
     x: list[float]
     low_95: list[float]
@@ -157,7 +235,9 @@ def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
     return {found.run: _curve_summary(analysis, found) for found in analysis.fit.deviations} or None
 
 
-def discrepancy_text(found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]) -> Markdown:
+def discrepancy_text(
+    found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]
+) -> Markdown:
     """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
     return render("lacks.md.j2", pictures=pictures, found=found, labels=labels)
 
@@ -167,24 +247,41 @@ def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummar
     run = next(run for run in problem.runs if run.name == found.run)
     low_95, low_68, median, high_68, high_95 = visible.quantiles.tolist()
     return DeviationSummary(
-        unit=run.y_unit, probability=found.probability, smooth=_size(found.smooth, run.x_unit),
+        unit=run.y_unit,
+        probability=found.probability,
+        smooth=_size(found.smooth, run.x_unit),
         correlated=_size(found.correlated, found.lacks.along_unit),
-        typical=visible.typical, most=visible.most, noise=list(found.noise), stated=found.lacks.stated, conservative=found.conservative,
+        typical=visible.typical,
+        most=visible.most,
+        noise=list(found.noise),
+        stated=found.lacks.stated,
+        conservative=found.conservative,
         growth=dict(found.growth) if analysis.diagnosis.ok else {},
         words=tell(deviation_finding(found, x_unit=run.x_unit, y_unit=run.y_unit)),
-        x=visible.x.tolist(), low_95=low_95, low_68=low_68, median=median, high_68=high_68, high_95=high_95,
+        x=visible.x.tolist(),
+        low_95=low_95,
+        low_68=low_68,
+        median=median,
+        high_68=high_68,
+        high_95=high_95,
     )
 
 
 def _size(size: DeviationSize | None, unit: str) -> SizeSummary | None:
     if size is None:
         return None
-    amplitude, length = ([None if np.isnan(one) else one for one in three] for three in (size.amplitude, size.length))
+    amplitude, length = (
+        [None if np.isnan(one) else one for one in three] for three in (size.amplitude, size.length)
+    )
     return SizeSummary(size.share, size.scale, amplitude, length, unit)
 
 
-def discrepancy_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Observations]) -> Figure:
-    """Median with 68 and 95 % bands; points: the residuals of the best curve with independent errors."""
+def discrepancy_figure(
+    deviations: Sequence[FoundDeviation], runs: Sequence[Observations]
+) -> Figure:
+    """Median with 68 and 95 % bands; points: the residuals of the best curve with independent
+    errors.
+    """
     figure, axes = grid(len(deviations), height=2.8)
     by_name = {run.name: run for run in runs}
     for ax, found in zip(axes, deviations, strict=True):
@@ -192,7 +289,11 @@ def discrepancy_figure(deviations: Sequence[FoundDeviation], runs: Sequence[Obse
         draw_bands(ax, visible.x, visible.quantiles, median=phrase("median"))
         ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
         ax.axhline(0.0, color=GREY, lw=0.8)
-        ax.set(xlabel=run.x_label, ylabel=phrase("deviation of {y}", y=run.y_label), xlim=(visible.x[0], visible.x[-1]))
+        ax.set(
+            xlabel=run.x_label,
+            ylabel=phrase("deviation of {y}", y=run.y_label),
+            xlim=(visible.x[0], visible.x[-1]),
+        )
         said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=found.probability)
         ax.set_title(said)
     legend_below(figure, ncols=4)

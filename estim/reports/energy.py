@@ -10,7 +10,18 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.common import Quantity, as_json, format_p, format_quantity, gravest, kind_words, percentage, phrase, significant, with_unit
+from estim.common import (
+    Quantity,
+    as_json,
+    format_p,
+    format_quantity,
+    gravest,
+    kind_words,
+    percentage,
+    phrase,
+    significant,
+    with_unit,
+)
 from estim.drawing import GREY, MARKS, RUN_COLOURS, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
@@ -35,7 +46,9 @@ class Value(msgspec.Struct, frozen=True):
 
 
 class EnergySummary(msgspec.Struct, frozen=True):
-    """Energy along one run; relative to the energy at release (as in the paper) and to the largest kinetic energy."""
+    """Energy along one run; relative to the energy at release (as in the paper) and to the largest
+    kinetic energy.
+    """
 
     mean_relative: Value
     extreme_relative: Value
@@ -86,16 +99,26 @@ def to_value(quantity: Quantity | EnergyEstimate) -> Value:
 def summarise_energy(e: EnergyRecord) -> EnergySummary:
     """The record of one run's energy."""
     return EnergySummary(
-        mean_relative=to_value(e.mean_relative), extreme_relative=to_value(e.extreme_relative), mean_to_kinetic=to_value(e.mean_to_kinetic),
-        extreme_to_kinetic=to_value(e.extreme_to_kinetic), loss_per_metre=to_value(e.loss),
-        loss_interval_95=[number(e.loss.low), number(e.loss.high)], loss_force=to_value(e.loss_force),
+        mean_relative=to_value(e.mean_relative),
+        extreme_relative=to_value(e.extreme_relative),
+        mean_to_kinetic=to_value(e.mean_to_kinetic),
+        extreme_to_kinetic=to_value(e.extreme_to_kinetic),
+        loss_per_metre=to_value(e.loss),
+        loss_interval_95=[number(e.loss.low), number(e.loss.high)],
+        loss_force=to_value(e.loss_force),
     )
 
 
 def summarise_drift(drift: Drift) -> DriftSummary:
     """The record of the test for a loss."""
     return DriftSummary(
-        drift.free, drift.determined, drift.seen, number(drift.narrowing), number(drift.gain), number(drift.p_value), number(drift.limit)
+        drift.free,
+        drift.determined,
+        drift.seen,
+        number(drift.narrowing),
+        number(drift.gain),
+        number(drift.p_value),
+        number(drift.limit),
     )
 
 
@@ -103,26 +126,39 @@ def drift_words(drift: DriftSummary) -> str:
     """What the data say on a loss of energy, in words."""
     if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
         return phrase(
-            "This fit held the rolling resistance fixed, so the energies agree with it by construction and contain no information about "
+            "This fit held the rolling resistance fixed, so the energies agree with it by "
+            "construction and contain no information about "
             "a loss: give rolling_resistance a prior."
         )
-    said = {"gain": max(drift.gain, 0.0), "p": format_p(drift.p_value), "share": percentage(drift.narrowing, 2)}
+    said = {
+        "gain": max(drift.gain, 0.0),
+        "p": format_p(drift.p_value),
+        "share": percentage(drift.narrowing, 2),
+    }
     if drift.seen:
         return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data reduce the uncertainty of the rolling "
-            "resistance to {share} of its prior, so the loss below is measured.", **said,
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data "
+            "reduce the uncertainty of the rolling "
+            "resistance to {share} of its prior, so the loss below is measured.",
+            **said,
         )
     if drift.determined and drift.limit is not None:
         return phrase(
-            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is consistent with no loss. The data reduce the "
-            "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} with probability 95 %; read the loss below as "
+            "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is "
+            "consistent with no loss. The data reduce the "
+            "uncertainty of the rolling resistance to {share} of its prior: c_rr ≤ {limit} "
+            "with probability 95 %; read the loss below as "
             "a limit, not as a measurement.",
-            limit=significant(drift.limit, 2), **said,
+            limit=significant(drift.limit, 2),
+            **said,
         )
     return phrase(
-        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit the rolling resistance is about as uncertain "
-        "as its prior ({share} of the prior's width): a loss would reflect the assumption, not a measurement, and none is given. A joint "
-        "fit of more runs, or a wider prior, lets the data determine it.", **said,
+        "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
+        "the rolling resistance is about as uncertain "
+        "as its prior ({share} of the prior's width): a loss would reflect the assumption, "
+        "not a measurement, and none is given. A joint "
+        "fit of more runs, or a wider prior, lets the data determine it.",
+        **said,
     )
 
 
@@ -133,7 +169,9 @@ def energy_words(drift: DriftSummary) -> str:
     if drift.seen:
         return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
     if drift.determined and drift.limit is not None:
-        return phrase("no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2))
+        return phrase(
+            "no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2)
+        )
     return phrase("the data do not determine how much energy is lost")
 
 
@@ -146,8 +184,14 @@ def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:
 
 
 def shown(value: Value | None, factor: float = 1.0) -> str:
-    """A value as text, rounded by its uncertainty, in units of which one of its own has `factor`."""
-    return "n/a" if value is None or value.value is None else format_quantity(value.value * factor, None if value.u is None else value.u * factor)
+    """A value as text, rounded by its uncertainty, in units of which one of its own has
+    `factor`.
+    """
+    return (
+        "n/a"
+        if value is None or value.value is None
+        else format_quantity(value.value * factor, None if value.u is None else value.u * factor)
+    )
 
 
 def percent(value: Value) -> str:
@@ -158,50 +202,105 @@ def percent(value: Value) -> str:
 
 
 def average_words(energies: Mapping[str, EnergySummary]) -> str:
-    """How far the energies are from that at release on average, in words: as shares of it, or of the largest kinetic energy where it may be 0."""
-    by_start = all(e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values())
-    shares = [percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()]
+    """How far the energies are from that at release on average, in words: as shares of it, or of
+    the largest kinetic energy where it may be 0.
+    """
+    by_start = all(
+        e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values()
+    )
+    shares = [
+        percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()
+    ]
     said = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
     if by_start:
-        return phrase("Averaged over the frames of a run, the energy differs from its value at release by {shares} ({runs}).", **said)
+        return phrase(
+            "Averaged over the frames of a run, the energy differs from its value at "
+            "release by {shares} ({runs}).",
+            **said,
+        )
     return phrase(
-        "Averaged over the frames of a run, the energy differs from its value at release by {shares} of the largest kinetic energy ({runs}).", **said
+        "Averaged over the frames of a run, the energy differs from its value at release "
+        "by {shares} of the largest kinetic energy ({runs}).",
+        **said,
     )
 
 
 def energy_report(
-    campaign: Campaign, analyses: Sequence[Analysis], records: Sequence[EnergyRecord], drifts: Sequence[Drift], *, seed: int, figures: bool = True
+    campaign: Campaign,
+    analyses: Sequence[Analysis],
+    records: Sequence[EnergyRecord],
+    drifts: Sequence[Drift],
+    *,
+    seed: int,
+    figures: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/energy.png`.
 
-    records : in the order of the analyses' runs.  drifts : one for each analysis.  figures : whether there are any.
+    records : in the order of the analyses' runs.
+    drifts : one for each analysis.  figures : whether there are any.
     """
     runs = [run for analysis in analyses for run in analysis.problem.runs]
-    statuses = {run.name: energy_status(a, d) for a, d in zip(analyses, drifts, strict=True) for run in a.problem.runs}
+    statuses = {
+        run.name: energy_status(a, d)
+        for a, d in zip(analyses, drifts, strict=True)
+        for run in a.problem.runs
+    }
     result = EnergyResult(
-        ENERGY_SCHEMA, campaign.title, campaign.kind, gravest(statuses.values()),
-        {", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons) for a in analyses if not a.diagnosis.ok}, dict(statuses),
+        ENERGY_SCHEMA,
+        campaign.title,
+        campaign.kind,
+        gravest(statuses.values()),
+        {
+            ", ".join(run.name for run in a.problem.runs): list(a.diagnosis.reasons)
+            for a in analyses
+            if not a.diagnosis.ok
+        },
+        dict(statuses),
         {e.run: summarise_energy(e) for e in records if statuses[e.run] == "ok"},
-        {", ".join(run.name for run in a.problem.runs): summarise_drift(d) for a, d in zip(analyses, drifts, strict=True) if a.diagnosis.ok},
+        {
+            ", ".join(run.name for run in a.problem.runs): summarise_drift(d)
+            for a, d in zip(analyses, drifts, strict=True)
+            if a.diagnosis.ok
+        },
         provenance(campaign, [run.name for run in runs], seed),
     )
-    bad = frozenset(run.name for analysis in analyses for run in analysis.problem.runs if not analysis.diagnosis.ok)
+    bad = frozenset(
+        run.name
+        for analysis in analyses
+        for run in analysis.problem.runs
+        if not analysis.diagnosis.ok
+    )
     drawers = {"figures/energy.png": partial(energy_figure, records, title=campaign.title, bad=bad)}
     text = partial(
-        render, "energy.md.j2", result=result, energies=result.energies, kind=kind_words(campaign.kind), status_words=STATUS_WORDS, shown=shown,
-        percent=percent, drift_words=drift_words, energy_words=energy_words,
+        render,
+        "energy.md.j2",
+        result=result,
+        energies=result.energies,
+        kind=kind_words(campaign.kind),
+        status_words=STATUS_WORDS,
+        shown=shown,
+        percent=percent,
+        drift_words=drift_words,
+        energy_words=energy_words,
     )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
+        "result.json": as_json(result)
+    }
 
 
-def energy_figure(records: Sequence[EnergyRecord], *, title: str, bad: frozenset[str] = frozenset()) -> Figure:
-    """Position, speed, energy and relative change of energy against time, as the paper's figure 3; no bands for runs that are `bad`.
+def energy_figure(
+    records: Sequence[EnergyRecord], *, title: str, bad: frozenset[str] = frozenset()
+) -> Figure:
+    """Position, speed, energy and relative change of energy against time, as the paper's figure 3;
+    no bands for runs that are `bad`.
 
     Energies have a strip for each run: the bands of several runs in one panel hide each other.
     """
     n = len(records)
     figure = new_figure(3.2 + max(2.6, 0.95 * n))
-    axes = figure.subplots(1 + n, 2, squeeze=False, height_ratios=(2.8, *[max(2.6, 0.95 * n) / n] * n))
+    axes = figure.subplots(
+        1 + n, 2, squeeze=False, height_ratios=(2.8, *[max(2.6, 0.95 * n) / n] * n)
+    )
     (x_panel, v_panel), energies, changes = axes[0], axes[1:, 0], axes[1:, 1]
     for column in (energies, changes):
         for strip in column[:-1]:
@@ -210,10 +309,16 @@ def energy_figure(records: Sequence[EnergyRecord], *, title: str, bad: frozenset
     for change in changes[1:]:
         change.sharey(changes[0])
     timed = all(record.t is not None for record in records)
-    for record, colour, mark, strip, change in zip(records, RUN_COLOURS * n, MARKS * n, energies, changes, strict=False):
+    for record, colour, mark, strip, change in zip(
+        records, RUN_COLOURS * n, MARKS * n, energies, changes, strict=False
+    ):
         t = record.t if timed and record.t is not None else record.x
         none = np.zeros_like(record.x)
-        panels = ((x_panel, record.x, none), (v_panel, record.v, record.u_v), (strip, record.total, record.u_total))
+        panels = (
+            (x_panel, record.x, none),
+            (v_panel, record.v, record.u_v),
+            (strip, record.total, record.u_total),
+        )
         for ax, y, u in (*panels, (change, 100.0 * record.relative, 100.0 * record.u_relative)):
             ax.plot(t, y, mark, color=colour, ms=2.5, label=record.run)
             if record.run not in bad:
@@ -224,7 +329,10 @@ def energy_figure(records: Sequence[EnergyRecord], *, title: str, bad: frozenset
     along = f"{phrase('time t')} (s)" if timed else f"{phrase('position x')} (m)"
     x_panel.set(xlabel=along, ylabel=phrase("(a) position x (m)"))
     v_panel.set(xlabel=along, ylabel=phrase("(b) speed v (m/s)"))
-    for strips, name in ((energies, phrase("(c) energy E/M (J/kg)")), (changes, "(d) (E − E₀)/E₀ (%)")):
+    for strips, name in (
+        (energies, phrase("(c) energy E/M (J/kg)")),
+        (changes, "(d) (E − E₀)/E₀ (%)"),
+    ):
         strips[-1].set_xlabel(along)
         strips[0].set_title(name, fontsize=9, loc="left", pad=2)
     legend_below(figure, ncols=min(n, 6))

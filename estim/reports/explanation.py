@@ -1,4 +1,6 @@
-"""The section of a report on what may be missing; the text stands in `templates/explanation.md.j2`."""
+"""The section of a report on what may be missing; the text stands in
+`templates/explanation.md.j2`.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +10,26 @@ from collections.abc import Sequence
 import msgspec
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, format_p, format_quantity, format_rounded, markdown, phrase, signed
-from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, Outcome, verdict
+from estim.common import (
+    Markdown,
+    code,
+    format_p,
+    format_quantity,
+    format_rounded,
+    markdown,
+    phrase,
+    signed,
+)
+from estim.explanation import (
+    FOUND,
+    TIED,
+    Candidate,
+    CauseOfRuns,
+    Estimated,
+    Explanation,
+    Outcome,
+    verdict,
+)
 from estim.reports.rendering import render
 from estim.sampling import number
 from estim.words import tell
@@ -59,11 +79,20 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
         return None
     plain = explanation.plain
     return ExplanationSummary(
-        tell(verdict(explanation)), number(plain.p_order), number(plain.p_size),
+        tell(verdict(explanation)),
+        number(plain.p_order),
+        number(plain.p_size),
         [
             CandidateSummary(
-                one.name, one.words, one.gain, one.found, [EstimatedSummary(n.name, n.value, number(n.sd)) for n in one.numbers],
-                number(one.p_order), number(one.p_size), list(one.lines), one.remark,
+                one.name,
+                one.words,
+                one.gain,
+                one.found,
+                [EstimatedSummary(n.name, n.value, number(n.sd)) for n in one.numbers],
+                number(one.p_order),
+                number(one.p_size),
+                list(one.lines),
+                one.remark,
                 _outcome_summary(one.outcome),
             )
             for one in explanation.candidates
@@ -74,24 +103,44 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
 def _outcome_summary(outcome: Outcome | None) -> OutcomeSummary | None:
     if outcome is None:
         return None
-    return OutcomeSummary(outcome.status, [EstimatedSummary(n.name, n.value, number(n.sd)) for n in outcome.numbers], outcome.lacking)
+    return OutcomeSummary(
+        outcome.status,
+        [EstimatedSummary(n.name, n.value, number(n.sd)) for n in outcome.numbers],
+        outcome.lacking,
+    )
 
 
 def explanation_text(explanation: Explanation) -> Markdown:
     """Markdown fragment without a heading."""
     found = explanation.found[:_MOST_SHOWN]
     return render(
-        "explanation.md.j2", verdict=tell(verdict(explanation)),
-        rows=found, value=_values, remains=_left, added=_added, add=_add_cell, found=f"{FOUND:g}", tied=f"{TIED:g}",
-        more=len(explanation.found) - len(found), best=next(iter(explanation.candidates), None), offered=explanation.offered is not None,
-        n_tried=len(explanation.candidates), left=_left(explanation.plain),
+        "explanation.md.j2",
+        verdict=tell(verdict(explanation)),
+        rows=found,
+        value=_values,
+        remains=_left,
+        added=_added,
+        add=_add_cell,
+        found=f"{FOUND:g}",
+        tied=f"{TIED:g}",
+        more=len(explanation.found) - len(found),
+        best=next(iter(explanation.candidates), None),
+        offered=explanation.offered is not None,
+        n_tried=len(explanation.candidates),
+        left=_left(explanation.plain),
     )
 
 
 def slip_words(explanation: Explanation | None) -> str:
     """A slip in what was stated, and its cure, where one explains what is left; else ""."""
     slip = None if explanation is None else explanation.slip
-    return "" if slip is None else phrase("a unit is probably wrong: {words} ({cure})", words=slip.words, cure=slip.remark)
+    return (
+        ""
+        if slip is None
+        else phrase(
+            "a unit is probably wrong: {words} ({cure})", words=slip.words, cure=slip.remark
+        )
+    )
 
 
 def explanation_lines(explanation: Explanation) -> list[str]:
@@ -99,10 +148,25 @@ def explanation_lines(explanation: Explanation) -> list[str]:
     said = [tell(verdict(explanation))]
     for one in explanation.found[:_MOST_SHOWN]:
         gain = signed(f"{one.gain:.0f}")
-        line = phrase("{gain:>7}  {words}: {value}; the residuals are then {left}", gain=gain, words=one.words, value=_values(one), left=_left(one))
-        said.append(line if one.outcome is None else phrase("{line}; added to the campaign: {added}", line=line, added=_added(one)))
+        line = phrase(
+            "{gain:>7}  {words}: {value}; the residuals are then {left}",
+            gain=gain,
+            words=one.words,
+            value=_values(one),
+            left=_left(one),
+        )
+        said.append(
+            line
+            if one.outcome is None
+            else phrase("{line}; added to the campaign: {added}", line=line, added=_added(one))
+        )
     if explanation.offered is not None:
-        said.append(phrase("to add (priors as wide as the effect may plausibly be; your own measurement of it is better):"))
+        said.append(
+            phrase(
+                "to add (priors as wide as the effect may plausibly be; your own "
+                "measurement of it is better):"
+            )
+        )
         said += [f"    {line}" for line in explanation.offered.lines]
     return said
 
@@ -111,8 +175,14 @@ def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     """Markdown fragment without a heading: which runs show which cause, and whether they agree."""
     rows = [
         (
-            one.words, signed(f"{one.gain:.0f}"), phrase("{n} of {total}", n=len(one.found_in), total=one.n_run),
-            ", ".join(f"{m.label.symbol.partition('[')[0]} = {_quantity(m.value, m.sd, m.label.factor, m.label.unit)}" for m in one.means),
+            one.words,
+            signed(f"{one.gain:.0f}"),
+            phrase("{n} of {total}", n=len(one.found_in), total=one.n_run),
+            ", ".join(
+                f"{m.label.symbol.partition('[')[0]} = "
+                f"{_quantity(m.value, m.sd, m.label.factor, m.label.unit)}"
+                for m in one.means
+            ),
             "n/a" if math.isnan(one.p) else format_p(one.p),
         )
         for one in causes[:_MOST_SHOWN]
@@ -153,7 +223,11 @@ def _added(one: Candidate) -> str:
     if not one.outcome.status.ok:
         return str(one.outcome.status)
     found = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
-    return phrase("{found}; an unmodelled force remains", found=found) if one.outcome.lacking else found
+    return (
+        phrase("{found}; an unmodelled force remains", found=found)
+        if one.outcome.lacking
+        else found
+    )
 
 
 def _add_cell(one: Candidate) -> Markdown:

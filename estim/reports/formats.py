@@ -1,4 +1,6 @@
-"""A report in other formats than Markdown, each made of the files of the report alone.  What makes one is loaded when it is asked for."""
+"""A report in other formats than Markdown, each made of the files of the report alone.  What makes
+one is loaded when it is asked for.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,9 @@ Files = Mapping[str, bytes]
 
 
 def with_formats(files: Files, formats: Iterable[str]) -> dict[str, bytes]:
-    """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html` or `report.pdf` of its `report.md`."""
+    """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html`
+    or `report.pdf` of its `report.md`.
+    """
     made = dict(files)
     for name in formats if "report.md" in files else ():
         made[f"report.{name}"] = _MAKERS[name](files)

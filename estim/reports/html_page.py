@@ -1,8 +1,10 @@
-"""A report as one HTML file that needs nothing else: figures are in it, folded parts open, tables scroll, light or dark as the reader's system is.
+"""A report as one HTML file that needs nothing else: figures are in it, folded parts open, tables
+scroll, light or dark as the reader's system is.
 
-It is made of `report.md` and its figures alone, by markdown-it (CommonMark, with GitHub's tables), and says the same.  No script, no outside
-address: the page forbids itself both (Content-Security-Policy).  Of HTML in the Markdown only what `rendering.folded` makes passes; all else is
-shown as text.
+It is made of `report.md` and its figures alone, by markdown-it (CommonMark, with GitHub's tables),
+and says the same.  No script, no outside address: the page forbids itself both
+(Content-Security-Policy).  Of HTML in the Markdown only what `rendering.folded` makes passes; all
+else is shown as text.
 """
 
 from __future__ import annotations
@@ -27,7 +29,10 @@ if TYPE_CHECKING:
 
 _NUMBER, _WIDE = 24, 7  # marks of a number on one line; columns of a table that is smaller on paper
 
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
+    "form-action 'none'"
+)
 _PAGE = """<!DOCTYPE html>
 <html lang="{lang}">
 <head>
@@ -82,21 +87,44 @@ class _State:
 
 
 def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = False) -> bytes:
-    """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it shows).
+    """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it
+    shows).
 
     lang : the language of the report (BCP 47), for what reads it aloud or hyphenates it.
-    paper : for a printer: nothing to open or to click, and what is folded stands open in an appendix that begins a page.
+    paper : for a printer: nothing to open or to click, and what is folded stands open in an
+        appendix that begins a page.
     """
     state = _State(files, paper=paper)
     body = _rendered(files["report.md"].decode(), state)
-    style = package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
+    style = (
+        package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
+    )
     folds = not paper and any(entry.folded for entry in state.entries)
-    entries = "".join(f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries)
-    switch = _SWITCH.format(words=escape(phrase("open all sections, also for printing"))) if folds else ""
-    contents = _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch) if entries and not paper else ""
+    entries = "".join(
+        f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries
+    )
+    switch = (
+        _SWITCH.format(words=escape(phrase("open all sections, also for printing")))
+        if folds
+        else ""
+    )
+    contents = (
+        _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch)
+        if entries and not paper
+        else ""
+    )
     page = _PAGE.format(
-        lang=escape(lang), policy=_POLICY, title=escape(state.title), style=style, contents=contents, body=body,
-        left_out=_LEFT_OUT.format(words=escape(phrase("Sections that are collapsed on the page are not printed."))) if folds else "",
+        lang=escape(lang),
+        policy=_POLICY,
+        title=escape(state.title),
+        style=style,
+        contents=contents,
+        body=body,
+        left_out=_LEFT_OUT.format(
+            words=escape(phrase("Sections that are collapsed on the page are not printed."))
+        )
+        if folds
+        else "",
     )
     return page.encode()
 
@@ -130,7 +158,11 @@ class _Renderer(RendererHTML):
             if state.paper:
                 return f"<section>\n<h2>{escape(state.summary)}</h2>\n"
             place = self._entry(state, state.summary, folded=True)
-            return f'<details id="{place}">\n<summary><h2>{escape(state.summary)}</h2></summary>\n<div class="part">\n'
+            return (
+                "<details "
+                f'id="{place}">\n<summary><h2>{escape(state.summary)}</h2></summary>\n<div '
+                'class="part">\n'
+            )
         if END.fullmatch(content) and state.summary:
             state.summary = ""
             return "</section>\n" if state.paper else "</div>\n</details>\n"
@@ -175,18 +207,27 @@ class _Renderer(RendererHTML):
         if not png.startswith(b"\x89PNG"):
             return f"[{alt}]"
         width, height = _size(png)
-        return f'<img src="data:image/png;base64,{b64encode(png).decode()}" alt="{alt}" width="{width}" height="{height}">'
+        return (
+            f'<img src="data:image/png;base64,{b64encode(png).decode()}" alt="{alt}" '
+            f'width="{width}" height="{height}">'
+        )
 
     def link_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         """A link to another report leads to its page."""
-        where = re.sub(r"(?:^|(?<=/))report\.md$", "report.html", str(tokens[i].attrs.get("href", "")))
+        where = re.sub(
+            r"(?:^|(?<=/))report\.md$", "report.html", str(tokens[i].attrs.get("href", ""))
+        )
         return f'<a href="{escape(where)}">'
 
     def table_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         state: _State = env["state"]
         state.n_table += 1
         row = next(k for k in range(i, len(tokens)) if tokens[k].type == "tr_close")
-        kind = ' class="wide"' if sum(token.type == "th_open" for token in tokens[i:row]) >= _WIDE else ""
+        kind = (
+            ' class="wide"'
+            if sum(token.type == "th_open" for token in tokens[i:row]) >= _WIDE
+            else ""
+        )
         name = escape(phrase("Table {n}", n=state.n_table))
         return f'<div class="table" role="region" aria-label="{name}" tabindex="0"><table{kind}>\n'
 
@@ -202,7 +243,11 @@ class _Renderer(RendererHTML):
     def td_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         """A cell that is a number with its uncertainty and unit stays on one line."""
         words = tokens[i + 1].content
-        return '<td class="number">' if len(words) <= _NUMBER and any(mark.isdigit() for mark in words) else "<td>"
+        return (
+            '<td class="number">'
+            if len(words) <= _NUMBER and any(mark.isdigit() for mark in words)
+            else "<td>"
+        )
 
     def fence(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         return f'<pre tabindex="0"><code>{escape(tokens[i].content)}</code></pre>\n'
@@ -215,13 +260,19 @@ def _level(heading: Token) -> int:
 def _plain(token: Token) -> str:
     """The text of a heading or an image, without its marks."""
     return "".join(
-        one.content if one.type in ("text", "text_special", "code_inline") else " " if one.type in ("softbreak", "hardbreak") else ""
+        one.content
+        if one.type in ("text", "text_special", "code_inline")
+        else " "
+        if one.type in ("softbreak", "hardbreak")
+        else ""
         for one in token.children or []
     )
 
 
 def arranged(tokens: Sequence[Token]) -> list[Token]:
-    """The tokens with an image that stands alone as a figure, the italics below it as its caption, no part's title twice."""
+    """The tokens with an image that stands alone as a figure, the italics below it as its caption,
+    no part's title twice.
+    """
     left: list[Token] = []
     i, summary = 0, ""
     while i < len(tokens):
@@ -253,7 +304,9 @@ def arranged(tokens: Sequence[Token]) -> list[Token]:
 
 
 def _levelled(tokens: Sequence[Token]) -> None:
-    """Notes with each heading of a folded part its level below the title of the part, which is of level 2."""
+    """Notes with each heading of a folded part its level below the title of the part, which is of
+    level 2.
+    """
     inside: list[Token] | None = None
     for token in tokens:
         if token.type == "html_block" and FOLD.fullmatch(token.content):
@@ -273,7 +326,10 @@ def apart(tokens: Sequence[Token]) -> tuple[list[Token], list[Token]]:
     folded: list[Token] = []
     inside = False
     for token in tokens:
-        begins, ends = (token.type == "html_block" and mark.fullmatch(token.content) is not None for mark in (FOLD, END))
+        begins, ends = (
+            token.type == "html_block" and mark.fullmatch(token.content) is not None
+            for mark in (FOLD, END)
+        )
         inside = inside or begins
         (folded if inside else standing).append(token)
         inside = inside and not ends
@@ -292,9 +348,13 @@ def _alone(tokens: Sequence[Token], i: int, kind: str) -> bool:
 
 
 def pdf_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
-    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report (BCP 47).  ImportError without the extra `pdf`."""
+    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report
+    (BCP 47).  ImportError without the extra `pdf`.
+    """
     from weasyprint import HTML, URLFetcher
 
     page = html_page(files, lang=lang, paper=True).decode()
     nothing_from_elsewhere = URLFetcher(allowed_protocols={"data"})
-    return bytes(HTML(string=page, url_fetcher=nothing_from_elsewhere).write_pdf(pdf_variant="pdf/ua-1"))
+    return bytes(
+        HTML(string=page, url_fetcher=nothing_from_elsewhere).write_pdf(pdf_variant="pdf/ua-1")
+    )

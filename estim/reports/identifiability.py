@@ -1,4 +1,6 @@
-"""What the data can tell, as a reader sees it: the rows of its table and its sentences (`templates/identifiability.md.j2`)."""
+"""What the data can tell, as a reader sees it: the rows of its table and its sentences
+(`templates/identifiability.md.j2`).
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,10 @@ class IdentifyRow:
 class IdentifySection:
     """What `identifiability.md.j2` shows under the name `identify`.
 
-    sentences : what the data tell and do not.  rows : the table.  doubts : what went wrong with single intervals.
-    prior_dominated, threshold : the two limits that the words refer to.  flat : whether a prior has no width.
+    sentences : what the data tell and do not.
+    rows : the table.  doubts : what went wrong with single intervals.
+    prior_dominated, threshold : the two limits that the words refer to.
+    flat : whether a prior has no width.
     """
 
     sentences: tuple[str, ...]
@@ -57,9 +61,15 @@ class IdentifySection:
 
 
 def identify_section(
-    problem: Problem, found: Identifiability, intervals: Sequence[ProfileInterval], sensitivity: Sequence[Sensitivity], draws: FloatArray
+    problem: Problem,
+    found: Identifiability,
+    intervals: Sequence[ProfileInterval],
+    sensitivity: Sequence[Sensitivity],
+    draws: FloatArray,
 ) -> IdentifySection:
-    """The section of a report; `intervals` with probabilities 0.68 and 0.95 of some parameters, `sensitivity` of every one; draws (n_draw, n_par)."""
+    """The section of a report; `intervals` with probabilities 0.68 and 0.95 of some parameters,
+    `sensitivity` of every one; draws (n_draw, n_par).
+    """
     profiles = {interval.name: interval for interval in intervals}
     posterior_sds = draws.std(axis=0, ddof=1)
     rows, doubts = [], []
@@ -67,13 +77,20 @@ def identify_section(
         interval = profiles.get(parameter.name)
         shown = parameter.label
         sd = float(posterior_sds[i])
-        prior_sd = significant(parameter.prior.sd * shown.factor, 2) if np.isfinite(parameter.prior.sd) else phrase("flat")
+        prior_sd = (
+            significant(parameter.prior.sd * shown.factor, 2)
+            if np.isfinite(parameter.prior.sd)
+            else phrase("flat")
+        )
         rows.append(
             IdentifyRow(
-                symbol=shown.symbol, unit="" if shown.unit == "1" else shown.unit, prior_sd=prior_sd,
+                symbol=shown.symbol,
+                unit="" if shown.unit == "1" else shown.unit,
+                prior_sd=prior_sd,
                 posterior_sd=significant(sd * shown.factor, 2),
                 ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
-                profile_68=_cell(interval, 0.68, sd, shown), profile_95=_cell(interval, 0.95, sd, shown),
+                profile_68=_cell(interval, 0.68, sd, shown),
+                profile_95=_cell(interval, 0.95, sd, shown),
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
@@ -81,46 +98,85 @@ def identify_section(
             doubts.append(interval.sentence)
     k_hat = max((s.k_hat for s in sensitivity), default=-np.inf)
     if k_hat >= 0.7:
-        doubts.append(phrase("the importance weights of the power-scaling are unreliable (Pareto k {k_hat:.2f}): the last column is "
-                             "not informative", k_hat=k_hat))
+        doubts.append(
+            phrase(
+                "the importance weights of the power-scaling are unreliable (Pareto k "
+                "{k_hat:.2f}): the last column is "
+                "not informative",
+                k_hat=k_hat,
+            )
+        )
     flat = any(not np.isfinite(p.prior.sd) for p in problem.parameters)
     sentences = (*found.sentences, *_hardly_better_known(problem, posterior_sds))
     return IdentifySection(sentences, tuple(rows), tuple(doubts), PRIOR_DOMINATED, THRESHOLD, flat)
 
 
 def _hardly_better_known(problem: Problem, posterior_sds: FloatArray) -> list[str]:
-    """Which parameters the data leave nearly as uncertain as they were, by the ratios of the table: one sentence, or none."""
+    """Which parameters the data leave nearly as uncertain as they were, by the ratios of the table:
+    one sentence, or none.
+    """
     of_draws = zip(problem.parameters, posterior_sds, strict=True)
-    symbols = [p.label.symbol for p, sd in of_draws if np.isfinite(p.prior.sd) and sd > PRIOR_DOMINATED * p.prior.sd]
+    symbols = [
+        p.label.symbol
+        for p, sd in of_draws
+        if np.isfinite(p.prior.sd) and sd > PRIOR_DOMINATED * p.prior.sd
+    ]
     if not symbols:
         return []
     if len(symbols) == 1:
-        return [phrase("{symbols} is hardly better known than before the data (posterior sd above {share} of the prior's).",
-                       symbols=symbols[0], share=PRIOR_DOMINATED)]
+        return [
+            phrase(
+                "{symbols} is hardly better known than before the data (posterior sd above "
+                "{share} of the prior's).",
+                symbols=symbols[0],
+                share=PRIOR_DOMINATED,
+            )
+        ]
     listed = phrase("{names} and {last}", names=", ".join(symbols[:-1]), last=symbols[-1])
-    return [phrase("{symbols} are hardly better known than before the data (posterior sd above {share} of the prior's).",
-                   symbols=listed, share=PRIOR_DOMINATED)]
+    return [
+        phrase(
+            "{symbols} are hardly better known than before the data (posterior sd above "
+            "{share} of the prior's).",
+            symbols=listed,
+            share=PRIOR_DOMINATED,
+        )
+    ]
 
 
 def _cell(interval: ProfileInterval | None, p: float, sd: float, shown: Label) -> str:
-    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are; '—' where it was not computed."""
+    """'[0.181, 0.199]', '< 0.0107' or '> 0.3' where one side is open, 'open' where both are; '—'
+    where it was not computed.
+    """
     if interval is None:
         return "—"
-    low, high = (format_rounded(end * shown.factor, sd * shown.factor) for end in (interval.low[p], interval.high[p]))
+    low, high = (
+        format_rounded(end * shown.factor, sd * shown.factor)
+        for end in (interval.low[p], interval.high[p])
+    )
     if interval.open_low[p] and interval.open_high[p]:
         return phrase("unbounded on both sides")
     if interval.open_low[p]:
         return phrase("< {high} (unbounded below)", high=high)
-    return Markdown(phrase("> {low} (unbounded above)", low=low)) if interval.open_high[p] else f"[{low}, {high}]"
+    return (
+        Markdown(phrase("> {low} (unbounded above)", low=low))
+        if interval.open_high[p]
+        else f"[{low}, {high}]"
+    )
 
 
 def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
-    """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior matters most where that is another parameter's."""
+    """The verdict, with the pull of the posterior `mean` where it is a conflict, and whose prior
+    matters most where that is another parameter's.
+    """
     words = phrase(leaning.verdict)
     if leaning.verdict == CONFLICT:
         prior = problem.parameters[problem.names.index(leaning.name)].prior
         pull = signed(f"{(mean - prior.expectation) / prior.sd:+.1f}")
-        words = phrase("data and prior disagree (conflict): the posterior lies {pull} prior sd from the mean of the prior", pull=pull)
+        words = phrase(
+            "data and prior disagree (conflict): the posterior lies {pull} prior sd from "
+            "the mean of the prior",
+            pull=pull,
+        )
     if leaning.strongest is None or leaning.strongest == leaning.name:
         return words
     strongest = problem.parameters[problem.names.index(leaning.strongest)]
@@ -128,7 +184,9 @@ def _verdict(problem: Problem, leaning: Sensitivity, mean: float) -> str:
 
 
 def direction_figure(problem: Problem, found: Identifiability) -> Figure:
-    """Information of the data along each direction, in units of the prior's, and what each direction is made of."""
+    """Information of the data along each direction, in units of the prior's, and what each
+    direction is made of.
+    """
     n = len(found.directions)
     single = len(problem.runs) == 1
     labels = [p.bare_label if single else p.label for p in problem.parameters]
@@ -136,27 +194,56 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.25 if n < 8 else 1.7))
     information = np.array([d.information for d in found.directions])
     places = np.arange(n)
-    colours = [BLUE if d.held_by == "data" else ORANGE if d.held_by == "prior" else INK for d in found.directions]
+    colours = [
+        BLUE if d.held_by == "data" else ORANGE if d.held_by == "prior" else INK
+        for d in found.directions
+    ]
     top = 10.0 * max(10.0, float(information.max()))
-    left.barh(places, np.maximum(information, 2.0 * _FLOOR) - _FLOOR, left=_FLOOR, color=colours, height=0.62)
+    left.barh(
+        places,
+        np.maximum(information, 2.0 * _FLOOR) - _FLOOR,
+        left=_FLOOR,
+        color=colours,
+        height=0.62,
+    )
     left.axvline(1.0, color=INK, lw=1)
     left.set_xscale("log")
     left.set_xlim(_FLOOR, top)
     first, last = math.ceil(math.log10(_FLOOR)), math.floor(math.log10(top))
-    powers = range(first, last + 1, 1 if last - first < 9 and n < 8 else 2 * -(-(last - first) // 18))
+    powers = range(
+        first, last + 1, 1 if last - first < 9 and n < 8 else 2 * -(-(last - first) // 18)
+    )
     left.xaxis.set_ticks([], minor=True)
-    name_ticks(left.xaxis, [10.0**power for power in powers], ["10" + f"{power}".translate(_RAISED) for power in powers])
+    name_ticks(
+        left.xaxis,
+        [10.0**power for power in powers],
+        ["10" + f"{power}".translate(_RAISED) for power in powers],
+    )
     left.set_ylim(n - 0.5, -0.5)
     name_ticks(left.yaxis, places, [f"{k + 1}" for k in places])
     left.set_xlabel(phrase("information of the data / of the prior"))
     left.set_ylabel(phrase("direction"))
-    left.text(0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8)
+    left.text(
+        0.8, -0.6, phrase("only the prior"), color=ORANGE, ha="right", va="bottom", fontsize=8
+    )
     left.text(1.25, -0.6, phrase("the data"), color=BLUE, ha="left", va="bottom", fontsize=8)
     for place, value in zip(places, information, strict=True):
         if value < _FLOOR:
-            left.text(3.0 * _FLOOR, place, f"< {_FLOOR:.0e}".replace("e-0", "e-"), va="center", fontsize=7, color=INK)
+            left.text(
+                3.0 * _FLOOR,
+                place,
+                f"< {_FLOOR:.0e}".replace("e-0", "e-"),
+                va="center",
+                fontsize=7,
+                color=INK,
+            )
     upright = not single or max(len(shown.symbol) for shown in labels) > 8
-    _components(right, np.array([d.vector for d in found.directions]), [shown.tex for shown in labels], upright=upright)
+    _components(
+        right,
+        np.array([d.vector for d in found.directions]),
+        [shown.tex for shown in labels],
+        upright=upright,
+    )
     return figure
 
 
@@ -168,15 +255,28 @@ def _components(ax: Axes, vectors: FloatArray, symbols: list[str], *, upright: b
         if abs(vectors[row, column]) >= 0.15:
             colour = "white" if abs(vectors[row, column]) > 0.7 else INK
             text = signed(f"{vectors[row, column]:+.1f}")
-            ax.text(column, row, text, ha="center", va="center", fontsize=7 if n < 10 else 6, color=colour)
-    name_ticks(ax.xaxis, np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0)
+            ax.text(
+                column,
+                row,
+                text,
+                ha="center",
+                va="center",
+                fontsize=7 if n < 10 else 6,
+                color=colour,
+            )
+    name_ticks(
+        ax.xaxis, np.arange(n), symbols, fontsize=7 if upright else 9, rotation=90 if upright else 0
+    )
     ax.set_yticks([])
     ax.tick_params(axis="x", length=0)
     ax.set_title(phrase("components, in prior standard deviations"))
 
 
-def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray) -> Figure:
-    """How the objective rises with each parameter, all others re-optimised, with posterior quantiles below.
+def profile_figure(
+    problem: Problem, intervals: Sequence[ProfileInterval], draws: FloatArray
+) -> Figure:
+    """How the objective rises with each parameter, all others re-optimised, with posterior
+    quantiles below.
 
     draws : (n_draw, n_par) of the posterior.
     """
@@ -194,7 +294,15 @@ def profile_figure(problem: Problem, intervals: Sequence[ProfileInterval], draws
     handles = [
         Line2D([], [], color=BLUE, lw=1.4, label=phrase("profile")),
         Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
-        Line2D([], [], color=INK, lw=3, marker="|", ms=7, label=phrase("posterior: median, 68 and 95 %")),
+        Line2D(
+            [],
+            [],
+            color=INK,
+            lw=3,
+            marker="|",
+            ms=7,
+            label=phrase("posterior: median, 68 and 95 %"),
+        ),
     ]
     legend_below(figure, handles=handles)
     return figure
@@ -204,26 +312,58 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
     x, kept = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
-    root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(x < interval.value * factor, -1.0, 1.0)
+    root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(
+        x < interval.value * factor, -1.0, 1.0
+    )
     fine = np.linspace(x[0], x[-1], 300)
     ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4)
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
-    ax.hlines(list(levels.values()), 0.0, 1.0, color=GREY, lw=0.7, ls="--", zorder=1, transform=ax.get_yaxis_transform())
-    closed = [(ends[p] * factor, level) for p, level in levels.items() for opened, ends in sides if not opened[p]]
-    ax.vlines([end for end, _ in closed], 0.0, [level for _, level in closed], color=BLUE, lw=0.7, alpha=0.6)
+    ax.hlines(
+        list(levels.values()),
+        0.0,
+        1.0,
+        color=GREY,
+        lw=0.7,
+        ls="--",
+        zorder=1,
+        transform=ax.get_yaxis_transform(),
+    )
+    closed = [
+        (ends[p] * factor, level)
+        for p, level in levels.items()
+        for opened, ends in sides
+        if not opened[p]
+    ]
+    ax.vlines(
+        [end for end, _ in closed],
+        0.0,
+        [level for _, level in closed],
+        color=BLUE,
+        lw=0.7,
+        alpha=0.6,
+    )
     for (opened, ends), anchor in zip(sides, ("left", "right"), strict=True):
         for place in {ends[p] * factor for p in opened if opened[p]}:
             ax.axvline(place, color=ORANGE, lw=1.6)
             ax.annotate(
-                phrase("unbounded"), (place, 0.97), (3 if anchor == "left" else -3, 0), xycoords=("data", "axes fraction"),
-                textcoords="offset points", ha=anchor, va="top", fontsize=6.5, color=ORANGE,
+                phrase("unbounded"),
+                (place, 0.97),
+                (3 if anchor == "left" else -3, 0),
+                xycoords=("data", "axes fraction"),
+                textcoords="offset points",
+                ha=anchor,
+                va="top",
+                fontsize=6.5,
+                color=ORANGE,
             )
     q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
     ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt")
     ax.plot(median, -0.55, "|", color=INK, ms=7)
     shown = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
-    margin = 0.06 * float(np.ptp(shown)) if math.isfinite(np.ptp(shown)) and np.ptp(shown) > 0.0 else 1.0
+    margin = (
+        0.06 * float(np.ptp(shown)) if math.isfinite(np.ptp(shown)) and np.ptp(shown) > 0.0 else 1.0
+    )
     ax.set_xlim(shown.min() - margin, shown.max() + margin)
     ax.set_ylim(-1.1, _TOP_RISE)
     ax.set_yticks([0, 1, 2, 3, 4])

@@ -1,17 +1,22 @@
-"""Results for other programs: an xarray DataTree in the layout of ArviZ, its netCDF file, and pandas tables.
+"""Results for other programs: an xarray DataTree in the layout of ArviZ, its netCDF file, and
+pandas tables.
 
-- `to_datatree(analysis)`: what ArviZ reads (`arviz_stats.summary`, `arviz_stats.loo`, the plots).  Needs the extra `arviz`.
-- `to_netcdf(analysis)`: the same as the bytes of a netCDF-4 file, `draws.nc` of `estim fit`; `xarray.open_datatree` reads it.
+- `to_datatree(analysis)`: what ArviZ reads (`arviz_stats.summary`, `arviz_stats.loo`, the plots).
+  Needs the extra `arviz`.
+- `to_netcdf(analysis)`: the same as the bytes of a netCDF-4 file, `draws.nc` of `estim fit`;
+  `xarray.open_datatree` reads it.
 - `to_frame(analysis)`, `summary_frame(result)`: draws and summaries as pandas tables.  Need pandas.
 
-Without any of them there is `result.json` (`estim.reports.result.to_json`), and `analysis.chain.flat` is a plain array.
+Without any of them there is `result.json` (`estim.reports.result.to_json`), and
+`analysis.chain.flat` is a plain array.
 
-Chains and draws.  Walkers of one ensemble move by each other, so `chain` is an ensemble: R-hat then compares ensembles, as
-ours does.  `draw` runs through the earlier half of an ensemble's draws, then the later, and within each half walker by
-walker in the order of the steps.  So the two halves into which ArviZ splits a chain are the halves in time, and draws
-that follow each other belong to one walker: R-hat is exactly ours, and effective sample sizes are ours to some
-ten per cent.  (Step by step, with neighbours from different walkers, ArviZ would find no autocorrelation and take every draw for an
-independent one.)  The coordinates `step` and `walker` tell where a draw comes from.
+Chains and draws.  Walkers of one ensemble move by each other, so `chain` is an ensemble: R-hat then
+compares ensembles, as ours does.  `draw` runs through the earlier half of an ensemble's draws, then
+the later, and within each half walker by walker in the order of the steps.  So the two halves into
+which ArviZ splits a chain are the halves in time, and draws that follow each other belong to one
+walker: R-hat is exactly ours, and effective sample sizes are ours to some ten per cent.  (Step by
+step, with neighbours from different walkers, ArviZ would find no autocorrelation and take every
+draw for an independent one.)  The coordinates `step` and `walker` tell where a draw comes from.
 """
 
 from __future__ import annotations
@@ -42,7 +47,8 @@ _NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 _MOST_POINTWISE = 10_000  # points
-_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 2000, 600_000  # of the log likelihood of every point: draws, and draws times points
+# of the log likelihood of every point: draws, and draws times points
+_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 2000, 600_000
 Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
 """Dimensions, values, attributes."""
 
@@ -53,28 +59,42 @@ def can_write_netcdf() -> bool:
 
 
 def to_datatree(analysis: Analysis) -> xarray.DataTree:
-    """The analysis as an xarray DataTree in ArviZ's layout; SI units and radians, in each variable's attribute `units`.
+    """The analysis as an xarray DataTree in ArviZ's layout; SI units and radians, in each
+    variable's attribute `units`.
 
     posterior : each parameter by its name ("gamma[heavy]"), (chain, draw).
-    sample_stats : `lp` (chain, draw), log posterior density up to the evidence; `acceptance` (chain,), share of accepted moves.
-    log_likelihood : each run by its name, (chain, draw, point[RUN]): log density of every point given the others of its run
-        (`Posterior.pointwise`), as leave-one-out takes it, for at most 2000 draws, evenly spread (fewer for more than
-        300 points); left out for more than 10000 points, of which it would be hundreds of megabytes.
-    observed_data : each run by its name, what was fit.  constant_data : its abscissas `x[RUN]`, and times `t[RUN]` if there are any.
-    prior : independent draws of each prior (chain, draw); a parameter whose prior is improper has none.
-    attributes : title, kind ("SYNTHETIC" in capitals), status, reasons, seed, how chains were made, versions.
+    sample_stats : `lp` (chain, draw), log posterior density up to the evidence; `acceptance`
+        (chain,), share of accepted moves.
+    log_likelihood : each run by its name, (chain, draw, point[RUN]): log density of every point
+        given the others of its run (`Posterior.pointwise`), as leave-one-out takes it, for at most
+        2000 draws, evenly spread (fewer for more than 300 points); left out for more than 10000
+        points, of which it would be hundreds of megabytes.
+    observed_data : each run by its name, what was fit.
+    constant_data : its abscissas `x[RUN]`, and times `t[RUN]` if there are any.
+    prior : independent draws of each prior (chain, draw); a parameter whose prior is improper has
+        none.
+    attributes : title, kind ("SYNTHETIC" in capitals), status, reasons, seed, how chains were made,
+        versions.
 
-    The draws are there whatever the status is: look at it before you use them.  Raises InputError where xarray is missing.
+    The draws are there whatever the status is: look at it before you use them.  Raises InputError
+    where xarray is missing.
     """
     if find_spec("xarray") is None:
         raise InputError(f"is not installed: {HOW_TO_GET}", field="xarray")
     from xarray import Dataset, DataTree
 
-    return DataTree.from_dict({path: Dataset(one.variables, one.coordinates, one.attributes) for path, one in _groups(analysis).items()})
+    return DataTree.from_dict(
+        {
+            path: Dataset(one.variables, one.coordinates, one.attributes)
+            for path, one in _groups(analysis).items()
+        }
+    )
 
 
 def to_netcdf(analysis: Analysis) -> bytes:
-    """`to_datatree(analysis)` as a netCDF-4 file.  Raises InputError where a package of the extra `arviz` is missing."""
+    """`to_datatree(analysis)` as a netCDF-4 file.  Raises InputError where a package of the extra
+    `arviz` is missing.
+    """
     for package in _NETCDF:
         if find_spec(package) is None:
             raise InputError(f"is not installed: {HOW_TO_GET}", field=package)
@@ -82,50 +102,75 @@ def to_netcdf(analysis: Analysis) -> bytes:
 
 
 def to_frame(analysis: Analysis) -> pd.DataFrame:
-    """The draws, a row each and a column a parameter; the index says ensemble, step after burn-in, and walker.
+    """The draws, a row each and a column a parameter; the index says ensemble, step after burn-in,
+    and walker.
 
-    SI units and radians: `frame.attrs["units"]` maps names to units, the other attributes are title, kind, status and reasons.
-    Raises InputError where pandas is missing.
+    SI units and radians: `frame.attrs["units"]` maps names to units, the other attributes are
+    title, kind, status and reasons.  Raises InputError where pandas is missing.
     """
     _require_pandas()
     from pandas import DataFrame, MultiIndex
 
     chain = analysis.chain
-    index = MultiIndex.from_product([range(n) for n in chain.draws.shape[:3]], names=["ensemble", "step", "walker"])
+    index = MultiIndex.from_product(
+        [range(n) for n in chain.draws.shape[:3]], names=["ensemble", "step", "walker"]
+    )
     frame = DataFrame(chain.flat, index=index, columns=list(chain.names))
-    frame.attrs.update(units={p.name: p.unit for p in analysis.problem.parameters}, **_said(analysis))
+    frame.attrs.update(
+        units={p.name: p.unit for p in analysis.problem.parameters}, **_said(analysis)
+    )
     return frame
 
 
 def summary_frame(result: Result) -> pd.DataFrame:
-    """The parameters of a result, a row each: unit, meaning, mean, sd, quantiles, prior, diagnostics; NaN where the status allows no number.
+    """The parameters of a result, a row each: unit, meaning, mean, sd, quantiles, prior,
+    diagnostics; NaN where the status allows no number.
 
-    limit : "upper" or "lower" for a parameter whose most probable value is an edge of its prior, else "": then `limit_95` holds
-        with 95 % probability, and there is no mean and sd.
+    limit : "upper" or "lower" for a parameter whose most probable value is an edge of its prior,
+        else "": then `limit_95` holds with 95 % probability, and there is no mean and sd.
 
     Raises InputError where pandas is missing.
     """
     _require_pandas()
     from pandas import DataFrame
 
-    rows = {name: msgspec.structs.asdict(p) | _limit_columns(p.limit) for name, p in result.parameters.items()}
+    rows = {
+        name: msgspec.structs.asdict(p) | _limit_columns(p.limit)
+        for name, p in result.parameters.items()
+    }
     frame = DataFrame.from_dict(rows, orient="index")
-    numbers = [c for c in frame.columns if c not in ("unit", "meaning", "prior", "limit", "stated", "measured")]
+    numbers = [
+        c
+        for c in frame.columns
+        if c not in ("unit", "meaning", "prior", "limit", "stated", "measured")
+    ]
     frame[numbers] = frame[numbers].astype(float)
     frame.index.name = "parameter"
-    frame.attrs.update(title=result.title, kind=_shown_kind(result.kind), status=result.status, reasons=list(result.reasons))
+    frame.attrs.update(
+        title=result.title,
+        kind=_shown_kind(result.kind),
+        status=result.status,
+        reasons=list(result.reasons),
+    )
     return frame
 
 
 def _limit_columns(limit: Limit | None) -> dict[str, Any]:
-    return {"limit": "", "limit_95": None} if limit is None else {"limit": limit.side, "limit_95": limit.limit_95}
+    return (
+        {"limit": "", "limit_95": None}
+        if limit is None
+        else {"limit": limit.side, "limit_95": limit.limit_95}
+    )
 
 
 def time_halves_order(n_step: int, n_walker: int) -> NDArray[np.intp]:
-    """(n_step * n_walker,) where each draw of an ensemble stands in time order (step, walker): earlier half, later half, each by walkers."""
+    """(n_step * n_walker,) where each draw of an ensemble stands in time order (step, walker):
+    earlier half, later half, each by walkers.
+    """
     place = np.arange(n_step * n_walker)
     n_half = place.size // 2
-    half = np.where(place < n_half, 0, np.where(place >= place.size - n_half, 2, 1))  # an odd one out stays in the middle
+    # an odd one out stays in the middle
+    half = np.where(place < n_half, 0, np.where(place >= place.size - n_half, 2, 1))
     return np.lexsort((place, place % n_walker, half))
 
 
@@ -140,7 +185,9 @@ def _shown_kind(kind: str) -> str:
 
 def _said(analysis: Analysis) -> dict[str, Any]:
     return {
-        "title": analysis.title, "kind": _shown_kind(analysis.kind), "status": str(analysis.diagnosis.status),
+        "title": analysis.title,
+        "kind": _shown_kind(analysis.kind),
+        "status": str(analysis.diagnosis.status),
         "reasons": list(analysis.diagnosis.reasons),
     }
 
@@ -148,8 +195,11 @@ def _said(analysis: Analysis) -> dict[str, Any]:
 def _groups(analysis: Analysis) -> dict[str, Group]:
     order = time_halves_order(*analysis.chain.draws.shape[1:3])
     groups = {
-        "/": _empty(analysis), "/posterior": _posterior(analysis, order), "/sample_stats": _sample_stats(analysis, order),
-        "/prior": _prior(analysis), "/observed_data": _observed_data(analysis),
+        "/": _empty(analysis),
+        "/posterior": _posterior(analysis, order),
+        "/sample_stats": _sample_stats(analysis, order),
+        "/prior": _prior(analysis),
+        "/observed_data": _observed_data(analysis),
         "/constant_data": _constant_data(analysis),
     }
     if analysis.problem.n_obs <= _MOST_POINTWISE:
@@ -158,16 +208,37 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
 
 
 def _empty(analysis: Analysis) -> Group:
-    said = _said(analysis) | {"title": one_line(analysis.title), "reasons": "\n".join(analysis.diagnosis.reasons)}
-    versions = {f"version_{package.replace('-', '_')}": number for package, number in software_versions().items()}
-    draws = phrase("chain: ensemble of walkers; draw: first half, then second half of the steps, each walker by walker")
-    return Group(attributes={**said, "seed": analysis.seed, "sampling": analysis.chain.convergence.message, "draws": draws, **versions})
+    said = _said(analysis) | {
+        "title": one_line(analysis.title),
+        "reasons": "\n".join(analysis.diagnosis.reasons),
+    }
+    versions = {
+        f"version_{package.replace('-', '_')}": number
+        for package, number in software_versions().items()
+    }
+    draws = phrase(
+        "chain: ensemble of walkers; draw: first half, then second half of the steps, each "
+        "walker by walker"
+    )
+    return Group(
+        attributes={
+            **said,
+            "seed": analysis.seed,
+            "sampling": analysis.chain.convergence.message,
+            "draws": draws,
+            **versions,
+        }
+    )
 
 
-def _coordinates(analysis: Analysis, order: NDArray[np.intp]) -> dict[str, tuple[tuple[str, ...], NDArray[np.intp]]]:
+def _coordinates(
+    analysis: Analysis, order: NDArray[np.intp]
+) -> dict[str, tuple[tuple[str, ...], NDArray[np.intp]]]:
     n_ensemble, _, n_walker, _ = analysis.chain.draws.shape
     return {
-        "chain": (("chain",), np.arange(n_ensemble)), "draw": (("draw",), np.arange(order.size)), "step": (("draw",), order // n_walker),
+        "chain": (("chain",), np.arange(n_ensemble)),
+        "draw": (("draw",), np.arange(order.size)),
+        "step": (("draw",), order // n_walker),
         "walker": (("draw",), order % n_walker),
     }
 
@@ -176,30 +247,50 @@ def _posterior(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     chain = analysis.chain
     draws = chain.draws.reshape(chain.draws.shape[0], -1, len(chain.names))[:, order]
     variables = {
-        _variable(p.name, "parameter"): (("chain", "draw"), draws[..., i], _about(p.unit, p.meaning))
+        _variable(p.name, "parameter"): (
+            ("chain", "draw"),
+            draws[..., i],
+            _about(p.unit, p.meaning),
+        )
         for i, p in enumerate(analysis.problem.parameters)
     }
     return Group(variables, _coordinates(analysis, order))
 
 
 def _sample_stats(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[:, order]
+    log_density = analysis.chain.log_density.reshape(analysis.chain.log_density.shape[0], -1)[
+        :, order
+    ]
     variables = {
-        "lp": (("chain", "draw"), log_density, _about("1", phrase("log posterior density up to the evidence"))),
-        "acceptance": (("chain",), analysis.chain.acceptance, _about("1", phrase("fraction of accepted moves"))),
+        "lp": (
+            ("chain", "draw"),
+            log_density,
+            _about("1", phrase("log posterior density up to the evidence")),
+        ),
+        "acceptance": (
+            ("chain",),
+            analysis.chain.acceptance,
+            _about("1", phrase("fraction of accepted moves")),
+        ),
     }
     return Group(variables, _coordinates(analysis, order))
 
 
 def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
-    draws = analysis.chain.draws.reshape(analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1])
+    draws = analysis.chain.draws.reshape(
+        analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1]
+    )
     n_chain = draws.shape[0]
     n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
     kept = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
     pointwise = analysis.fit.posterior.pointwise(draws[:, order[kept]].reshape(-1, draws.shape[-1]))
     meaning = phrase("log density of a point given the other points of its run")
     variables = {
-        _variable(run.name, "run"): (("chain", "draw", _dim(run.name)), terms.reshape(n_chain, kept.size, -1), _about("1", meaning))
+        _variable(run.name, "run"): (
+            ("chain", "draw", _dim(run.name)),
+            terms.reshape(n_chain, kept.size, -1),
+            _about("1", meaning),
+        )
         for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
     }
     return Group(variables, {"chain": (("chain",), np.arange(n_chain)), "draw": (("draw",), kept)})
@@ -211,15 +302,27 @@ def _prior(analysis: Analysis) -> Group:
     for p in analysis.problem.parameters:
         if math.isfinite(p.prior.sd):
             about = _about(p.unit, p.meaning) | {"prior": p.prior.describe()}
-            variables[_variable(p.name, "parameter")] = (("chain", "draw"), p.prior.draw(rng, _PRIOR_DRAWS)[None], about)
+            variables[_variable(p.name, "parameter")] = (
+                ("chain", "draw"),
+                p.prior.draw(rng, _PRIOR_DRAWS)[None],
+                about,
+            )
         else:
             improper.append(p.name)
-    coordinates = {"chain": (("chain",), np.zeros(1, dtype=int)), "draw": (("draw",), np.arange(_PRIOR_DRAWS))}
+    coordinates = {
+        "chain": (("chain",), np.zeros(1, dtype=int)),
+        "draw": (("draw",), np.arange(_PRIOR_DRAWS)),
+    }
     return Group(variables, coordinates, {"improper": ", ".join(improper)})
 
 
 def _observed_data(analysis: Analysis) -> Group:
-    return Group({_variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name)) for run in analysis.problem.runs})
+    return Group(
+        {
+            _variable(run.name, "run"): ((_dim(run.name),), run.y, _about(run.y_unit, run.y_name))
+            for run in analysis.problem.runs
+        }
+    )
 
 
 def _constant_data(analysis: Analysis) -> Group:
@@ -232,7 +335,9 @@ def _constant_data(analysis: Analysis) -> Group:
 
 
 def _variable(name: str, what: str) -> str:
-    """The name of a variable: that of the parameter or run, but "parameter chain" where a coordinate bears it already."""
+    """The name of a variable: that of the parameter or run, but "parameter chain" where a
+    coordinate bears it already.
+    """
     return f"{what} {name}" if name in _COORDINATES else name
 
 
@@ -246,7 +351,9 @@ def _about(unit: str, meaning: str) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """variables : name -> `Variable`.  coordinates : name -> dimensions and whole numbers.  attributes : texts and whole numbers."""
+    """variables : name -> `Variable`.  coordinates : name -> dimensions and whole numbers.
+    attributes : texts and whole numbers.
+    """
 
     variables: Mapping[str, Variable] = field(default_factory=dict)
     coordinates: Mapping[str, tuple[tuple[str, ...], Any]] = field(default_factory=dict)
@@ -256,7 +363,8 @@ class Group:
 def as_netcdf(groups: Mapping[str, Group]) -> bytes:
     """The groups, path -> `Group` ("/" is the file itself), as the bytes of a file.
 
-    By the CF conventions: a coordinate of one dimension bears its name, variables name the others in their attribute `coordinates`.
+    By the CF conventions: a coordinate of one dimension bears its name, variables name the others
+    in their attribute `coordinates`.
     """
     import h5netcdf
 
@@ -270,13 +378,24 @@ def as_netcdf(groups: Mapping[str, Group]) -> bytes:
 def _write(place: Any, group: Group) -> None:
     for name, said in group.attributes.items():
         place.attrs[name] = said if isinstance(said, str) else np.atleast_1d(said)
-    everything = [(dims, np.asarray(values)) for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())]
-    place.dimensions = {dim: size for dims, values in everything for dim, size in zip(dims, values.shape, strict=True)}
+    everything = [
+        (dims, np.asarray(values))
+        for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())
+    ]
+    place.dimensions = {
+        dim: size
+        for dims, values in everything
+        for dim, size in zip(dims, values.shape, strict=True)
+    }
     for name, (dims, values) in group.coordinates.items():
         place.create_variable(name, dims, data=np.asarray(values, dtype=np.int64))
     for name, (dims, values, about) in group.variables.items():
         variable = place.create_variable(name, dims, data=values, fillvalue=np.nan)
         variable.attrs.update(about)
-        along = [other for other, (own, _) in group.coordinates.items() if own != (other,) and set(own) <= set(dims)]
+        along = [
+            other
+            for other, (own, _) in group.coordinates.items()
+            if own != (other,) and set(own) <= set(dims)
+        ]
         if along:
             variable.attrs["coordinates"] = " ".join(along)

@@ -75,7 +75,9 @@ class LineRow(msgspec.Struct, frozen=True):
 
 
 class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
-    """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties and what follows from them are null or empty."""
+    """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties
+    and what follows from them are null or empty.
+    """
 
     schema_: str
     title: str
@@ -99,7 +101,9 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON) -> LineResult:
+def line_result(
+    campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON
+) -> LineResult:
     """The record of a line analysis.  voice : to whom advice is given."""
     methods = {name: _row(analysis, name) for name in _METHODS}
     intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
@@ -107,78 +111,176 @@ def line_result(campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Vo
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
     steepest, status, ok = analysis.steepest, analysis.status, analysis.status.ok
     return LineResult(
-        schema_=LINE_SCHEMA, title=campaign.title, kind=campaign.kind, status=analysis.status,
-        reasons=list(analysis.reasons), advice=advice_for(analysis.findings, voice),
-        disagreement=analysis.disagreement, body=analysis.series.body,
+        schema_=LINE_SCHEMA,
+        title=campaign.title,
+        kind=campaign.kind,
+        status=analysis.status,
+        reasons=list(analysis.reasons),
+        advice=advice_for(analysis.findings, voice),
+        disagreement=analysis.disagreement,
+        body=analysis.series.body,
         n_obs=analysis.series.x.size,
-        gamma_masses=None if analysis.gamma_masses is None else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
-        gamma_origin=gamma_origin(campaign.source, analysis.series.body), methods=methods,
+        gamma_masses=None
+        if analysis.gamma_masses is None
+        else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
+        gamma_origin=gamma_origin(campaign.source, analysis.series.body),
+        methods=methods,
         posterior={
-            "gamma": trusted(summarise(analysis.gamma_draws, unit="1", meaning=phrase("1/slope")), status),
-            "intercept": trusted(summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status),
-            "slope": trusted(summarise(analysis.chain.flat[:, analysis.chain.names.index("slope")], unit="1", meaning="1/γ"), status),
+            "gamma": trusted(
+                summarise(analysis.gamma_draws, unit="1", meaning=phrase("1/slope")), status
+            ),
+            "intercept": trusted(
+                summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status
+            ),
+            "slope": trusted(
+                summarise(
+                    analysis.chain.flat[:, analysis.chain.names.index("slope")],
+                    unit="1",
+                    meaning="1/γ",
+                ),
+                status,
+            ),
             "rolling_resistance": trusted(
-                summarise(analysis.resistance_draws, unit="1", meaning=phrase("intercept · γ, if all of it is rolling resistance")), status
+                summarise(
+                    analysis.resistance_draws,
+                    unit="1",
+                    meaning=phrase("intercept · γ, if all of it is rolling resistance"),
+                ),
+                status,
             ),
         },
-        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)] if status.draws_count else [None, None],
+        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)]
+        if status.draws_count
+        else [None, None],
         steepest_phi=LineEstimate(
-            math.asin(min(max(steepest.x0, -1.0), 1.0)), steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12))
-        ) if ok else None,
-        log_bayes_factor_intercept=LineEstimate(analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor) if ok else None,
+            math.asin(min(max(steepest.x0, -1.0), 1.0)),
+            steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12)),
+        )
+        if ok
+        else None,
+        log_bayes_factor_intercept=LineEstimate(
+            analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor
+        )
+        if ok
+        else None,
         intercept_prior_sd=analysis.evidence.intercept_sd,
-        # the intercept read as a zero error: of the plumb line (theta_min too large), or of the protractor (phi too small)
+        # the intercept read as a zero error: of the plumb line (theta_min too large), or of the
+        # protractor (phi too small)
         zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
         zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
         provenance=Provenance(
-            one_line(str(campaign.source.path)), campaign.source.sha256, {one_line(analysis.series.file): analysis.series.sha256}, analysis.seed,
+            one_line(str(campaign.source.path)),
+            campaign.source.sha256,
+            {one_line(analysis.series.file): analysis.series.sha256},
+            analysis.seed,
             software_versions(),
         ),
     )
 
 
 def _row(analysis: LineAnalysis, method: str) -> LineRow:
-    """What a method says; of a status that is not ok the best line and how well it fits, without any uncertainty."""
+    """What a method says; of a status that is not ok the best line and how well it fits, without
+    any uncertainty.
+    """
     reading, ok = analysis.readings[method], analysis.status.ok
-    gamma, resistance = (LineEstimate(q.value, q.u) if ok else None for q in (reading.gamma, reading.resistance))
+    gamma, resistance = (
+        LineEstimate(q.value, q.u) if ok else None for q in (reading.gamma, reading.resistance)
+    )
     e_n = number(reading.e_n) if ok else None
     if method == "posterior":
-        line = analysis.chain.flat[:, [analysis.chain.names.index(name) for name in ("intercept", "slope")]]
+        line = analysis.chain.flat[
+            :, [analysis.chain.names.index(name) for name in ("intercept", "slope")]
+        ]
         intercept, slope = line.mean(axis=0).tolist()
         cov = np.cov(line.T)
-        errors = {"posterior sd": [float(np.sqrt(cov[0, 0])), float(np.sqrt(cov[1, 1])), float(cov[0, 1])]} if ok else {}
-        return LineRow(intercept, slope, None, None, None, errors, None, None, gamma, resistance, e_n)
+        errors = (
+            {
+                "posterior sd": [
+                    float(np.sqrt(cov[0, 0])),
+                    float(np.sqrt(cov[1, 1])),
+                    float(cov[0, 1]),
+                ]
+            }
+            if ok
+            else {}
+        )
+        return LineRow(
+            intercept, slope, None, None, None, errors, None, None, gamma, resistance, e_n
+        )
     fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
-    errors = {name: [error.u_intercept, error.u_slope, error.cov] for name, error in fit.standard_errors.items()} if ok else {}
+    errors = (
+        {
+            name: [error.u_intercept, error.u_slope, error.cov]
+            for name, error in fit.standard_errors.items()
+        }
+        if ok
+        else {}
+    )
     recommended, reason = (fit.recommended, fit.reason) if ok else (None, None)
-    return LineRow(fit.intercept, fit.slope, fit.chi2, fit.dof, number(fit.p_value), errors, recommended, reason, gamma, resistance, e_n)
+    return LineRow(
+        fit.intercept,
+        fit.slope,
+        fit.chi2,
+        fit.dof,
+        number(fit.p_value),
+        errors,
+        recommended,
+        reason,
+        gamma,
+        resistance,
+        e_n,
+    )
 
 
 def line_report(
-    campaign: Campaign, analysis: LineAnalysis, *, trials: TrialsAnalysis | None = None, voice: Voice = Voice.PYTHON, figures: bool = True
+    campaign: Campaign,
+    analysis: LineAnalysis,
+    *,
+    trials: TrialsAnalysis | None = None,
+    voice: Voice = Voice.PYTHON,
+    figures: bool = True,
 ) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json` and figures too.
+    """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
+    and figures too.
 
     voice : to whom advice is given.  figures : whether there are any.
     """
-    result, true = line_result(campaign, analysis, voice=voice), campaign.truth.get(f"gamma[{analysis.series.body}]")
+    result = line_result(campaign, analysis, voice=voice)
+    true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
     if trials is None:
-        return page(drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
+        return page(
+            drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind
+        ) | {"result.json": as_json(result)}
     of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
     text = partial(line_text, result, trials=values, true=true)
-    return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result), "trials.json": record}
+    return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {
+        "result.json": as_json(result),
+        "trials.json": record,
+    }
 
 
-def line_text(result: LineResult, pictures: Collection[str], *, trials: Mapping[str, object] | None = None, true: float | None = None) -> str:
-    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of `trials` where there are any.
+def line_text(
+    result: LineResult,
+    pictures: Collection[str],
+    *,
+    trials: Mapping[str, object] | None = None,
+    true: float | None = None,
+) -> str:
+    """The Markdown report of a line, with the figures at the paths `pictures`, and the section of
+    `trials` where there are any.
 
     true : gamma of synthetic data, where it is known.
     """
     shown = [line_estimate(result, true)] if result.status == "ok" else []
     head, rows = result_table(shown)
     return render(
-        "line.md.j2", pictures=pictures, opened=(), trials=trials, found=table(head, rows), copies=copies_of(shown) if shown else None,
+        "line.md.j2",
+        pictures=pictures,
+        opened=(),
+        trials=trials,
+        found=table(head, rows),
+        copies=copies_of(shown) if shown else None,
         **line_values(result),
     )
 
@@ -187,43 +289,92 @@ def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
     """What a terminal says of a line whose status is ok."""
     result = line_result(campaign, analysis)
     value = _estimate(result.methods["posterior"].rolling_resistance)
-    resistance = phrase("c_rr = {value}, if all of the intercept is rolling resistance", value=value)
-    return screen_lines([line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))], minds=[resistance])
+    resistance = phrase(
+        "c_rr = {value}, if all of the intercept is rolling resistance", value=value
+    )
+    return screen_lines(
+        [line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))],
+        minds=[resistance],
+    )
 
 
 def line_estimate(result: LineResult, true: float | None) -> Estimate:
-    """gamma of a line whose status is ok, beside what was stated.  true : of synthetic data, where it is known."""
-    summary = msgspec.structs.replace(result.posterior["gamma"], meaning=phrase("1/slope of the θ_min line of {body}", body=result.body))
-    return Estimate(Notation("γ").label("1", "[line]"), summary, _estimate(result.gamma_masses) if result.gamma_masses else "", True, None, true)
+    """gamma of a line whose status is ok, beside what was stated.  true : of synthetic data, where
+    it is known.
+    """
+    summary = msgspec.structs.replace(
+        result.posterior["gamma"],
+        meaning=phrase("1/slope of the θ_min line of {body}", body=result.body),
+    )
+    return Estimate(
+        Notation("γ").label("1", "[line]"),
+        summary,
+        _estimate(result.gamma_masses) if result.gamma_masses else "",
+        True,
+        None,
+        true,
+    )
 
 
 def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
-        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[Status(result.status)],
+        "result": result,
+        "kind": kind_words(result.kind),
+        "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
-        "gamma_masses": _estimate(result.gamma_masses), "sources": dict(CONVENTIONS), "methods": [], "best": [], "errors": [], "limits": [],
+        "gamma_masses": _estimate(result.gamma_masses),
+        "sources": dict(CONVENTIONS),
+        "methods": [],
+        "best": [],
+        "errors": [],
+        "limits": [],
         "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt"),
-        **dict.fromkeys(("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")),
+        **dict.fromkeys(
+            ("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")
+        ),
     }
     evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
-    if evidence is None or steepest is None or result.zero_phi is None or result.zero_theta_min is None:
+    if (
+        evidence is None
+        or steepest is None
+        or result.zero_phi is None
+        or result.zero_theta_min is None
+    ):
         return shared | {
-            "best": [_best_cells(name, row) for name, row in result.methods.items() if name != "posterior"],
+            "best": [
+                _best_cells(name, row)
+                for name, row in result.methods.items()
+                if name != "posterior"
+            ],
             "limits": [
                 (symbol, p.meaning, interval_cell(p, Notation(symbol).label("1")))
-                for symbol, p in (("γ", result.posterior["gamma"]), ("c_rr", result.posterior["rolling_resistance"]))
+                for symbol, p in (
+                    ("γ", result.posterior["gamma"]),
+                    ("c_rr", result.posterior["rolling_resistance"]),
+                )
             ],
         }
     gamma = _estimate(result.methods["posterior"].gamma)
     return shared | {
         "gamma": gamma,
-        "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt: a line of slope 1/γ, γ = {gamma}", gamma=gamma),
+        "line_shown": phrase(
+            "sin of the smallest ascending angle against sin of the tilt: a line of slope "
+            "1/γ, γ = {gamma}",
+            gamma=gamma,
+        ),
         "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
-        "errors": [cells for name in ("york", "weighted", "ols") for cells in _error_cells(name, result.methods[name])],
-        "resistance": _estimate(result.methods["posterior"].rolling_resistance), "reason": result.methods["york"].reason,
+        "errors": [
+            cells
+            for name in ("york", "weighted", "ols")
+            for cells in _error_cells(name, result.methods[name])
+        ],
+        "resistance": _estimate(result.methods["posterior"].rolling_resistance),
+        "reason": result.methods["york"].reason,
         "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
-        "zero_phi": math.degrees(result.zero_phi), "zero_theta": math.degrees(result.zero_theta_min), "evidence": evidence_words(evidence.value),
+        "zero_phi": math.degrees(result.zero_phi),
+        "zero_theta": math.degrees(result.zero_theta_min),
+        "evidence": evidence_words(evidence.value),
     }
 
 
@@ -233,14 +384,21 @@ def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
 
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
-    odds, strength = significant(math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS)), 2), _strength(log_bayes_factor)
+    odds = significant(math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS)), 2)
+    strength = _strength(log_bayes_factor)
     if log_bayes_factor > 0:
         return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
-    return phrase("{odds} : 1 for a line through the origin, {strength}", odds=odds, strength=strength)
+    return phrase(
+        "{odds} : 1 for a line through the origin, {strength}", odds=odds, strength=strength
+    )
 
 
 def _strength(log_bayes_factor: float) -> str:
-    for limit, words in ((1.0, later("no significant evidence")), (3.0, later("positive evidence")), (5.0, later("strong evidence"))):
+    for limit, words in (
+        (1.0, later("no significant evidence")),
+        (3.0, later("positive evidence")),
+        (5.0, later("strong evidence")),
+    ):
         if abs(log_bayes_factor) < limit:
             return phrase(words)
     return phrase("very strong evidence")
@@ -253,8 +411,13 @@ def _estimate(estimate: LineEstimate | None) -> str:
 def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
     u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
     return (
-        phrase(_METHODS[name]), format_quantity(row.intercept, u_intercept), format_quantity(row.slope, u_slope), _fit_words(row),
-        _estimate(row.gamma), _estimate(row.rolling_resistance), "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
+        phrase(_METHODS[name]),
+        format_quantity(row.intercept, u_intercept),
+        format_quantity(row.slope, u_slope),
+        _fit_words(row),
+        _estimate(row.gamma),
+        _estimate(row.rolling_resistance),
+        "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
     )
 
 
@@ -267,14 +430,22 @@ def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
     for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
         u_gamma = u_slope / row.slope**2
         used = convention == row.recommended
-        mark = Markdown(phrase("**recommended**") if used and name == "york" else "" if not used else phrase("appropriate for this fit"))
+        mark = Markdown(
+            phrase("**recommended**")
+            if used and name == "york"
+            else ""
+            if not used
+            else phrase("appropriate for this fit")
+        )
         numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
         cells.append((phrase(_METHODS[name]), convention, *numbers, mark))
     return cells
 
 
 def line_figure(analysis: LineAnalysis) -> Figure:
-    """Points with their uncertainties, the theory line from the masses, OLS, York, and the posterior band."""
+    """Points with their uncertainties, the theory line from the masses, OLS, York, and the
+    posterior band.
+    """
     series = analysis.series
     figure = new_figure(4.6)
     ax = figure.subplots()
@@ -283,19 +454,43 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         draws = analysis.chain.thinned(4000)
         names = analysis.chain.names
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
-        draw_bands(ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %"))
+        draw_bands(
+            ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %")
+        )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        said = phrase("theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u))
+        said = phrase(
+            "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
+        )
         ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=said)
-    ax.plot(x, analysis.ols.intercept + analysis.ols.slope * x, color=INK, lw=1.2, ls="--", label=phrase("ordinary least squares"))
+    ax.plot(
+        x,
+        analysis.ols.intercept + analysis.ols.slope * x,
+        color=INK,
+        lw=1.2,
+        ls="--",
+        label=phrase("ordinary least squares"),
+    )
     ax.plot(x, analysis.york.intercept + analysis.york.slope * x, color=BLUE, lw=1.6, label="York")
     ax.errorbar(
-        series.x, series.y, xerr=series.u_x, yerr=series.u_y, fmt="o", color=INK, ms=4, lw=1, capsize=0,
+        series.x,
+        series.y,
+        xerr=series.u_x,
+        yerr=series.u_y,
+        fmt="o",
+        color=INK,
+        ms=4,
+        lw=1,
+        capsize=0,
         label=phrase("measured, ± 1 standard uncertainty"),
     )
     ax.set(xlabel=phrase("sin φ  (tilt of the ramp)"), xlim=(0.0, None))
-    ax.set_ylabel(phrase("sin {theta_min}  (smallest ascending angle)", theta_min=Notation("θ_min").label("rad").tex))
+    ax.set_ylabel(
+        phrase(
+            "sin {theta_min}  (smallest ascending angle)",
+            theta_min=Notation("θ_min").label("rad").tex,
+        )
+    )
     ax.set_ylim(bottom=min(0.0, float(np.min(series.y - series.u_y))))
     ax.set_title(series.body)
     legend_below(figure, ncols=2)

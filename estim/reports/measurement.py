@@ -1,4 +1,6 @@
-"""Report and `result.json` of a measurement model: GUM and Monte Carlo side by side, budgets, a statement to paste, regions."""
+"""Report and `result.json` of a measurement model: GUM and Monte Carlo side by side, budgets, a
+statement to paste, regions.
+"""
 
 from __future__ import annotations
 
@@ -30,20 +32,31 @@ MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has
 _INTERVALS = {"symmetric": later("symmetric"), "shortest": later("shortest")}
 _LAWS = {
-    "normal": later("normal"), "rectangular": later("rectangular"), "triangular": later("triangular"), "trapezoidal": later("trapezoidal"),
-    "curvilinear-trapezoidal": later("curvilinear-trapezoidal"), "arcsine": later("arcsine"), "t": later("t"),
-    "standardised-t": later("standardised-t"), "exponential": later("exponential"), "lognormal": later("lognormal"), "gamma": later("gamma"),
+    "normal": later("normal"),
+    "rectangular": later("rectangular"),
+    "triangular": later("triangular"),
+    "trapezoidal": later("trapezoidal"),
+    "curvilinear-trapezoidal": later("curvilinear-trapezoidal"),
+    "arcsine": later("arcsine"),
+    "t": later("t"),
+    "standardised-t": later("standardised-t"),
+    "exponential": later("exponential"),
+    "lognormal": later("lognormal"),
+    "gamma": later("gamma"),
     "exact": later("exact"),
 }
 _BINS, _CELLS, _MOST_CELL_DRAWS = 120, 70, 400_000
 _LEAST_SHARE, _MOST_ROWS, _MOST_PANELS = 0.5, 16, 6
 _INTERVALS_DRAWN = {
-    "symmetric": later("{percent} interval of the draws, symmetric"), "shortest": later("{percent} interval of the draws, shortest"),
+    "symmetric": later("{percent} interval of the draws, symmetric"),
+    "shortest": later("{percent} interval of the draws, shortest"),
 }
 
 
 class GumRecord(msgspec.Struct, frozen=True):
-    """The GUM's framework.  dof : null for infinitely many.  k_whole, U_whole : with dof rounded down, as tables ask (GUM G.4.1)."""
+    """The GUM's framework.  dof : null for infinitely many.  k_whole, U_whole : with dof rounded
+    down, as tables ask (GUM G.4.1).
+    """
 
     value: float | None
     u: float | None
@@ -58,7 +71,9 @@ class GumRecord(msgspec.Struct, frozen=True):
 
 
 class MonteCarloRecord(msgspec.Struct, frozen=True):
-    """The propagation of distributions.  *_error : Monte-Carlo standard errors of the two ends.  undefined : share of draws without a value."""
+    """The propagation of distributions.  *_error : Monte-Carlo standard errors of the two ends.
+    undefined : share of draws without a value.
+    """
 
     n_draw: int
     mean: float | None
@@ -148,30 +163,70 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
     outputs = {output.name: _output(propagation, i) for i, output in enumerate(model.outputs)}
     meanings = [meaning for quantity in model.quantities for meaning in quantity.meanings]
     parts = {
-        one.name: PartRecord(one.value, one.u, one.unit, one.distribution if one.u > 0.0 else "exact", number(one.dof), meaning)
+        one.name: PartRecord(
+            one.value,
+            one.u,
+            one.unit,
+            one.distribution if one.u > 0.0 else "exact",
+            number(one.dof),
+            meaning,
+        )
         for one, meaning in zip(linear.inputs, meanings, strict=True)
     }
     pairs: list[list[str | float]] = [[a, b, r] for (a, b), r in (model.correlation or {}).items()]
     found = [
         RegionRecord(
-            [model.outputs[k].name for k in one.pair], *one.correlation, one.k_ellipse, one.k_drawn, one.k_rectangle, one.k_rectangle_drawn, one.held
+            [model.outputs[k].name for k in one.pair],
+            *one.correlation,
+            one.k_ellipse,
+            one.k_drawn,
+            one.k_rectangle,
+            one.k_rectangle_drawn,
+            one.held,
         )
         for one in propagation.regions
     ]
     at = Provenance(one_line(str(model.path)), model.sha256, {}, seed, software_versions())
     return MeasurementResult(
-        MEASUREMENT_SCHEMA, model.title, model.source, gravest(propagation.statuses), model.probability, model.digits, model.interval, outputs, parts,
-        pairs, found, propagation.validation.message, list(propagation.notes), at,
+        MEASUREMENT_SCHEMA,
+        model.title,
+        model.source,
+        gravest(propagation.statuses),
+        model.probability,
+        model.digits,
+        model.interval,
+        outputs,
+        parts,
+        pairs,
+        found,
+        propagation.validation.message,
+        list(propagation.notes),
+        at,
     )
 
 
 def _output(propagation: Propagation, i: int) -> OutputRecord:
-    linear, drawn, output, checked = propagation.linear, propagation.sampled, propagation.model.outputs[i], propagation.validation
+    linear = propagation.linear
+    drawn = propagation.sampled
+    output = propagation.model.outputs[i]
+    checked = propagation.validation
     u, dof, second = float(linear.u[i]), float(linear.dof[i]), propagation.second_order
-    k_whole = float(student_quantile(0.5 * (1.0 + linear.probability), max(math.floor(dof), 1))) if math.isfinite(dof) else None
+    k_whole = (
+        float(student_quantile(0.5 * (1.0 + linear.probability), max(math.floor(dof), 1)))
+        if math.isfinite(dof)
+        else None
+    )
     gum = GumRecord(
-        number(linear.value[i]), number(u), number(dof), float(linear.k[i]), number(linear.k[i] * u), number(linear.low[i]), number(linear.high[i]),
-        k_whole, None if k_whole is None else number(k_whole * u), None if second is None else number(second[i]),
+        number(linear.value[i]),
+        number(u),
+        number(dof),
+        float(linear.k[i]),
+        number(linear.k[i] * u),
+        number(linear.low[i]),
+        number(linear.high[i]),
+        k_whole,
+        None if k_whole is None else number(k_whole * u),
+        None if second is None else number(second[i]),
     )
 
     def both(*ends: FloatArray) -> list[float | None]:
@@ -179,26 +234,47 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
 
     symmetric, shortest = drawn.symmetric, drawn.shortest
     sampled = MonteCarloRecord(
-        drawn.n_draw, number(drawn.mean[i]), number(drawn.u[i]), both(symmetric.low, symmetric.high), both(symmetric.low_error, symmetric.high_error),
-        both(shortest.low, shortest.high), both(shortest.low_error, shortest.high_error), float(drawn.undefined[i]),
+        drawn.n_draw,
+        number(drawn.mean[i]),
+        number(drawn.u[i]),
+        both(symmetric.low, symmetric.high),
+        both(symmetric.low_error, symmetric.high_error),
+        both(shortest.low, shortest.high),
+        both(shortest.low_error, shortest.high_error),
+        float(drawn.undefined[i]),
     )
     status = propagation.statuses[i]
     quoted = "GUM" if propagation.gum_holds[i] and status.ok else "Monte Carlo" if status.ok else ""
     budget = propagation.budgets[i]
     return OutputRecord(
-        output.formula.text, output.unit, output.meaning, status, quoted, statement(propagation, i, quoted), gum,
-        sampled, bool(propagation.gum_holds[i]), bool(checked.decided[i]),
-        number(checked.d_low[i]), number(checked.d_high[i]), number(checked.tolerance[i]),
+        output.formula.text,
+        output.unit,
+        output.meaning,
+        status,
+        quoted,
+        statement(propagation, i, quoted),
+        gum,
+        sampled,
+        bool(propagation.gum_holds[i]),
+        bool(checked.decided[i]),
+        number(checked.d_low[i]),
+        number(checked.d_high[i]),
+        number(checked.tolerance[i]),
         [
-            ShareRecord(row.input.name, number(row.sensitivity), number(row.contribution), number(row.share))
-            for row in budget.rows if row.input.u > 0.0
+            ShareRecord(
+                row.input.name, number(row.sensitivity), number(row.contribution), number(row.share)
+            )
+            for row in budget.rows
+            if row.input.u > 0.0
         ],
         number(budget.correlation_share),
     )
 
 
 def statement(propagation: Propagation, i: int, quoted: str) -> str:
-    """A sentence for a certificate or a paper (GUM 7.2.2-7.2.4; JCGM 101, 5.5), "" where nothing can be quoted."""
+    """A sentence for a certificate or a paper (GUM 7.2.2-7.2.4; JCGM 101, 5.5), "" where nothing
+    can be quoted.
+    """
     linear, drawn, output = propagation.linear, propagation.sampled, propagation.model.outputs[i]
     unit = "" if output.unit == "1" else f" {output.unit}"
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
@@ -206,36 +282,73 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     if quoted == "GUM":
         value, u, k, dof = (float(one[i]) for one in (linear.value, linear.u, linear.k, linear.dof))
         if u == 0.0:
-            return phrase("{what}: {name} = {value}, exact.", what=what, name=output.name, value=rounded(value, 0.0, 2) + unit)
+            return phrase(
+                "{what}: {name} = {value}, exact.",
+                what=what,
+                name=output.name,
+                value=rounded(value, 0.0, 2) + unit,
+            )
         expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
-        law = phrase("the normal distribution") if dof > 1e6 else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
+        law = (
+            phrase("the normal distribution")
+            if dof > 1e6
+            else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
+        )
         return phrase(
-            "{what}: {name} = ({value}){unit}, where the number after ± is the expanded uncertainty U = k u, with the standard "
-            "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a coverage probability of {percent}.",
-            what=what, name=output.name, value=expanded, unit=unit, u=rounded(u, u, 2, beside=value) + unit, k=k, law=law, percent=percent,
+            "{what}: {name} = ({value}){unit}, where the number after ± is the expanded "
+            "uncertainty U = k u, with the standard "
+            "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
+            "coverage probability of {percent}.",
+            what=what,
+            name=output.name,
+            value=expanded,
+            unit=unit,
+            u=rounded(u, u, 2, beside=value) + unit,
+            k=k,
+            law=law,
+            percent=percent,
         )
     if quoted == "Monte Carlo":
         low, high = (float(end[i]) for end in (propagation.interval.low, propagation.interval.high))
         scale = float(drawn.u[i]) if math.isfinite(drawn.u[i]) else 0.25 * (high - low)
         mean = float(drawn.mean[i])
-        best = phrase(
-            "{name} = {value} with standard uncertainty u = {u} and",
-            name=output.name, value=rounded(mean, scale, 2) + unit, u=rounded(scale, scale, 2, beside=mean) + unit,
-        ) if math.isfinite(drawn.u[i]) else phrase("{name} has no standard uncertainty (its tails are too heavy);", name=output.name)
-        said = {"what": what, "best": best, "percent": percent, "ends": interval(low, high, scale, 2) + unit, "n": drawn.n_draw}
+        best = (
+            phrase(
+                "{name} = {value} with standard uncertainty u = {u} and",
+                name=output.name,
+                value=rounded(mean, scale, 2) + unit,
+                u=rounded(scale, scale, 2, beside=mean) + unit,
+            )
+            if math.isfinite(drawn.u[i])
+            else phrase(
+                "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
+            )
+        )
+        said = {
+            "what": what,
+            "best": best,
+            "percent": percent,
+            "ends": interval(low, high, scale, 2) + unit,
+            "n": drawn.n_draw,
+        }
         if propagation.model.interval == "symmetric":
             return phrase(
-                "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by propagation of distributions "
-                "({n} Monte Carlo trials, JCGM 101).", **said,
+                "{what}: {best} the probabilistically symmetric {percent} coverage "
+                "interval {ends}, by propagation of distributions "
+                "({n} Monte Carlo trials, JCGM 101).",
+                **said,
             )
         return phrase(
-            "{what}: {best} the shortest {percent} coverage interval {ends}, by propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
+            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+            "propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
             **said,
         )
     return ""
 
 
-def measurement_report(propagation: Propagation, *, seed: int, figures: bool = True) -> dict[str, bytes]:
+def measurement_report(
+    propagation: Propagation, *, seed: int, figures: bool = True
+) -> dict[str, bytes]:
     """`report.md`, `result.json` and the figures.  figures : whether any are wanted."""
     result = measurement_result(propagation, seed=seed)
     drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
@@ -246,8 +359,16 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: bool = T
 
     def text(*, pictures: Collection[str]) -> str:
         return render(
-            "measurement.md.j2", pictures=pictures, result=result, percent=f"{100.0 * result.probability:g}", compared=_compared(result),
-            alone=len(result.outputs) == 1, ok=result.status == Status.OK, which_interval=phrase(_INTERVALS[result.interval]), law=_law, dof=_dof,
+            "measurement.md.j2",
+            pictures=pictures,
+            result=result,
+            percent=f"{100.0 * result.probability:g}",
+            compared=_compared(result),
+            alone=len(result.outputs) == 1,
+            ok=result.status == Status.OK,
+            which_interval=phrase(_INTERVALS[result.interval]),
+            law=_law,
+            dof=_dof,
         )
 
     return page(drawers, text, wanted=figures) | {"result.json": as_json(result)}
@@ -256,7 +377,9 @@ def measurement_report(propagation: Propagation, *, seed: int, figures: bool = T
 def measurement_lines(propagation: Propagation) -> list[str]:
     """The statements for a terminal, or why there is none."""
     found = []
-    for i, (output, status) in enumerate(zip(propagation.model.outputs, propagation.statuses, strict=True)):
+    for i, (output, status) in enumerate(
+        zip(propagation.model.outputs, propagation.statuses, strict=True)
+    ):
         quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
         none = phrase("{name}: {status}: there is no valid result", name=output.name, status=status)
         found.append(statement(propagation, i, quoted) if status.ok else none)
@@ -269,7 +392,11 @@ def _cell(value: float | None, u: float | None, beside: float | None = None) -> 
 
 def _ends(ends: list[float | None], u: float | None) -> str:
     low, high = ends
-    return "n/a" if low is None or high is None else interval(low, high, u or 0.25 * (high - low), _DIGITS)
+    return (
+        "n/a"
+        if low is None or high is None
+        else interval(low, high, u or 0.25 * (high - low), _DIGITS)
+    )
 
 
 def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
@@ -280,17 +407,62 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
         dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
         half, own = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
         rows: list[tuple[str, ...]] = []
-        rows.append(("GUM", _cell(gum.value, gum.u), _cell(gum.u, gum.u, gum.value), dof, f"{gum.k:.2f}", half, own))
-        if gum.k_whole is not None and gum.dof is not None and gum.U_whole is not None and gum.dof != math.floor(gum.dof):
+        rows.append(
+            (
+                "GUM",
+                _cell(gum.value, gum.u),
+                _cell(gum.u, gum.u, gum.value),
+                dof,
+                f"{gum.k:.2f}",
+                half,
+                own,
+            )
+        )
+        if (
+            gum.k_whole is not None
+            and gum.dof is not None
+            and gum.U_whole is not None
+            and gum.dof != math.floor(gum.dof)
+        ):
             whole = str(max(math.floor(gum.dof), 1))
-            rows.append((phrase("GUM, ν_eff rounded down"), "", "", whole, f"{gum.k_whole:.2f}", *_expanded(gum.value, gum.U_whole, gum.u)))
+            rows.append(
+                (
+                    phrase("GUM, ν_eff rounded down"),
+                    "",
+                    "",
+                    whole,
+                    f"{gum.k_whole:.2f}",
+                    *_expanded(gum.value, gum.U_whole, gum.u),
+                )
+            )
         second = gum.u_second_order
         if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
             ends = _expanded(gum.value, gum.k * second, second)
-            rows.append((phrase("GUM with higher-order terms"), "", _cell(second, second, gum.value), "", f"{gum.k:.2f}", *ends))
+            rows.append(
+                (
+                    phrase("GUM with higher-order terms"),
+                    "",
+                    _cell(second, second, gum.value),
+                    "",
+                    f"{gum.k:.2f}",
+                    *ends,
+                )
+            )
         spread = _cell(drawn.u, drawn.u, drawn.mean)
-        rows.append(("Monte Carlo", _cell(drawn.mean, drawn.u), spread, "", "", "", phrase("{ends} symmetric", ends=_ends(drawn.symmetric, drawn.u))))
-        rows.append(("", "", "", "", "", "", phrase("{ends} shortest", ends=_ends(drawn.shortest, drawn.u))))
+        rows.append(
+            (
+                "Monte Carlo",
+                _cell(drawn.mean, drawn.u),
+                spread,
+                "",
+                "",
+                "",
+                phrase("{ends} symmetric", ends=_ends(drawn.symmetric, drawn.u)),
+            )
+        )
+        rows.append(
+            ("", "", "", "", "", "", phrase("{ends} shortest", ends=_ends(drawn.shortest, drawn.u)))
+        )
         tables[name] = rows
     return tables
 
@@ -318,11 +490,17 @@ def axis_name(name: str, unit: str) -> str:
 def _density_name(unit: str) -> str:
     if unit == "1":
         return phrase("density")
-    return f"{phrase('density')} (1/({unit}))" if set(unit) & set(" /*·") else f"{phrase('density')} (1/{unit})"
+    return (
+        f"{phrase('density')} (1/({unit}))"
+        if set(unit) & set(" /*·")
+        else f"{phrase('density')} (1/{unit})"
+    )
 
 
 def distribution_figure(propagation: Propagation) -> Figure:
-    """A histogram of the draws of each output, the distribution that the GUM's interval assumes over it, and both intervals."""
+    """A histogram of the draws of each output, the distribution that the GUM's interval assumes
+    over it, and both intervals.
+    """
     outputs = propagation.model.outputs
     figure, axes = grid(len(outputs), height=3.1)
     for i, (ax, output) in enumerate(zip(axes, outputs, strict=True)):
@@ -343,8 +521,16 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     if draws.size:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
-        counts, edges = np.histogram(draws, bins=_BINS, range=(low, high if high > low else low + 1.0))
-        ax.stairs(counts / (draws.size * np.diff(edges)), edges, fill=True, color=PALE, label=phrase("draws (Monte Carlo)"))
+        counts, edges = np.histogram(
+            draws, bins=_BINS, range=(low, high if high > low else low + 1.0)
+        )
+        ax.stairs(
+            counts / (draws.size * np.diff(edges)),
+            edges,
+            fill=True,
+            color=PALE,
+            label=phrase("draws (Monte Carlo)"),
+        )
         interval = propagation.interval
         said = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
         for end in (interval.low[i], interval.high[i]):
@@ -352,25 +538,46 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
     if u > 0.0 and math.isfinite(value):
         left, right = ax.get_xlim()
         room = 0.25 * float(linear.high[i] - linear.low[i])
-        x = np.linspace(min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400)
-        ax.plot(x, _density((x - value) / u, float(linear.dof[i])) / u, color=ORANGE, lw=1.6, label=phrase("the GUM's normal or t distribution"))
+        x = np.linspace(
+            min(left, float(linear.low[i]) - room), max(right, float(linear.high[i]) + room), 400
+        )
+        ax.plot(
+            x,
+            _density((x - value) / u, float(linear.dof[i])) / u,
+            color=ORANGE,
+            lw=1.6,
+            label=phrase("the GUM's normal or t distribution"),
+        )
         for end in (linear.low[i], linear.high[i]):
-            ax.axvline(float(end), color=ORANGE, lw=1.4, ls="--", label=phrase("{percent} interval of the GUM", percent=percent))
+            ax.axvline(
+                float(end),
+                color=ORANGE,
+                lw=1.4,
+                ls="--",
+                label=phrase("{percent} interval of the GUM", percent=percent),
+            )
     ax.set_ylim(bottom=0.0)
 
 
 def _density(z: FloatArray, dof: float) -> FloatArray:
     if math.isinf(dof) or dof > 1e6:
         return np.asarray(np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi))
-    log_norm = special.gammaln(0.5 * (dof + 1.0)) - special.gammaln(0.5 * dof) - 0.5 * math.log(dof * math.pi)
+    log_norm = (
+        special.gammaln(0.5 * (dof + 1.0))
+        - special.gammaln(0.5 * dof)
+        - 0.5 * math.log(dof * math.pi)
+    )
     return np.asarray(np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof)))
 
 
 def shares_figure(propagation: Propagation) -> Figure:
-    """Share of each input in the linear variance of each output, largest first, and that of the correlations."""
+    """Share of each input in the linear variance of each output, largest first, and that of the
+    correlations.
+    """
     budgets = propagation.budgets
     shares = np.nan_to_num([[row.share for row in budget.rows] for budget in budgets]).T
-    names, order = [row.input.name for row in budgets[0].rows], np.argsort(-shares.max(axis=1), kind="stable")
+    names = [row.input.name for row in budgets[0].rows]
+    order = np.argsort(-shares.max(axis=1), kind="stable")
     told = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
     rest = [i for i in order if i not in told]
     sources, rows = [names[i] for i in told], [shares[i] for i in told]
@@ -381,11 +588,15 @@ def shares_figure(propagation: Propagation) -> Figure:
     if np.any(correlated != 0.0):
         sources.append(phrase("correlations"))
         rows.append(correlated)
-    return budget_figure([output.name for output in propagation.model.outputs], sources, np.array(rows))
+    return budget_figure(
+        [output.name for output in propagation.model.outputs], sources, np.array(rows)
+    )
 
 
 def region_figure(propagation: Propagation) -> Figure:
-    """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle, and the smallest region."""
+    """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle,
+    and the smallest region.
+    """
     shown = propagation.regions[:_MOST_PANELS]
     figure, axes = grid(len(shown), height=3.9)
     for ax, region in zip(axes, shown, strict=True):
@@ -397,24 +608,72 @@ def region_figure(propagation: Propagation) -> Figure:
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     draws = propagation.sampled.draws[:_MOST_CELL_DRAWS, list(region.pair)]
     percent = f"{100.0 * region.probability:g} %"
-    rings = np.hstack([ellipse(region.value, region.covariance, region.k_ellipse), ellipse(region.mean, region.drawn, region.k_drawn)])
+    rings = np.hstack(
+        [
+            ellipse(region.value, region.covariance, region.k_ellipse),
+            ellipse(region.mean, region.drawn, region.k_drawn),
+        ]
+    )
     ends = np.quantile(draws, [0.005, 0.995], axis=0).T
-    lows, highs = np.minimum(rings.min(axis=1), ends[:, 0]), np.maximum(rings.max(axis=1), ends[:, 1])
-    limits = [(low - 0.08 * (high - low), high + 0.08 * (high - low)) for low, high in zip(lows, highs, strict=True)]
+    lows = np.minimum(rings.min(axis=1), ends[:, 0])
+    highs = np.maximum(rings.max(axis=1), ends[:, 1])
+    limits = [
+        (low - 0.08 * (high - low), high + 0.08 * (high - low))
+        for low, high in zip(lows, highs, strict=True)
+    ]
     density, x, y = np.histogram2d(draws[:, 0], draws[:, 1], bins=_CELLS, range=limits)
-    ax.pcolormesh(x, y, np.ma.masked_equal(density.T, 0.0), cmap="Greys", vmax=1.6 * density.max(), rasterized=True)
+    ax.pcolormesh(
+        x,
+        y,
+        np.ma.masked_equal(density.T, 0.0),
+        cmap="Greys",
+        vmax=1.6 * density.max(),
+        rasterized=True,
+    )
     ordered = np.sort(density.ravel())[::-1]
-    level = float(ordered[min(int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))), ordered.size - 1)])
+    level = float(
+        ordered[
+            min(
+                int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))),
+                ordered.size - 1,
+            )
+        ]
+    )
     middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
-    ax.contour(*middles, _smooth(density.T), levels=[max(level, 0.5)], colors=INK, linewidths=0.9, linestyles=":")
+    ax.contour(
+        *middles,
+        _smooth(density.T),
+        levels=[max(level, 0.5)],
+        colors=INK,
+        linewidths=0.9,
+        linestyles=":",
+    )
     said = phrase("smallest region containing {percent} of the draws, approximate", percent=percent)
     ax.plot([], [], color=INK, lw=0.9, ls=":", label=said)
     said = phrase("{percent} ellipse of the GUM", percent=percent)
-    ax.plot(*ellipse(region.value, region.covariance, region.k_ellipse), color=ORANGE, lw=1.8, ls="--", label=said)
-    ax.plot(*ellipse(region.mean, region.drawn, region.k_drawn), color=BLUE, lw=1.5, label=phrase("{percent} ellipse of the draws", percent=percent))
+    ax.plot(
+        *ellipse(region.value, region.covariance, region.k_ellipse),
+        color=ORANGE,
+        lw=1.8,
+        ls="--",
+        label=said,
+    )
+    ax.plot(
+        *ellipse(region.mean, region.drawn, region.k_drawn),
+        color=BLUE,
+        lw=1.5,
+        label=phrase("{percent} ellipse of the draws", percent=percent),
+    )
     half = region.k_rectangle_drawn * np.sqrt(np.diag(region.drawn))
     (a, b), (c, d) = region.mean - half, region.mean + half
-    ax.plot([a, c, c, a, a], [b, b, d, d, b], color=GREEN, lw=1.4, ls="-.", label=phrase("{percent} rectangle of the draws", percent=percent))
+    ax.plot(
+        [a, c, c, a, a],
+        [b, b, d, d, b],
+        color=GREEN,
+        lw=1.4,
+        ls="-.",
+        label=phrase("{percent} rectangle of the draws", percent=percent),
+    )
     one, two = (propagation.model.outputs[k] for k in region.pair)
     ax.set(xlabel=axis_name(one.name, one.unit), ylabel=axis_name(two.name, two.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)

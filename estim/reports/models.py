@@ -20,7 +20,17 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
-from estim.studies import FORCE, START, ComparedModel, Ground, ModelComparison, NoEvidence, contains, log_odds, rival_of
+from estim.studies import (
+    FORCE,
+    START,
+    ComparedModel,
+    Ground,
+    ModelComparison,
+    NoEvidence,
+    contains,
+    log_odds,
+    rival_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,20 +38,41 @@ if TYPE_CHECKING:
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _LARGE = 1e6  # odds that nobody needs more exactly
-_WORTH = ((1.0, later("not worth more than a "
-                      "bare mention")), (3.0, later("positive")), (5.0, later("strong")))  # of a log Bayes factor: Kass and Raftery 1995
+_WORTH = (
+    (
+        1.0,
+        later(
+            "not worth more than a "
+            # of a log Bayes factor: Kass and Raftery 1995
+            "bare mention"
+        ),
+    ),
+    (3.0, later("positive")),
+    (5.0, later("strong")),
+)
 _GROUNDS = {
-    Ground.ROOM: later("it allows for an unmodelled deviation, and no model with an effect that it does not contain has higher {what}"),
-    Ground.UNDECIDED: later("{best} has higher {what}{odds}, but these data do not distinguish it from every model without its additional effect"),
-    Ground.SHOWN: later("it contains an additional effect that the default model does not contain, and the data distinguish it from "
-                        "every model without this effect"),
+    Ground.ROOM: later(
+        "it allows for an unmodelled deviation, and no model with an effect that it does "
+        "not contain has higher {what}"
+    ),
+    Ground.UNDECIDED: later(
+        "{best} has higher {what}{odds}, but these data do not distinguish it from every "
+        "model without its additional effect"
+    ),
+    Ground.SHOWN: later(
+        "it contains an additional effect that the default model does not contain, and the "
+        "data distinguish it from "
+        "every model without this effect"
+    ),
     Ground.BEST: later("of the models with status ok it has the highest {what}"),
     Ground.NONE: later("no model has status ok"),
 }
 _LACKS = {
     NoEvidence.MANY: later("too many unknowns for a second computation"),
     NoEvidence.UNRELIABLE: later("not reliable (k-hat above 0.7)"),
-    NoEvidence.OTHER_NOISE: later("its noise could not be given the same freedom as in the other models"),
+    NoEvidence.OTHER_NOISE: later(
+        "its noise could not be given the same freedom as in the other models"
+    ),
     NoEvidence.IMPROPER: later("a prior is not a normalised distribution"),
 }
 _ROOM = {FORCE: later("size of the unmodelled force"), START: later("energy of the free start")}
@@ -88,7 +119,9 @@ class ModelSummary(msgspec.Struct, frozen=True):
     predicted: list[PredictedSummary]
 
 
-def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: bool = True) -> dict[str, bytes]:
+def models_report(
+    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: bool = True
+) -> dict[str, bytes]:
     """The files of a comparison of models.  figures : whether there are any."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     common = _common(rows)
@@ -96,81 +129,149 @@ def models_report(campaign: Campaign, comparison: ModelComparison, *, seed: int,
     runs = [run.name for run in problem.runs]
     shown = _shown(rows)
     text = partial(
-        render, "models.md.j2", title=campaign.title, runs=runs, kind=kind_words(campaign.kind), rows=summaries, recommended=comparison.recommended,
-        ground=ground_words(comparison), verdicts=verdicts(comparison), by_evidence=comparison.by_evidence,
+        render,
+        "models.md.j2",
+        title=campaign.title,
+        runs=runs,
+        kind=kind_words(campaign.kind),
+        rows=summaries,
+        recommended=comparison.recommended,
+        ground=ground_words(comparison),
+        verdicts=verdicts(comparison),
+        by_evidence=comparison.by_evidence,
         values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
-        widths=_width_table(rows), predicted=_predicted_table(rows), shown="" if shown is None else shown.model.name,
-        strange=() if shown is None else [one for one in shown.predicted if not one.brought_back], limit=P_NOT_BROUGHT_BACK, influential=INFLUENTIAL,
-        odds=odds_words, lines=next((row.model.lines for row in rows if row.model.name == comparison.recommended), ()),
-        price=next((row.price_of_start for row in rows if row.model.forced), 0.0), price_words=price_words(comparison),
+        widths=_width_table(rows),
+        predicted=_predicted_table(rows),
+        shown="" if shown is None else shown.model.name,
+        strange=() if shown is None else [one for one in shown.predicted if not one.brought_back],
+        limit=P_NOT_BROUGHT_BACK,
+        influential=INFLUENTIAL,
+        odds=odds_words,
+        lines=next(
+            (row.model.lines for row in rows if row.model.name == comparison.recommended), ()
+        ),
+        price=next((row.price_of_start for row in rows if row.model.forced), 0.0),
+        price_words=price_words(comparison),
         names=[row.model.name for row in rows],
     )
     record = {
-        "title": campaign.title, "kind": campaign.kind, "runs": runs, "recommended": comparison.recommended or None, "ground": str(comparison.ground),
-        "models": summaries, "provenance": provenance(campaign, runs, seed),
+        "title": campaign.title,
+        "kind": campaign.kind,
+        "runs": runs,
+        "recommended": comparison.recommended or None,
+        "ground": str(comparison.ground),
+        "models": summaries,
+        "provenance": provenance(campaign, runs, seed),
     }
     compared = [(s.name, s.status == "ok", s.posterior) for s in summaries]
-    drawers = {"figures/values.png": partial(values_figure, compared, common, comparison.recommended)}
+    drawers = {
+        "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
+    }
     if shown is not None and shown.predicted:
-        drawers["figures/predictive.png"] = partial(predictive_figure, shown.predicted, shown.model.name)
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"models.json": as_json(record)}
+        drawers["figures/predictive.png"] = partial(
+            predictive_figure, shown.predicted, shown.model.name
+        )
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
+        "models.json": as_json(record)
+    }
 
 
 def ground_words(comparison: ModelComparison) -> str:
     """Why the recommended model is recommended."""
     rival = rival_of(comparison.rows, by_evidence=comparison.by_evidence)
     default = next((row for row in comparison.rows if row.model.forced), None)
-    what = phrase("evidence") if comparison.by_evidence else phrase("predictive density (leave-one-out; not every model has an evidence)")
+    what = (
+        phrase("evidence")
+        if comparison.by_evidence
+        else phrase("predictive density (leave-one-out; not every model has an evidence)")
+    )
     odds = ""
     if comparison.by_evidence and rival is not None and default is not None:
         odds = f", {odds_words(log_odds(rival, default))}"
-    return phrase(_GROUNDS[comparison.ground], best="" if rival is None else rival.model.name, what=what, odds=odds)
+    return phrase(
+        _GROUNDS[comparison.ground],
+        best="" if rival is None else rival.model.name,
+        what=what,
+        odds=odds,
+    )
 
 
 def verdicts(comparison: ModelComparison) -> list[tuple[str, str]]:
     """Each model that is not recommended, and why not."""
-    chosen = next((row for row in comparison.rows if row.model.name == comparison.recommended), None)
+    chosen = next(
+        (row for row in comparison.rows if row.model.name == comparison.recommended), None
+    )
     return [(row.model.name, _why_not(row, chosen)) for row in comparison.rows if row is not chosen]
 
 
 def price_words(comparison: ModelComparison) -> str:
     """That odds leave out what a free start costs, "" where none does."""
     row = next((row for row in comparison.rows if row.price_of_start), None)
-    return "" if row is None else phrase(
-        "the odds exclude the penalty for the free start of {name}, {odds}: its width is a convention, and models that start exactly at "
-        "rest do not incur it",
-        name=row.model.name, odds=odds_words(row.price_of_start),
+    return (
+        ""
+        if row is None
+        else phrase(
+            "the odds exclude the penalty for the free start of {name}, {odds}: its width "
+            "is a convention, and models that start exactly at "
+            "rest do not incur it",
+            name=row.model.name,
+            odds=odds_words(row.price_of_start),
+        )
     )
 
 
 def odds_words(behind: float) -> str:
     """A difference of log evidence as odds, and in words."""
     odds = math.exp(min(abs(behind), 700.0))
-    shown = phrase("more than a million") if odds > _LARGE else f"{odds:.2g}" if odds < 10.0 else f"{odds:,.0f}".replace(",", " ")
-    words = phrase(next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong")))
+    shown = (
+        phrase("more than a million")
+        if odds > _LARGE
+        else f"{odds:.2g}"
+        if odds < 10.0
+        else f"{odds:,.0f}".replace(",", " ")
+    )
+    words = phrase(
+        next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong"))
+    )
     return phrase("{odds} to 1 ({words})", odds=shown, words=words)
 
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
-        told = chosen is not None and chosen.lack is None and row.lack is None and log_odds(row, chosen) < 0.0
-        odds = phrase("; the odds against it are {odds}", odds=odds_words(log_odds(row, chosen))) if told and chosen is not None else ""
+        told = (
+            chosen is not None
+            and chosen.lack is None
+            and row.lack is None
+            and log_odds(row, chosen) < 0.0
+        )
+        odds = (
+            phrase("; the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
+            if told and chosen is not None
+            else ""
+        )
         return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
     if chosen is None:
         return phrase("no model is recommended")
     if row.lack is not None or chosen.lack is not None:
         ahead = chosen.behind - row.behind
-        better, worse = later("its predictions are better by {by:.1f} (elpd)"), later("its predictions are worse by {by:.1f} (elpd)")
+        better = later("its predictions are better by {by:.1f} (elpd)")
+        worse = later("its predictions are worse by {by:.1f} (elpd)")
         words = phrase(better if ahead > 0.0 else worse, by=abs(ahead))
     elif log_odds(row, chosen) >= 0.0:
         words = phrase("the odds for it are {odds}", odds=odds_words(log_odds(row, chosen)))
     else:
         words = phrase("the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
-    return phrase("contained in the recommended model; {words}", words=words) if contains(chosen, row) else words
+    return (
+        phrase("contained in the recommended model; {words}", words=words)
+        if contains(chosen, row)
+        else words
+    )
 
 
 def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
-    """The model whose data sets are drawn: the default, else what the campaign states, else the simplest."""
+    """The model whose data sets are drawn: the default, else what the campaign states, else the
+    simplest.
+    """
     for name in ("unmodelled-force", "as-stated"):
         if found := next((row for row in rows if row.model.name == name), None):
             return found
@@ -180,7 +281,11 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
 def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
     """The quantities of interest that all models have."""
     names = set.intersection(*(set(row.analysis.problem.names) for row in rows))
-    return [p for p in rows[0].analysis.problem.parameters if p.name in names and split_level(p.name)[0] in _OF_INTEREST]
+    return [
+        p
+        for p in rows[0].analysis.problem.parameters
+        if p.name in names and split_level(p.name)[0] in _OF_INTEREST
+    ]
 
 
 def _summary(row: ComparedModel) -> ModelSummary:
@@ -191,13 +296,26 @@ def _summary(row: ComparedModel) -> ModelSummary:
     }
     none = row.lack is not None
     return ModelSummary(
-        name=row.model.name, words=row.model.words, adds=list(row.model.own), lines=list(row.model.lines), status=status,
-        reasons=list(analysis.diagnosis.reasons), posterior=posterior, log_evidence=None if none else number(row.log_evidence),
-        u_log_evidence=None if none else number(row.u_log_evidence), no_evidence="" if row.lack is None else phrase(_LACKS[row.lack]),
-        behind_evidence=None if none else number(row.odds), price_of_start=row.price_of_start,
-        elpd=number(row.loo.elpd), behind_elpd=number(row.behind),
-        se_behind_elpd=number(row.behind_se), influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
-        widths=[WidthSummary(one.of, one.factor, number(one.change), number(one.u)) for one in row.widths],
+        name=row.model.name,
+        words=row.model.words,
+        adds=list(row.model.own),
+        lines=list(row.model.lines),
+        status=status,
+        reasons=list(analysis.diagnosis.reasons),
+        posterior=posterior,
+        log_evidence=None if none else number(row.log_evidence),
+        u_log_evidence=None if none else number(row.u_log_evidence),
+        no_evidence="" if row.lack is None else phrase(_LACKS[row.lack]),
+        behind_evidence=None if none else number(row.odds),
+        price_of_start=row.price_of_start,
+        elpd=number(row.loo.elpd),
+        behind_elpd=number(row.behind),
+        se_behind_elpd=number(row.behind_se),
+        influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
+        widths=[
+            WidthSummary(one.of, one.factor, number(one.change), number(one.u))
+            for one in row.widths
+        ],
         predicted=[_predicted(one) for one in row.predicted],
     )
 
@@ -205,9 +323,13 @@ def _summary(row: ComparedModel) -> ModelSummary:
 def _predicted(one: Predicted) -> PredictedSummary:
     import numpy as np
 
-    low, middle, high = (number(float(q)) for q in np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest"))
+    low, middle, high = (
+        number(float(q)) for q in np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
+    )
     unit = one.label.unit if one.label.factor == 1.0 else "1"
-    return PredictedSummary(one.run, one.name, unit, number(float(np.median(one.observed))), low, middle, high, one.p)
+    return PredictedSummary(
+        one.run, one.name, unit, number(float(np.median(one.observed))), low, middle, high, one.p
+    )
 
 
 def _unit(p: Parameter) -> str:
@@ -225,7 +347,10 @@ def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str
         labels = {p.name: p.label.symbol for p in row.analysis.problem.parameters}
         for of in dict.fromkeys(one.of for one in row.widths):
             by_factor = {one.factor: one.change for one in row.widths if one.of == of}
-            changes = [_change(by_factor[factor]) if factor in by_factor else "" for factor in (0.0, 0.5, 2.0)]
+            changes = [
+                _change(by_factor[factor]) if factor in by_factor else ""
+                for factor in (0.0, 0.5, 2.0)
+            ]
             found.append((row.model.name, labels.get(of) or phrase(_ROOM.get(of, of)), changes))
     return found
 
@@ -238,11 +363,19 @@ def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list
     """Run, statistic, and p under each model."""
     every = {(one.run, one.name): one.words for row in rows for one in row.predicted}
     of_row = [{(one.run, one.name): one.p_words for one in row.predicted} for row in rows]
-    return [(run, words, [cells.get((run, name), "—") for cells in of_row]) for (run, name), words in every.items()]
+    return [
+        (run, words, [cells.get((run, name), "—") for cells in of_row])
+        for (run, name), words in every.items()
+    ]
 
 
-def values_figure(rows: Sequence[tuple[str, bool, Mapping[str, Summary]]], common: Sequence[Parameter], recommended: str = "") -> Figure:
-    """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in grey, dashed.
+def values_figure(
+    rows: Sequence[tuple[str, bool, Mapping[str, Summary]]],
+    common: Sequence[Parameter],
+    recommended: str = "",
+) -> Figure:
+    """68 and 95 % intervals of each quantity under each model; those of a model that is not ok in
+    grey, dashed.
 
     rows : name of a model, whether it is ok, its posterior.
     """
@@ -250,19 +383,27 @@ def values_figure(rows: Sequence[tuple[str, bool, Mapping[str, Summary]]], commo
     places = np.arange(len(rows))[::-1]
     for i, (ax, p) in enumerate(zip(axes, common, strict=True)):
         for place, (name, ok, posterior) in zip(places, rows, strict=True):
-            _interval(ax, place, posterior[p.name], p.label.factor, ok=ok, recommended=name == recommended)
+            _interval(
+                ax, place, posterior[p.name], p.label.factor, ok=ok, recommended=name == recommended
+            )
         name_ticks(ax.yaxis, places, [name if i % 3 == 0 else "" for name, *_ in rows])
         ax.set_ylim(-0.6, len(rows) - 0.4)
         ax.set_xlabel(p.label.axis)
         ax.locator_params(axis="x", nbins=4)
     figure.suptitle(
-        phrase("median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not ok, do not use") if recommended
+        phrase(
+            "median, 68 and 95 % intervals; orange square: recommended; grey, dashed: not "
+            "ok, do not use"
+        )
+        if recommended
         else phrase("median, 68 and 95 % intervals; grey, dashed: not ok, not to be used")
     )
     return figure
 
 
-def _interval(ax: Axes, place: float, summary: Summary, factor: float, *, ok: bool, recommended: bool) -> None:
+def _interval(
+    ax: Axes, place: float, summary: Summary, factor: float, *, ok: bool, recommended: bool
+) -> None:
     quantiles = (summary.q025, summary.q16, summary.median, summary.q84, summary.q975)
     if any(q is None for q in quantiles):
         return
@@ -270,11 +411,21 @@ def _interval(ax: Axes, place: float, summary: Summary, factor: float, *, ok: bo
     colour = ORANGE if recommended else BLUE if ok else GREY
     ax.plot([low, high], [place, place], color=colour, lw=1.0, ls="-" if ok else (0, (3, 2)))
     ax.plot([lower, upper], [place, place], color=colour, lw=2.6 if ok else 1.6)
-    ax.plot(middle, place, "s" if recommended else "o", color=colour, mfc=colour if ok else "white", ms=5 if recommended else 4, zorder=4)
+    ax.plot(
+        middle,
+        place,
+        "s" if recommended else "o",
+        color=colour,
+        mfc=colour if ok else "white",
+        ms=5 if recommended else 4,
+        zorder=4,
+    )
 
 
 def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
-    """Histograms of each statistic of the data sets, and that of the data: a line, or an outline where it depends on the parameters."""
+    """Histograms of each statistic of the data sets, and that of the data: a line, or an outline
+    where it depends on the parameters.
+    """
     runs = list(dict.fromkeys(one.run for one in predicted))
     names = list(dict.fromkeys(one.name for one in predicted))
     figure = new_figure(0.7 + 1.75 * len(runs))
@@ -289,15 +440,22 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
             _histogram(ax, one)
             if k == 0:
                 ax.set_ylabel(run)
-    title = phrase("{model}: filled: data sets drawn from the posterior; orange: the data", model=model)
+    title = phrase(
+        "{model}: filled: data sets drawn from the posterior; orange: the data", model=model
+    )
     figure.suptitle(title)
     return figure
 
 
 def _histogram(ax: Axes, one: Predicted) -> None:
     again, observed = one.again * one.label.factor, one.observed * one.label.factor
-    ends = np.quantile(again[np.isfinite(again)], [_FAR / 2.0, 1.0 - _FAR / 2.0]) if np.any(np.isfinite(again)) else np.array([0.0, 1.0])
-    low, high = min(float(ends[0]), float(np.min(observed))), max(float(ends[1]), float(np.max(observed)))
+    ends = (
+        np.quantile(again[np.isfinite(again)], [_FAR / 2.0, 1.0 - _FAR / 2.0])
+        if np.any(np.isfinite(again))
+        else np.array([0.0, 1.0])
+    )
+    low = min(float(ends[0]), float(np.min(observed)))
+    high = max(float(ends[1]), float(np.max(observed)))
     width = max(high - low, 1e-12)
     edges: list[float] = np.linspace(low - 0.03 * width, high + 0.03 * width, 31).tolist()
     ax.hist(again, bins=edges, color=PALE, edgecolor=BLUE, linewidth=0.4)
@@ -310,7 +468,9 @@ def _histogram(ax: Axes, one: Predicted) -> None:
     ax.locator_params(axis="x", nbins=3)
     unit = "" if one.label.unit == "1" else f" ({one.label.unit})"
     ax.set_xlabel(_short(one) + unit, fontsize=7.5)
-    ax.set_title(f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK)
+    ax.set_title(
+        f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK
+    )
 
 
 def _short(one: Predicted) -> str:

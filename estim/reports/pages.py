@@ -1,4 +1,6 @@
-"""A report as files: the page and the figures that it shows, long tables in files beside it, and the campaign that says the same as a command."""
+"""A report as files: the page and the figures that it shows, long tables in files beside it, and
+the campaign that says the same as a command.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +19,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
-_BREAKS = re.compile(r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)")
+_BREAKS = re.compile(
+    r"(?<=[\d)]) (?=(?:±|%|×|°|sd|mm|cm|m|s|kg|N|J|rad|Hz|deg)(?![\w]))|(?<=±) (?=\d)"
+)
 
 Drawers = Mapping[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
 _ROWS, _COLUMNS, _POINTS = 24, 12, 12  # what is kept of a longer one
 _CELLS = re.compile(r"(?<!\\)\|")
-_CODE_TABLE_OR_LIST = re.compile(r"^```.*?^```$|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*", re.DOTALL | re.MULTILINE)
+_CODE_TABLE_OR_LIST = re.compile(
+    r"^```.*?^```$|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
+    re.DOTALL | re.MULTILINE,
+)
 
 
 class Text(Protocol):
@@ -35,13 +42,17 @@ class Text(Protocol):
 
 def unbroken(text: str) -> str:
     """Markdown whose numbers keep their "±", "%" and units on one line; code stays as it is."""
-    return "".join(part if i % 2 else _BREAKS.sub("\u00a0", part) for i, part in enumerate(_CODE.split(text)))
+    return "".join(
+        part if i % 2 else _BREAKS.sub("\u00a0", part) for i, part in enumerate(_CODE.split(text))
+    )
 
 
 def marked(figure: Figure) -> Figure:
     """The figure, saying of its data that they are SYNTHETIC."""
     said = figure.get_suptitle()
-    figure.suptitle(phrase("{title}; SYNTHETIC data", title=said) if said else phrase("SYNTHETIC data"))
+    figure.suptitle(
+        phrase("{title}; SYNTHETIC data", title=said) if said else phrase("SYNTHETIC data")
+    )
     return figure
 
 
@@ -51,14 +62,17 @@ def page(drawers: Drawers, text: Text, *, wanted: bool, kind: str = "") -> dict[
     kind : of the data; where they are "synthetic" every figure says so.
     """
     drawn = drawers if wanted else {}
-    shown = {path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()}
+    shown = {
+        path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()
+    }
     return shown | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}
 
 
 def with_campaign(files: Mapping[str, bytes], text: str, *, file: str) -> dict[str, bytes]:
     """The files of a report with the TOML `text` at its end, as they are where that is empty.
 
-    text : no line of it begins with a grave accent, and all of it is printable.  file : name of the table.
+    text : no line of it begins with a grave accent, and all of it is printable.
+    file : name of the table.
     """
     if not text:
         return dict(files)
@@ -74,16 +88,27 @@ def shortened(text: str) -> dict[str, bytes]:
         block = found[0]
         if block.startswith("|"):
             return _table(block, _name(files, text[: found.start()], "csv"), files)
-        return _list(block, _name(files, text[: found.start()], "md"), files) if block.startswith("- ") else block
+        return (
+            _list(block, _name(files, text[: found.start()], "md"), files)
+            if block.startswith("- ")
+            else block
+        )
 
     return {"report.md": _CODE_TABLE_OR_LIST.sub(kept, text).encode(), **files}
 
 
 def _name(files: dict[str, bytes], before: str, kind: str) -> str:
     """A path that is still free, after the last heading."""
-    heading = unicodedata.normalize("NFKD", before.rpartition("\n#")[2].partition("\n")[0].lower()).encode("ascii", "ignore").decode()
+    heading = (
+        unicodedata.normalize("NFKD", before.rpartition("\n#")[2].partition("\n")[0].lower())
+        .encode("ascii", "ignore")
+        .decode()
+    )
     title = re.sub(r"[^a-z0-9]+", "-", heading).strip("-") or "table"
-    names = [f"tables/{title}.{kind}", *(f"tables/{title}-{n}.{kind}" for n in range(2, len(files) + 3))]
+    names = [
+        f"tables/{title}.{kind}",
+        *(f"tables/{title}-{n}.{kind}" for n in range(2, len(files) + 3)),
+    ]
     return next(name for name in names if name not in files)
 
 
@@ -93,11 +118,23 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
     if n_row <= MOST_ROWS and n_column <= MOST_COLUMNS:
         return block
     whole = io.StringIO()
-    csv.writer(whole, lineterminator="\n").writerows([cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:]))
+    csv.writer(whole, lineterminator="\n").writerows(
+        [cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])
+    )
     files[path] = whole.getvalue().encode()
     told = cells[: 2 + _ROWS] if n_row > MOST_ROWS else cells
     rows = [f"|{'|'.join(row[:_COLUMNS] if n_column > MOST_COLUMNS else row)}|\n" for row in told]
-    return "".join(rows) + "\n" + phrase("All {rows} rows and {columns} columns: `{path}`.", rows=n_row, columns=n_column, path=path) + "\n"
+    return (
+        "".join(rows)
+        + "\n"
+        + phrase(
+            "All {rows} rows and {columns} columns: `{path}`.",
+            rows=n_row,
+            columns=n_column,
+            path=path,
+        )
+        + "\n"
+    )
 
 
 def _list(block: str, path: str, files: dict[str, bytes]) -> str:
@@ -105,4 +142,9 @@ def _list(block: str, path: str, files: dict[str, bytes]) -> str:
     if len(points) <= MOST_POINTS:
         return block
     files[path] = block.encode()
-    return block[: points[_POINTS]] + "\n" + phrase("All {n} points: `{path}`.", n=len(points), path=path) + "\n"
+    return (
+        block[: points[_POINTS]]
+        + "\n"
+        + phrase("All {n} points: `{path}`.", n=len(points), path=path)
+        + "\n"
+    )

@@ -30,7 +30,9 @@ _MOST = len(COLOURS)  # targets
 
 
 class TargetRecord(msgspec.Struct, frozen=True):
-    """One quantity that is wanted: its standard deviation as things are, by linear theory and of the drawn posterior."""
+    """One quantity that is wanted: its standard deviation as things are, by linear theory and of
+    the drawn posterior.
+    """
 
     unit: str
     value: float
@@ -40,7 +42,9 @@ class TargetRecord(msgspec.Struct, frozen=True):
 
 
 class OptionRecord(msgspec.Struct, frozen=True):
-    """What might be measured: expected standard deviation of each target, and that over the one as things are."""
+    """What might be measured: expected standard deviation of each target, and that over the one as
+    things are.
+    """
 
     what: str
     group: str
@@ -78,22 +82,34 @@ class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
 
 def plan_status(plan: Plan) -> tuple[Status, list[str]]:
-    """Whether the plan may be trusted, and why not: it can be no better than the fit that it comes from."""
+    """Whether the plan may be trusted, and why not: it can be no better than the fit that it comes
+    from.
+    """
     if plan.findings:
         return decide(plan.findings), [tell(f) for f in plan.findings]
     reasons = [
         phrase(
-            "linear theory gives u({symbol}) = {linear}, but the sampled posterior gives {drawn}: the ratios are only approximate",
-            symbol=p.label.symbol, linear=_size(p, plan.now[i]), drawn=_size(p, plan.drawn[i]),
+            "linear theory gives u({symbol}) = {linear}, but the sampled posterior gives "
+            "{drawn}: the ratios are only approximate",
+            symbol=p.label.symbol,
+            linear=_size(p, plan.now[i]),
+            drawn=_size(p, plan.drawn[i]),
         )
-        for i, p in enumerate(plan.targets) if p in plan.far
+        for i, p in enumerate(plan.targets)
+        if p in plan.far
     ]
     return Status.METHODS_DISAGREE if reasons else Status.OK, reasons
 
 
 def plan_answers(plan: Plan) -> list[str]:
-    """What to do, in one sentence for each target; nothing where the data contradict what is planned from."""
-    return [] if plan.findings else [_answer(plan, halving, i) for i, halving in enumerate(plan.halving)]
+    """What to do, in one sentence for each target; nothing where the data contradict what is
+    planned from.
+    """
+    return (
+        []
+        if plan.findings
+        else [_answer(plan, halving, i) for i, halving in enumerate(plan.halving)]
+    )
 
 
 def plan_record(plan: Plan) -> PlanRecord:
@@ -101,45 +117,98 @@ def plan_record(plan: Plan) -> PlanRecord:
     status, reasons = plan_status(plan)
     names = [p.name for p in plan.targets]
     targets = {
-        p.name: TargetRecord(p.unit, float(plan.values[i]), float(plan.now[i]), float(plan.drawn[i]), p not in plan.far)
+        p.name: TargetRecord(
+            p.unit,
+            float(plan.values[i]),
+            float(plan.now[i]),
+            float(plan.drawn[i]),
+            p not in plan.far,
+        )
         for i, p in enumerate(plan.targets)
     }
     options = [
         OptionRecord(
-            o.wish.words, o.wish.group, o.wish.own, dict(zip(names, o.u.tolist(), strict=True)), dict(zip(names, o.ratio.tolist(), strict=True)),
+            o.wish.words,
+            o.wish.group,
+            o.wish.own,
+            dict(zip(names, o.u.tolist(), strict=True)),
+            dict(zip(names, o.ratio.tolist(), strict=True)),
             list(o.remarks),
         )
         for o in plan.options
     ]
-    ways = {h.target.name: [WayRecord(w.words, w.ratio) for w in h.ways if np.isfinite(w.ratio)] for h in plan.halving}
+    ways = {
+        h.target.name: [WayRecord(w.words, w.ratio) for w in h.ways if np.isfinite(w.ratio)]
+        for h in plan.halving
+    }
     return PlanRecord(
-        SCHEMA, plan.campaign.title, plan.campaign.kind, status, reasons, plan_answers(plan), list(plan.names), targets, options,
-        [RefusedRecord(o.wish.words, o.reason) for o in plan.refused], ways, provenance(plan.campaign, list(plan.names), plan.seed),
+        SCHEMA,
+        plan.campaign.title,
+        plan.campaign.kind,
+        status,
+        reasons,
+        plan_answers(plan),
+        list(plan.names),
+        targets,
+        options,
+        [RefusedRecord(o.wish.words, o.reason) for o in plan.refused],
+        ways,
+        provenance(plan.campaign, list(plan.names), plan.seed),
     )
 
 
 def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `plan.json` and the figures.  figures : whether there are any."""
     record, shown = plan_record(plan), shown_options(plan.options)
-    drawers: dict[str, Callable[[], Figure]] = {"figures/ratios.png": partial(ratio_figure, plan, shown)} if shown else {}
+    drawers: dict[str, Callable[[], Figure]] = (
+        {"figures/ratios.png": partial(ratio_figure, plan, shown)} if shown else {}
+    )
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
     text = partial(
-        render, "plan.md.j2", record=record, kind=kind_words(record.kind), plan=plan, how=phrase(plan.how), shown=[_row(o) for o in shown],
+        render,
+        "plan.md.j2",
+        record=record,
+        kind=kind_words(record.kind),
+        plan=plan,
+        how=phrase(plan.how),
+        shown=[_row(o) for o in shown],
         left_out=len(plan.options) - len(shown),
-        heads=[head for p in plan.targets for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))], now=_now_rows(plan), far=FAR,
-        refused=_refused(plan.refused), halving=[(h.target.label.symbol, [way for way in h.ways if np.isfinite(way.ratio)]) for h in plan.halving],
+        heads=[
+            head
+            for p in plan.targets
+            for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))
+        ],
+        now=_now_rows(plan),
+        far=FAR,
+        refused=_refused(plan.refused),
+        halving=[
+            (h.target.label.symbol, [way for way in h.ways if np.isfinite(way.ratio)])
+            for h in plan.halving
+        ],
     )
-    return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {"plan.json": as_json(record)}
+    return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {
+        "plan.json": as_json(record)
+    }
 
 
 def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
-    """All that was asked for, and of the further runs that were tried the best, one of each tilt."""
+    """All that was asked for, and of the further runs that were tried the best, one of each
+    tilt.
+    """
     shown, seen = [], set[object]()
     for option in options:
         if option.wish.group == MORE and not option.wish.own:
             run = option.wish.runs[0] if len(option.wish.runs) == 1 else None
-            alike = option.wish.words if run is None else (run.like, *(run.said[q].value for q in ("phi", "gamma") if q in run.said), bool(run.said))
+            alike = (
+                option.wish.words
+                if run is None
+                else (
+                    run.like,
+                    *(run.said[q].value for q in ("phi", "gamma") if q in run.said),
+                    bool(run.said),
+                )
+            )
             if alike in seen or len(seen) == _MOST_RUNS:
                 continue
             seen.add(alike)
@@ -153,14 +222,29 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
     enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
     idle = _idle(plan, i)
     if enough:
-        return phrase("u({symbol}) = {sd} would be halved by any of these: "
-                      "{ways}{idle}.", symbol=symbol, sd=sd, ways=phrase(", or ").join(enough), idle=idle)
+        return phrase(
+            "u({symbol}) = {sd} would be halved by any of these: {ways}{idle}.",
+            symbol=symbol,
+            sd=sd,
+            ways=phrase(", or ").join(enough),
+            idle=idle,
+        )
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
     if best is None or best.ratio[i] > 1.0 - _NOTHING:
-        return phrase("No single option that was tried halves u({symbol}) = {sd}, and none reduces it by 2 %.", symbol=symbol, sd=sd)
+        return phrase(
+            "No single option that was tried halves u({symbol}) = {sd}, and none reduces "
+            "it by 2 %.",
+            symbol=symbol,
+            sd=sd,
+        )
     return phrase(
-        "No single option that was tried halves u({symbol}) = {sd}; the most effective one is {what}, which leaves {left:.0f} % of it{idle}.",
-        symbol=symbol, sd=sd, what=best.wish.words, left=100.0 * best.ratio[i], idle=idle,
+        "No single option that was tried halves u({symbol}) = {sd}; the most effective one "
+        "is {what}, which leaves {left:.0f} % of it{idle}.",
+        symbol=symbol,
+        sd=sd,
+        what=best.wish.words,
+        left=100.0 * best.ratio[i],
+        idle=idle,
     )
 
 
@@ -177,7 +261,9 @@ def _idle(plan: Plan, i: int) -> str:
 
 def _size(p: Parameter, u: float) -> str:
     label = p.label
-    return f"{u * label.factor:.2g}" + ("" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}")
+    return f"{u * label.factor:.2g}" + (
+        "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
+    )
 
 
 def _unit(p: Parameter) -> str:
@@ -191,7 +277,9 @@ def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
 
 
 def value_alone(value: float, u: float) -> str:
-    """A value to the digits that its uncertainty leaves, without the uncertainty: '0.75' of 0.75 ± 0.14, '4.3×10²' of (4.3 ± 0.4)×10²."""
+    """A value to the digits that its uncertainty leaves, without the uncertainty: '0.75' of 0.75 ±
+    0.14, '4.3×10²' of (4.3 ± 0.4)×10².
+    """
     shown = format_quantity(value, u)
     return shown.split(" ± ")[0].removeprefix("(") + shown.partition(")")[2]
 
@@ -212,7 +300,9 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
         found.setdefault(option.reason, []).append(option)
     rows = []
     for reason, alike in found.items():
-        words = [option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)]
+        words = [
+            option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)
+        ]
         n = max(_MOST_REFUSED, sum(option.wish.own for option in alike))
         rows.append((reason, words[:n], len(words[n:])))
     return rows
@@ -220,7 +310,10 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
 
 def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     """Standard deviations over those as things are, one row an option, the best at the top."""
-    names = [option.wish.words if len(option.wish.words) <= _WIDE else f"{option.wish.words[:_WIDE]}…" for option in options]
+    names = [
+        option.wish.words if len(option.wish.words) <= _WIDE else f"{option.wish.words[:_WIDE]}…"
+        for option in options
+    ]
     places = -np.arange(len(names), dtype=float)
     figure = new_figure(0.2 * len(names) + 1.1)
     ax = figure.subplots()
@@ -230,7 +323,17 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     for k, target in enumerate(plan.targets[:_MOST]):
         ratios = [option.ratio[k] for option in options]
         said = phrase("u of {quantity}", quantity=target.label.tex)
-        ax.plot(ratios, places, MARKS[k], color=COLOURS[k], ms=5, ls="none", label=said, mec="white", mew=0.5)
+        ax.plot(
+            ratios,
+            places,
+            MARKS[k],
+            color=COLOURS[k],
+            ms=5,
+            ls="none",
+            label=said,
+            mec="white",
+            mew=0.5,
+        )
     ax.set_xlim(0.0, max(1.05, 1.03 * max(float(np.max(option.ratio)) for option in options)))
     ax.set_ylim(float(places[-1]) - 0.8, 0.8)
     name_ticks(ax.yaxis, places, names)
@@ -244,7 +347,9 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
 
 
 def along_figure(plan: Plan) -> Figure:
-    """One further reading at each place: what it leaves of the standard deviations; grey: the range of the readings at hand."""
+    """One further reading at each place: what it leaves of the standard deviations; grey: the range
+    of the readings at hand.
+    """
     runs = plan.fit.problem.runs
     figure = new_figure(2.4 * len(plan.along) + 0.4)
     axes = figure.subplots(len(plan.along), 1, squeeze=False)[:, 0]
@@ -253,7 +358,13 @@ def along_figure(plan: Plan) -> Figure:
         ax.axvspan(*along.inside, color=GREY, alpha=0.18, lw=0)
         ax.axhline(1.0, color=INK, lw=0.8)
         for k, target in enumerate(plan.targets[:_MOST]):
-            ax.plot(along.x, along.ratio[k], color=COLOURS[k], lw=1.4, label=phrase("u of {quantity}", quantity=target.label.tex))
+            ax.plot(
+                along.x,
+                along.ratio[k],
+                color=COLOURS[k],
+                lw=1.4,
+                label=phrase("u of {quantity}", quantity=target.label.tex),
+            )
             best = int(np.argmin(along.ratio[k]))
             ax.plot(along.x[best], along.ratio[k][best], MARKS[k], color=COLOURS[k], ms=6)
         ax.plot(run.x, np.full(run.n_obs, 1.0), "|", color=INK, ms=5, mew=0.6)

@@ -13,7 +13,17 @@ import numpy as np
 
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
-from estim.common import as_json, format_p, kind_words, listed, percentage, phrase, split_level, table, with_unit
+from estim.common import (
+    as_json,
+    format_p,
+    kind_words,
+    listed,
+    percentage,
+    phrase,
+    split_level,
+    table,
+    with_unit,
+)
 from estim.drawing import BLUE, INK, ORANGE, grid, legend_below, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import complete_runs, prior_cell
@@ -34,10 +44,25 @@ from estim.reports.energy import (
     summarise_energy,
     to_value,
 )
-from estim.reports.line import LineResult, line_estimate, line_figure, line_lines, line_result, line_values
+from estim.reports.line import (
+    LineResult,
+    line_estimate,
+    line_figure,
+    line_lines,
+    line_result,
+    line_values,
+)
 from estim.reports.pages import page
 from estim.reports.rendering import render
-from estim.reports.result import MOST_MINDS, Provenance, Result, first_screen, provenance, result_of, sensitivity_words
+from estim.reports.result import (
+    MOST_MINDS,
+    Provenance,
+    Result,
+    first_screen,
+    provenance,
+    result_of,
+    sensitivity_words,
+)
 from estim.sampling import number
 from estim.studies import BodyAnalysis, Narrowing, Reanalysis
 from estim.words import Voice
@@ -105,12 +130,26 @@ class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}
 def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> ReanalysisResult:
     """The record of a reanalysis; the report prints from it.  voice : to whom advice is given."""
     return ReanalysisResult(
-        schema_=REANALYSIS_SCHEMA, title=r.campaign.title, kind=r.campaign.kind, statuses=dict(r.statuses),
+        schema_=REANALYSIS_SCHEMA,
+        title=r.campaign.title,
+        kind=r.campaign.kind,
+        statuses=dict(r.statuses),
         line=None if r.line is None else line_result(r.campaign, r.line, voice=voice),
-        runs={name: result_of(r.campaign, analysis, voice=voice) for name, analysis in r.single_runs.items()},
-        bodies={body.body: _body(r, body, voice) for body in r.bodies}, paper=r.paper,
+        runs={
+            name: result_of(r.campaign, analysis, voice=voice)
+            for name, analysis in r.single_runs.items()
+        },
+        bodies={body.body: _body(r, body, voice) for body in r.bodies},
+        paper=r.paper,
         published=[
-            PublishedRow(c.published.name, c.published.section, Value(c.published.value, c.published.u), to_value(c.value), c.how, number(c.e_n))
+            PublishedRow(
+                c.published.name,
+                c.published.section,
+                Value(c.published.value, c.published.u),
+                to_value(c.value),
+                c.how,
+                number(c.e_n),
+            )
             for c in r.published
         ],
         provenance=provenance(r.campaign, list(r.campaign.run_names), r.seed),
@@ -120,98 +159,202 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
 def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
-        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses), gamma_origin=gamma_origin(r.campaign.source, body.body),
+        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses),
+        gamma_origin=gamma_origin(r.campaign.source, body.body),
         joint=result_of(r.campaign, body.joint, voice=voice),
-        energies={e.run: summarise_energy(e) for e in body.energies if ok}, drift=summarise_drift(body.drift),
-        band_published={name: value for b in body.propagated for name, value in b.published.items()},
+        energies={e.run: summarise_energy(e) for e in body.energies if ok},
+        drift=summarise_drift(body.drift),
+        band_published={
+            name: value for b in body.propagated for name, value in b.published.items()
+        },
         band_held=list(dict.fromkeys(name for b in body.propagated for name in b.held)),
         bands={
             b.run: BandSummary(
-                float(np.nanmedian(b.ratio)), float(np.nanmax(b.ratio)), b.inside[0.68], b.inside[0.95], float(np.nanmax(b.linear_off)),
+                float(np.nanmedian(b.ratio)),
+                float(np.nanmax(b.ratio)),
+                b.inside[0.68],
+                b.inside[0.95],
+                float(np.nanmax(b.linear_off)),
                 [(stretch.start, stretch.stop, stretch.name) for stretch in b.budget.stretches],
             )
-            for b in body.propagated if ok
+            for b in body.propagated
+            if ok
         },
-        runs_in_order=list(table.runs), u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names) if ok},
+        runs_in_order=list(table.runs),
+        u_with_runs={name: table.u[:, i].tolist() for i, name in enumerate(table.names) if ok},
         u_single={name: table.u_single[:, i].tolist() for i, name in enumerate(table.names) if ok},
-        limits={name: [LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name] for name in table.names if ok},
+        limits={
+            name: [
+                LimitSummary(x.group, x.u, x.u_known) for x in body.limits if x.parameter == name
+            ]
+            for name in table.names
+            if ok
+        },
     )
 
 
-def reanalysis_report(r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures : whether there are any."""
+def reanalysis_report(
+    r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
+) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures :
+    whether there are any.
+    """
     result = reanalysis_result(r, voice=voice)
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
-        drawn["figures/narrowing.png"] = partial(narrowing_figure, [body.narrowing for body in trusted])
+        drawn["figures/narrowing.png"] = partial(
+            narrowing_figure, [body.narrowing for body in trusted]
+        )
     if r.line is not None:
         drawn["figures/line.png"] = partial(line_figure, r.line)
     for body in r.bodies:
-        drawn[f"figures/phase-{body.body}.png"] = partial(phase_figure, body.joint, body.propagated, whose=_whose(body))
+        drawn[f"figures/phase-{body.body}.png"] = partial(
+            phase_figure, body.joint, body.propagated, whose=_whose(body)
+        )
         if body in trusted:
-            drawn[f"figures/energy-{body.body}.png"] = partial(energy_figure, body.energies, title=body.body)
-        drawn[f"figures/residuals-{body.body}.png"] = partial(residual_figure, body.joint.problem.runs, body.joint.goodness)
-        drawn[f"figures/corner-{body.body}.png"] = partial(corner_figure, body.joint, r.campaign.truth)
-    below = {body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth)) for body in r.bodies}
-    return page(drawn, partial(reanalysis_text, result, below), wanted=figures, kind=r.campaign.kind) | {"result.json": as_json(result)}
+            drawn[f"figures/energy-{body.body}.png"] = partial(
+                energy_figure, body.energies, title=body.body
+            )
+        drawn[f"figures/residuals-{body.body}.png"] = partial(
+            residual_figure, body.joint.problem.runs, body.joint.goodness
+        )
+        drawn[f"figures/corner-{body.body}.png"] = partial(
+            corner_figure, body.joint, r.campaign.truth
+        )
+    below = {
+        body.body: corner_words(body.joint.problem, truth=bool(r.campaign.truth))
+        for body in r.bodies
+    }
+    return page(
+        drawn, partial(reanalysis_text, result, below), wanted=figures, kind=r.campaign.kind
+    ) | {"result.json": as_json(result)}
 
 
 def _whose(body: BodyAnalysis) -> str:
-    """What the propagated band is called in a legend: the paper's where all values beside the inputs are published ones."""
-    of_paper = any(band.published for band in body.propagated) and not any(band.held for band in body.propagated)
-    return phrase("the paper's band, 68 %") if of_paper else phrase("stated inputs propagated, 68 %")
+    """What the propagated band is called in a legend: the paper's where all values beside the
+    inputs are published ones.
+    """
+    of_paper = any(band.published for band in body.propagated) and not any(
+        band.held for band in body.propagated
+    )
+    return (
+        phrase("the paper's band, 68 %") if of_paper else phrase("stated inputs propagated, 68 %")
+    )
 
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
-    """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a body share, and the line."""
-    found = {f"joint fit of {body.body}": screen_lines(_shared(body.joint, r.campaign.truth)) for body in r.bodies if body.joint.diagnosis.ok}
-    return found | ({"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {})
+    """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a
+    body share, and the line.
+    """
+    found = {
+        f"joint fit of {body.body}": screen_lines(_shared(body.joint, r.campaign.truth))
+        for body in r.bodies
+        if body.joint.diagnosis.ok
+    }
+    return found | (
+        {"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {}
+    )
 
 
 def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
     runs = {run.name for run in joint.problem.runs}
     named = zip(joint.problem.names, joint.estimates, strict=True)
-    return [replace(one, true=truth.get(name)) for name, one in named if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs]
+    return [
+        replace(one, true=truth.get(name))
+        for name, one in named
+        if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs
+    ]
 
 
-def reanalysis_text(result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]) -> str:
-    """The Markdown report of a reanalysis, with the figures at the paths `pictures`; `corner_words`: body -> what stands below its corner figure."""
-    limit_words = {name: _limit_words(body) if body.joint.status == "ok" else [] for name, body in result.bodies.items()}
-    screens = {name: first_screen(body.joint) for name, body in result.bodies.items() if body.joint.status == "ok"}
+def reanalysis_text(
+    result: ReanalysisResult, corner_words: Mapping[str, str], pictures: Collection[str]
+) -> str:
+    """The Markdown report of a reanalysis, with the figures at the paths `pictures`;
+    `corner_words`: body -> what stands below its corner figure.
+    """
+    limit_words = {
+        name: _limit_words(body) if body.joint.status == "ok" else []
+        for name, body in result.bodies.items()
+    }
+    screens = {
+        name: first_screen(body.joint)
+        for name, body in result.bodies.items()
+        if body.joint.status == "ok"
+    }
     estimates = [
-        replace(one, summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name])))
-        for name, screen in screens.items() for one in screen.estimates
+        replace(
+            one,
+            summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name])),
+        )
+        for name, screen in screens.items()
+        for one in screen.estimates
     ] + _of_line(result)
     head, rows = result_table(estimates)
     return render(
-        "reanalysis.md.j2", pictures=pictures, opened={"methods"}, result=result, kind=kind_words(result.kind),
-        line=None if result.line is None else line_values(result.line), shown=shown,
-        prior=prior_cell, value=value_cell, interval=interval_cell,
-        trusted=any(body.joint.status == "ok" for body in result.bodies.values()), single_runs=_singles(result),
-        limit_words=limit_words, corner_words=corner_words, percent=percent, drift_words=drift_words,
-        forces=[(name, force) for name, body in result.bodies.items() for force in (body.joint.deviation or {}).values()],
+        "reanalysis.md.j2",
+        pictures=pictures,
+        opened={"methods"},
+        result=result,
+        kind=kind_words(result.kind),
+        line=None if result.line is None else line_values(result.line),
+        shown=shown,
+        prior=prior_cell,
+        value=value_cell,
+        interval=interval_cell,
+        trusted=any(body.joint.status == "ok" for body in result.bodies.values()),
+        single_runs=_singles(result),
+        limit_words=limit_words,
+        corner_words=corner_words,
+        percent=percent,
+        drift_words=drift_words,
+        forces=[
+            (name, force)
+            for name, body in result.bodies.items()
+            for force in (body.joint.deviation or {}).values()
+        ],
         complete=complete_runs(result.runs.values()),
-        notes=list(dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)),
-        status=_status_words(result), troubles=_troubles(result), screens=screens, found=table(head, rows), found_rows=rows,
+        notes=list(
+            dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
+        ),
+        status=_status_words(result),
+        troubles=_troubles(result),
+        screens=screens,
+        found=table(head, rows),
+        found_rows=rows,
         copies=copies_of([one for one in estimates if one.measured]) if rows else None,
-        sensitivity=sensitivity_words([body.joint for body in result.bodies.values() if body.joint.status == "ok"]),
-        minds=[(name, words) for i in range(MOST_MINDS) for name, screen in screens.items() for words in screen.minds[i : i + 1]],
+        sensitivity=sensitivity_words(
+            [body.joint for body in result.bodies.values() if body.joint.status == "ok"]
+        ),
+        minds=[
+            (name, words)
+            for i in range(MOST_MINDS)
+            for name, screen in screens.items()
+            for words in screen.minds[i : i + 1]
+        ],
         most_minds=MOST_MINDS,
         band_words=partial(_band_words, result),
-        energy_words=energy_words, narrowed=partial(_narrowed, result), residuals_shown=partial(_residuals_shown, result),
+        energy_words=energy_words,
+        narrowed=partial(_narrowed, result),
+        residuals_shown=partial(_residuals_shown, result),
         called=partial(_called, runs=result.runs, bodies=result.bodies),
-        lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}), energies=_gathered(_energies(result)),
+        lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}),
+        energies=_gathered(_energies(result)),
     )
 
 
 def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
-    """Whose band the propagated one of these bodies is, and what it is made of beside the inputs that the campaign states."""
+    """Whose band the propagated one of these bodies is, and what it is made of beside the inputs
+    that the campaign states.
+    """
     bodies = [result.bodies[name] for name in names]
     published, held = [], []
     for body in bodies:
         labels = body.joint.labels.bare
-        published += [with_unit(f"{labels[n].symbol} = {value * labels[n].factor:g}", labels[n].unit) for n, value in body.band_published.items()]
+        published += [
+            with_unit(f"{labels[n].symbol} = {value * labels[n].factor:g}", labels[n].unit)
+            for n, value in body.band_published.items()
+        ]
         held += [labels[name].symbol for name in body.band_held]
     of_paper = phrase("{values} as published", values=listed(list(dict.fromkeys(published))))
     of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(held))))
@@ -223,12 +366,20 @@ def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
 
 def _how_many(body: BodySummary) -> str:
     n = len(body.runs_in_order)
-    return phrase("{n} runs", n=n) if n > 1 else phrase("the run {name}", name=body.runs_in_order[0])
+    return (
+        phrase("{n} runs", n=n) if n > 1 else phrase("the run {name}", name=body.runs_in_order[0])
+    )
 
 
 def _narrowed(result: ReanalysisResult, name: str) -> str:
     shares = [band.median_ratio for band in result.bodies[name].bands.values()]
-    return phrase("between {low} and {high}", low=percentage(min(shares)), high=percentage(max(shares))) if shares else phrase("an unknown part")
+    return (
+        phrase(
+            "between {low} and {high}", low=percentage(min(shares)), high=percentage(max(shares))
+        )
+        if shares
+        else phrase("an unknown part")
+    )
 
 
 def _residuals_shown(result: ReanalysisResult, name: str) -> str:
@@ -240,8 +391,10 @@ def _residuals_shown(result: ReanalysisResult, name: str) -> str:
 
 def _energies(result: ReanalysisResult) -> dict[str, str]:
     return {
-        name: energy_words(body.drift) + (f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else "")
-        for name, body in result.bodies.items() if body.joint.status == "ok"
+        name: energy_words(body.drift)
+        + (f". {average_words(body.energies)}".rstrip(".") if body.drift.determined else "")
+        for name, body in result.bodies.items()
+        if body.joint.status == "ok"
     }
 
 
@@ -259,14 +412,25 @@ def _of_line(result: ReanalysisResult) -> list[Estimate]:
     if line is None or line.status != "ok":
         return []
     own = f"gamma[{line.body}]"
-    true = next((body.joint.parameters[own].true for body in result.bodies.values() if own in body.joint.parameters), None)
+    true = next(
+        (
+            body.joint.parameters[own].true
+            for body in result.bodies.values()
+            if own in body.joint.parameters
+        ),
+        None,
+    )
     return [line_estimate(line, true)]
 
 
 def _status_words(result: ReanalysisResult) -> str:
     bad = [what for what, status in result.statuses.items() if status != "ok"]
     n = len(result.statuses)
-    return phrase("ok, all {n} results", n=n) if not bad else phrase("{good} of {n} results ok", good=n - len(bad), n=n)
+    return (
+        phrase("ok, all {n} results", n=n)
+        if not bad
+        else phrase("{good} of {n} results ok", good=n - len(bad), n=n)
+    )
 
 
 def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
@@ -275,7 +439,10 @@ def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     reasons |= {f"joint fit of {name}": body.joint.reasons for name, body in result.bodies.items()}
     reasons |= {} if result.line is None else {"line": result.line.reasons}
     wrong = [(what, status) for what, status in result.statuses.items() if status != "ok"]
-    return [(f"{_called(what, result.runs, result.bodies)}, {status}", "; ".join(reasons.get(what, []))) for what, status in wrong]
+    return [
+        (f"{_called(what, result.runs, result.bodies)}, {status}", "; ".join(reasons.get(what, [])))
+        for what, status in wrong
+    ]
 
 
 def called(r: Reanalysis, what: str) -> str:
@@ -294,7 +461,10 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
     table = []
     for name, run in result.runs.items():
         own = {split_level(full)[0]: full for full in run.parameters}
-        cells = [_single_cell(own[key], run) if key in own else "" for key in ("gamma", "kappa", "theta0", "phi")]
+        cells = [
+            _single_cell(own[key], run) if key in own else ""
+            for key in ("gamma", "kappa", "theta0", "phi")
+        ]
         table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
     return table
 
@@ -312,14 +482,28 @@ def _limit_words(body: BodySummary) -> list[str]:
             continue
         symbol = body.joint.labels.symbol(name)
         clauses = [
-            phrase("{u} if {symbol} were known exactly", u=format_limit(limit.u_known), symbol=body.joint.labels.symbol(limit.group))
+            phrase(
+                "{u} if {symbol} were known exactly",
+                u=format_limit(limit.u_known),
+                symbol=body.joint.labels.symbol(limit.group),
+            )
             for limit in found
             if limit.u_known < 0.9 * limit.u
         ]
         u, ways = format_limit(found[0].u), phrase("; to ").join(clauses)
         sentences.append(
-            phrase("u({symbol}) = {u} (least squares) would fall to {ways}.", symbol=symbol, u=u, ways=ways) if clauses
-            else phrase("u({symbol}) = {u} (least squares) is not limited by any other single quantity.", symbol=symbol, u=u)
+            phrase(
+                "u({symbol}) = {u} (least squares) would fall to {ways}.",
+                symbol=symbol,
+                u=u,
+                ways=ways,
+            )
+            if clauses
+            else phrase(
+                "u({symbol}) = {u} (least squares) is not limited by any other single quantity.",
+                symbol=symbol,
+                u=u,
+            )
         )
     return sentences
 
@@ -330,13 +514,27 @@ def format_limit(u: float) -> str:
 
 
 def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
-    """Uncertainty of gamma and kappa against the number of runs fit together, beside single runs."""
+    """Uncertainty of gamma and kappa against the number of runs fit together, beside single
+    runs.
+    """
     pairs = [(found, i) for found in tables for i in range(len(found.names))]
     figure, axes = grid(len(pairs), height=2.9, columns=2)
     for ax, (found, i) in zip(axes, pairs, strict=True):
         count = np.arange(1, len(found.runs) + 1)
-        ax.plot(count, found.u[:, i], "o-", color=BLUE, label=phrase("joint fit of runs up to this one"))
-        ax.plot(count, found.u_single[:, i], "s", color=INK, label=phrase("this run alone"), zorder=3, mfc="none", mew=1.6, ms=8)
+        ax.plot(
+            count, found.u[:, i], "o-", color=BLUE, label=phrase("joint fit of runs up to this one")
+        )
+        ax.plot(
+            count,
+            found.u_single[:, i],
+            "s",
+            color=INK,
+            label=phrase("this run alone"),
+            zorder=3,
+            mfc="none",
+            mew=1.6,
+            ms=8,
+        )
         if np.isfinite(found.u_prior[i]):
             ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated value"))
         shown = np.array([*found.u[:, i], *found.u_single[:, i], found.u_prior[i]])

@@ -1,4 +1,6 @@
-"""The parts of `result.json`, and how its numbers are shown; `estim.reports.result` puts them together."""
+"""The parts of `result.json`, and how its numbers are shown; `estim.reports.result` puts them
+together.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ _MOST = 150  # parameters: the matrix grows with their square
 
 
 class CertificateSummary(msgspec.Struct, frozen=True):
-    """A second computation of the posterior, without a chain, and what comparing it with the chain says."""
+    """A second computation of the posterior, without a chain, and what comparing it with the chain
+    says.
+    """
 
     verdict: str
     reason: str
@@ -36,7 +40,9 @@ class CertificateSummary(msgspec.Struct, frozen=True):
 
 
 class Profile(msgspec.Struct, frozen=True):
-    """Profile-posterior interval: how far a parameter can move with all others re-optimised; an open side has no limit."""
+    """Profile-posterior interval: how far a parameter can move with all others re-optimised; an
+    open side has no limit.
+    """
 
     low_68: float
     high_68: float
@@ -88,12 +94,14 @@ class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
     y: str
     n_obs: int
     noise: str
-    complete: str | None  # why the curve is taken as complete, or how probable it is that one of the user's is not
+    # why the curve is taken as complete, or how probable it is that one of the user's is not
+    complete: str | None
     excluded: list[str]
     checks: dict[str, CheckSummary]
     scatter_ratio: float | None
     covered: str | None  # why tests that fail do not count; null where none fails, or they do
-    facts: list[str]  # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
+    # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
+    facts: list[str]
     warnings: list[str]  # what is suspicious about the file
     robust: bool
     outliers: list[Outlier]
@@ -101,7 +109,8 @@ class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
     what: str  # what was fit: "speeds", "positions", ...
     derived: dict[str, Summary]
     sought: list[str]  # those of `derived` that were asked for
-    blank: list[int] = []  # lines of rows without a value, which are left out; absent where there are none
+    # lines of rows without a value, which are left out; absent where there are none
+    blank: list[int] = []
 
 
 class TurningPoint(Summary, frozen=True, kw_only=True):
@@ -143,28 +152,43 @@ class Labels:
     derived: Mapping[str, Mapping[str, Label]]
 
     def symbol(self, name: str) -> str:
-        """Of a parameter ("θ₀[heavy-04]"), or of all that have `name` without their levels ("θ₀")."""
+        """Of a parameter ("θ₀[heavy-04]"), or of all that have `name` without their levels
+        ("θ₀").
+        """
         if name in self.parameters:
             return self.parameters[name].symbol
-        return next(shown.symbol for full, shown in self.bare.items() if split_level(full)[0] == name)
+        return next(
+            shown.symbol for full, shown in self.bare.items() if split_level(full)[0] == name
+        )
 
 
 def labels_of(problem: Problem, values: FloatArray) -> Labels:
     """As those who made the parameters and what follows from them say; values (n_par,)."""
     named = problem.named(values)
     return Labels(
-        parameters={p.name: p.label for p in problem.parameters}, bare={p.name: p.bare_label for p in problem.parameters},
-        derived={run.name: {name: d.label for name, d in run.derived(run.bind(named)).items()} for run in problem.runs},
+        parameters={p.name: p.label for p in problem.parameters},
+        bare={p.name: p.bare_label for p in problem.parameters},
+        derived={
+            run.name: {name: d.label for name, d in run.derived(run.bind(named)).items()}
+            for run in problem.runs
+        },
     )
 
 
 def names_as_labels(units: Mapping[str, str], derived: Mapping[str, Mapping[str, str]]) -> Labels:
-    """Where only names and units are known: of the parameters, and of what is derived for each run."""
+    """Where only names and units are known: of the parameters, and of what is derived for each
+    run.
+    """
     split = {name: (*split_level(name), unit) for name, unit in units.items()}
     return Labels(
-        parameters={name: Notation(base).label(unit, level) for name, (base, level, unit) in split.items()},
+        parameters={
+            name: Notation(base).label(unit, level) for name, (base, level, unit) in split.items()
+        },
         bare={name: Notation(base).label(unit) for name, (base, _, unit) in split.items()},
-        derived={run: {name: Notation(name).label(unit) for name, unit in found.items()} for run, found in derived.items()},
+        derived={
+            run: {name: Notation(name).label(unit) for name, unit in found.items()}
+            for run, found in derived.items()
+        },
     )
 
 
@@ -181,12 +205,16 @@ def outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
     """Those of a run."""
     return [
         Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
-        for found in analysis.outliers if found.run == run.name for i in found.frames
+        for found in analysis.outliers
+        if found.run == run.name
+        for i in found.frames
     ]
 
 
 class BadFrame(msgspec.Struct, frozen=True):
-    """A frame whose reading is shifted, or from which on all are, found beside an unmodelled force; its shift is one more unknown of the fit."""
+    """A frame whose reading is shifted, or from which on all are, found beside an unmodelled force;
+    its shift is one more unknown of the fit.
+    """
 
     kind: str  # "frame": this one reading; "step": all from it on; "clock": all times from it on
     t_s: float | None
@@ -202,10 +230,17 @@ def bad_frames(forces: Sequence[FoundForce], run: str) -> list[BadFrame]:
     """Those of one run, in the order of time."""
     return [
         BadFrame(
-            jump.kind, number(jump.t), jump.line or None, jump.size, jump.sd, "s" if jump.kind == "clock" else found.reading_unit,
-            jump.probability, tell(words),
+            jump.kind,
+            number(jump.t),
+            jump.line or None,
+            jump.size,
+            jump.sd,
+            "s" if jump.kind == "clock" else found.reading_unit,
+            jump.probability,
+            tell(words),
         )
-        for found in forces if found.run == run
+        for found in forces
+        if found.run == run
         for jump, words in zip(found.bad.jumps, bad_frames_found(found), strict=True)
     ]
 
@@ -219,22 +254,33 @@ class ParameterSummary(Summary, frozen=True, kw_only=True):
     rhat: float | None
     mcse: float | None
     stated: str  # what was said of it before, in words and shown units; "" for nothing
-    measured: bool | None  # whether the data say something of it: neither a limit nor known hardly better than before; null where not ok
+    # whether the data say something of it: neither a limit nor known hardly better than before;
+    # null where not ok
+    measured: bool | None
     upper_95: float | None  # one-sided limit of what cannot be negative and may be zero
     true: float | None  # of synthetic data whose truth is known
 
 
 def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) -> ParameterSummary:
     """Of the parameter at place i.  truth : name -> true value, where it is known."""
-    parameter, diagnosis, draws = analysis.problem.parameters[i], analysis.diagnosis, analysis.chain.flat[:, i]
+    parameter = analysis.problem.parameters[i]
+    diagnosis = analysis.diagnosis
+    draws = analysis.chain.flat[:, i]
     summary = analysis.summaries[i]
     upper = upper_limit(summary, parameter.prior, draws)
     return ParameterSummary(
-        **msgspec.structs.asdict(summary), prior=parameter.prior.describe(),
+        **msgspec.structs.asdict(summary),
+        prior=parameter.prior.describe(),
         prior_mean=number(parameter.prior.expectation),
-        prior_sd=number(parameter.prior.sd), ess_bulk=number(diagnosis.ess_bulk[i]), ess_tail=number(diagnosis.ess_tail[i]),
-        rhat=number(diagnosis.rhat[i]), mcse=number(diagnosis.mcse[i]), stated=parameter.prior.stated_words(parameter.unit, parameter.label),
-        measured=is_measured(summary, parameter.prior, upper) if diagnosis.ok else None, upper_95=upper, true=truth.get(parameter.name),
+        prior_sd=number(parameter.prior.sd),
+        ess_bulk=number(diagnosis.ess_bulk[i]),
+        ess_tail=number(diagnosis.ess_tail[i]),
+        rhat=number(diagnosis.rhat[i]),
+        mcse=number(diagnosis.mcse[i]),
+        stated=parameter.prior.stated_words(parameter.unit, parameter.label),
+        measured=is_measured(summary, parameter.prior, upper) if diagnosis.ok else None,
+        upper_95=upper,
+        true=truth.get(parameter.name),
     )
 
 
@@ -246,7 +292,9 @@ def correlation_of(analysis: Analysis) -> Correlation:
 
 
 def _told(analysis: Analysis) -> list[int]:
-    """Places of half as many parameters in order, shared ones first, then whole runs by their strongest correlation."""
+    """Places of half as many parameters in order, shared ones first, then whole runs by their
+    strongest correlation.
+    """
     problem, draws = analysis.problem, analysis.chain.flat
     if problem.n_par <= _MOST:
         return list(range(problem.n_par))

@@ -11,7 +11,18 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import InputError, Notation, as_json, decide, format_quantity, kind_words, later, one_line, phrase, signed
+from estim.common import (
+    InputError,
+    Notation,
+    as_json,
+    decide,
+    format_quantity,
+    kind_words,
+    later,
+    one_line,
+    phrase,
+    signed,
+)
 from estim.drawing import BLUE, GREEN, INK, MARKS, draw_bands, legend_below, new_figure
 from estim.line import ThetaMinSeries
 from estim.reports.pages import page
@@ -32,9 +43,7 @@ MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
 _ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-_ORIGINS = {
-    "asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m"),
-}
+_ORIGINS = {"asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m")}
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
 _DARK_VERMILION = "#B34700"
 _NEAR = 0.1  # of the axis of tilts, half as much of the other: runs nearer than this have one label
@@ -45,11 +54,21 @@ _ENDS = {
         "ramp": later("turns back at the end of the ramp ({m:.3g} m)"),
         "recorded way": later("turns back at the end of the recorded path ({m:.3g} m)"),
     },
-    "climbs on": {"ramp": later("climbs and turns back on the ramp"), "recorded way": later("climbs and turns back on the recorded path")},
-    "turns on": {"ramp": later("turns back on the ramp"), "recorded way": later("turns back on the recorded path")},
-    "climbs past": {"ramp": later("climbs past the end of the ramp"), "recorded way": later("climbs past the end of the recorded path")},
+    "climbs on": {
+        "ramp": later("climbs and turns back on the ramp"),
+        "recorded way": later("climbs and turns back on the recorded path"),
+    },
+    "turns on": {
+        "ramp": later("turns back on the ramp"),
+        "recorded way": later("turns back on the recorded path"),
+    },
+    "climbs past": {
+        "ramp": later("climbs past the end of the ramp"),
+        "recorded way": later("climbs past the end of the recorded path"),
+    },
     "turns beyond": {
-        "ramp": later("turns back only beyond the end of the ramp"), "recorded way": later("turns back only beyond the end of the recorded path"),
+        "ramp": later("turns back only beyond the end of the ramp"),
+        "recorded way": later("turns back only beyond the end of the recorded path"),
     },
 }
 
@@ -65,14 +84,17 @@ class Spread(msgspec.Struct, frozen=True):
 
 
 class TiltOnMap(msgspec.Struct, frozen=True):
-    """What the body does at one tilt.  Angles of release in rad, distances in m; null where there is none."""
+    """What the body does at one tilt.  Angles of release in rad, distances in m; null where there
+    is none.
+    """
 
     phi: float
     least: Spread  # angle of release from which it sets off
     largest: Spread
     rolls_on_up_to: Spread | None  # from the least angle to here it rolls over the top and on
     passes_up_to: Spread | None  # and to here it passes the end of the ramp
-    farthest: Spread | None  # how far it gets, released at the least angle; null where it may roll on
+    # how far it gets, released at the least angle; null where it may roll on
+    farthest: Spread | None
 
 
 class RunOnMap(msgspec.Struct, frozen=True):
@@ -115,34 +137,59 @@ class MapResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int, voice: Voice = Voice.PYTHON) -> MapResult:
+def map_result(
+    campaign: Campaign, maps: Sequence[BodyMap], *, seed: int, voice: Voice = Voice.PYTHON
+) -> MapResult:
     """The record of maps."""
     findings = [finding for found in maps for finding in found.findings]
     fitted = maps[0].known.fitted
     return MapResult(
-        MAP_SCHEMA, campaign.title, campaign.kind, decide(findings), list(map(tell, findings)), advice_for(findings, voice),
-        None if fitted is None else one_line(fitted.place), {found.body: _body(found) for found in maps},
+        MAP_SCHEMA,
+        campaign.title,
+        campaign.kind,
+        decide(findings),
+        list(map(tell, findings)),
+        advice_for(findings, voice),
+        None if fitted is None else one_line(fitted.place),
+        {found.body: _body(found) for found in maps},
         provenance(campaign, [place.run for found in maps for place in found.runs], seed),
     )
 
 
 def map_report(
-    campaign: Campaign, maps: Sequence[BodyMap], line: ThetaMinSeries | None, *, seed: int, voice: Voice = Voice.PYTHON, figures: bool = True
+    campaign: Campaign,
+    maps: Sequence[BodyMap],
+    line: ThetaMinSeries | None,
+    *,
+    seed: int,
+    voice: Voice = Voice.PYTHON,
+    figures: bool = True,
 ) -> dict[str, bytes]:
-    """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of one body."""
+    """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
+    one body.
+    """
     result = map_result(campaign, maps, seed=seed, voice=voice)
     drawers: dict[str, Callable[[], Figure]] = {}
     for found in maps:
         own = line if line is not None and line.body == found.body else None
         drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own)
     text = partial(
-        render, "map.md.j2", result=result, kind=kind_words(campaign.kind), status_words=STATUS_WORDS,
+        render,
+        "map.md.j2",
+        result=result,
+        kind=kind_words(campaign.kind),
+        status_words=STATUS_WORDS,
         parts=[(found, result.bodies[found.body]) for found in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
-        spread=_spread_words, degrees=_degrees, per_radian=_DEGREES, line_body=None if line is None else line.body,
+        spread=_spread_words,
+        degrees=_degrees,
+        per_radian=_DEGREES,
+        line_body=None if line is None else line.body,
         way=_way_words,
     )
-    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"result.json": as_json(result)}
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {
+        "result.json": as_json(result)
+    }
 
 
 def _way_words(found: BodyMap) -> dict[str, str]:
@@ -159,8 +206,12 @@ def map_lines(found: BodyMap) -> list[str]:
 
 def _body(found: BodyMap) -> BodyOnMap:
     return BodyOnMap(
-        found.end.length, found.end.origin, _spread(found.steepest), [_tilt(found, phi) for phi in _tilts(found)],
-        {place.run: _run(found, place) for place in found.runs}, list(found.left_out),
+        found.end.length,
+        found.end.origin,
+        _spread(found.steepest),
+        [_tilt(found, phi) for phi in _tilts(found)],
+        {place.run: _run(found, place) for place in found.runs},
+        list(found.left_out),
     )
 
 
@@ -176,14 +227,24 @@ def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
         with np.errstate(invalid="ignore"):
             return _spread(np.array([np.interp(phi, places, level) for level in border]))
 
-    lowest, on, passes = (at(border, found.phi) for border in (found.lowest, found.rolls_on, found.passes))
+    lowest, on, passes = (
+        at(border, found.phi) for border in (found.lowest, found.rolls_on, found.passes)
+    )
     sets_off = bool(np.interp(phi, found.phi, found.highest[2] - found.lowest[2]) > 1e-6)
-    some_on = sets_off and bool(np.interp(phi, found.phi, found.rolls_on[4] - found.lowest[4]) > 1e-6)
-    some_pass = sets_off and bool(np.interp(phi, found.phi, found.passes[2] - found.rolls_on[2]) > 1e-6)
+    some_on = sets_off and bool(
+        np.interp(phi, found.phi, found.rolls_on[4] - found.lowest[4]) > 1e-6
+    )
+    some_pass = sets_off and bool(
+        np.interp(phi, found.phi, found.passes[2] - found.rolls_on[2]) > 1e-6
+    )
     farthest = at(found.farthest, found.far_phi)
     return TiltOnMap(
-        float(phi), lowest if sets_off else _NOWHERE, at(found.highest, found.phi) if sets_off else _NOWHERE, on if some_on else None,
-        passes if some_pass else None, farthest if farthest.high_95 is not None and sets_off and phi >= 0.0 else None,
+        float(phi),
+        lowest if sets_off else _NOWHERE,
+        at(found.highest, found.phi) if sets_off else _NOWHERE,
+        on if some_on else None,
+        passes if some_pass else None,
+        farthest if farthest.high_95 is not None and sets_off and phi >= 0.0 else None,
     )
 
 
@@ -197,7 +258,14 @@ _NOWHERE = Spread(None, None, None, None, None)
 
 def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
     return RunOnMap(
-        *place.phi, *place.theta0, place.sets_off, _spread(place.stop), place.farthest, place.turned, place.agrees, place_words(found, place),
+        *place.phi,
+        *place.theta0,
+        place.sets_off,
+        _spread(place.stop),
+        place.farthest,
+        place.turned,
+        place.agrees,
+        place_words(found, place),
     )
 
 
@@ -209,11 +277,15 @@ def _degrees(spread: Spread | None) -> str:
 def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
     if spread is None or spread.median is None or spread.low_68 is None or spread.high_68 is None:
         return "—"
-    return signed(format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68)))
+    return signed(
+        format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68))
+    )
 
 
 def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
-    """What the body does, over tilt and angle of release; the distance to the turning point as contours in m."""
+    """What the body does, over tilt and angle of release; the distance to the turning point as
+    contours in m.
+    """
     from matplotlib.lines import Line2D
 
     figure = new_figure(6.2)
@@ -226,22 +298,41 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
         if high is not None:
             _band(ax, found.phi, high, colour)
     limits = (
-        phrase("smallest and largest angle to start, with 68 and 95 %") if found.downhill
+        phrase("smallest and largest angle to start, with 68 and 95 %")
+        if found.downhill
         else phrase("smallest and largest angle to climb, with 68 and 95 %")
     )
     handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
     if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
         said = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
         handles.append(Line2D([], [], color=_DARK_VERMILION, lw=1.8, label=said))
-    if found.downhill and np.any((found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])):
-        handles.append(Line2D([], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")))
+    if found.downhill and np.any(
+        (found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])
+    ):
+        handles.append(
+            Line2D(
+                [], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")
+            )
+        )
     if np.any(np.isfinite(found.contours)):
-        handles.append(Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns back after this distance (m)")))
+        handles.append(
+            Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns back after this distance (m)"))
+        )
     if line is not None:
         handles.append(_line_points(ax, line))
     _frame(ax, found)
     _runs(ax, found)
-    handles.append(Line2D([], [], color=INK, marker="o", ls="", ms=5, label=phrase("runs, with one standard uncertainty")))
+    handles.append(
+        Line2D(
+            [],
+            [],
+            color=INK,
+            marker="o",
+            ls="",
+            ms=5,
+            label=phrase("runs, with one standard uncertainty"),
+        )
+    )
     legend_below(figure, ncols=2, handles=handles)
     return figure
 
@@ -251,26 +342,54 @@ def _frame(ax: Axes, found: BodyMap) -> None:
     ax.set(xlabel=along, ylabel=phrase("angle of release θ₀ (°)"))
     ax.set_xlim(found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES)
     ax.set_ylim(*(end * _DEGREES for end in found.theta0_range))
-    ax.yaxis.set_ticks(np.arange(np.ceil(found.theta0_range[0] * _DEGREES / 30.0), found.theta0_range[1] * _DEGREES / 30.0 + 1e-9) * 30.0)
+    ax.yaxis.set_ticks(
+        np.arange(
+            np.ceil(found.theta0_range[0] * _DEGREES / 30.0),
+            found.theta0_range[1] * _DEGREES / 30.0 + 1e-9,
+        )
+        * 30.0
+    )
     ax.set_title(found.body)
 
 
 def _zones(ax: Axes, found: BodyMap) -> None:
     ax.set_facecolor(_STILL)
-    phi, lowest, highest, on, passes = found.phi * _DEGREES, *(b[2] * _DEGREES for b in (found.lowest, found.highest, found.rolls_on, found.passes))
-    for low, high, colour in ((lowest, on, _ROLLS), (on, passes, _PASSES), (passes, highest, _TURNS)):
-        ax.fill_between(phi, low, high, where=high > low, color=colour, lw=0, zorder=0.5, interpolate=True)
+    phi, lowest, highest, on, passes = (
+        found.phi * _DEGREES,
+        *(b[2] * _DEGREES for b in (found.lowest, found.highest, found.rolls_on, found.passes)),
+    )
+    for low, high, colour in (
+        (lowest, on, _ROLLS),
+        (on, passes, _PASSES),
+        (passes, highest, _TURNS),
+    ):
+        ax.fill_between(
+            phi, low, high, where=high > low, color=colour, lw=0, zorder=0.5, interpolate=True
+        )
 
 
 def _zone_patches(found: BodyMap) -> Iterator[Patch]:
     from matplotlib.patches import Patch
 
-    down = phrase("rolls down, or does not move") if not found.downhill else phrase("starts in the other direction")
-    yield Patch(fc=_STILL, label=phrase("starts uphill instead, or does not move") if not found.uphill else down)
+    down = (
+        phrase("rolls down, or does not move")
+        if not found.downhill
+        else phrase("starts in the other direction")
+    )
+    yield Patch(
+        fc=_STILL,
+        label=phrase("starts uphill instead, or does not move") if not found.uphill else down,
+    )
     if np.any(found.highest[2] > found.passes[2]):
-        yield Patch(fc=_TURNS, label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]))
+        yield Patch(
+            fc=_TURNS,
+            label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]),
+        )
     if np.any(found.passes[2] > found.rolls_on[2]):
-        yield Patch(fc=_PASSES, label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]))
+        yield Patch(
+            fc=_PASSES,
+            label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]),
+        )
     if np.any(found.rolls_on[2] > found.lowest[2]):
         yield Patch(fc=_ROLLS, label=phrase("rolls on without end"))
 
@@ -279,18 +398,26 @@ def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, st
     if np.any(found.passes[2] > found.rolls_on[2]):
         yield np.where(found.passes > found.rolls_on, found.passes, np.nan), None, _DARK_VERMILION
     if found.downhill:
-        on = np.where((found.rolls_on > found.lowest) & (found.rolls_on < found.highest), found.rolls_on, np.nan)
+        on = np.where(
+            (found.rolls_on > found.lowest) & (found.rolls_on < found.highest),
+            found.rolls_on,
+            np.nan,
+        )
         yield on, None, GREEN
     yield found.lowest, found.highest, INK
 
 
 def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str) -> None:
-    """A border with its 68 and 95 % bands; its line where half of the draws have it.  border : (5, n_phi) rad."""
+    """A border with its 68 and 95 % bands; its line where half of the draws have it.  border : (5,
+    n_phi) rad.
+    """
     degrees = border * _DEGREES
-    jump = np.flatnonzero(np.abs(np.diff(border[2])) > 2.0)  # of a body without a heavy side, which sets off from every angle or from none
+    # of a body without a heavy side, which sets off from every angle or from none
+    jump = np.flatnonzero(np.abs(np.diff(border[2])) > 2.0)
     for at in jump:
         ax.axvline(phi[at] * _DEGREES, color=colour, lw=1.8, zorder=2.5)
-    flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)  # it is nowhere
+    # it is nowhere
+    flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)
     degrees[2, flat] = np.nan
     draw_bands(ax, phi * _DEGREES, degrees, colour, zorder=2.0)
 
@@ -305,37 +432,82 @@ def _distances(ax: Axes, found: BodyMap) -> None:
         ax.plot(phi, release * _DEGREES, color=BLUE, lw=0.8, zorder=1.5)
         if there.size > 0.06 * phi.size:
             at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
-            ax.text(phi[at], release[at] * _DEGREES, f"{stop:.3g}", fontsize=8, color=BLUE, ha="center", va="center", zorder=1.6, clip_on=True,
-                    bbox={"fc": _TURNS, "ec": "none", "pad": 0.6})  # fmt: skip
+            ax.text(
+                phi[at],
+                release[at] * _DEGREES,
+                f"{stop:.3g}",
+                fontsize=8,
+                color=BLUE,
+                ha="center",
+                va="center",
+                zorder=1.6,
+                clip_on=True,
+                bbox={"fc": _TURNS, "ec": "none", "pad": 0.6},
+            )
 
 
 def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:
     return ax.errorbar(
-        line.phi * _DEGREES, line.theta_min * _DEGREES, xerr=line.u_phi * _DEGREES, yerr=line.u_theta_min * _DEGREES, fmt="s", color=_DARK_VERMILION,
-        mfc="white", ms=4.5, lw=0.9, zorder=4, label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
+        line.phi * _DEGREES,
+        line.theta_min * _DEGREES,
+        xerr=line.u_phi * _DEGREES,
+        yerr=line.u_theta_min * _DEGREES,
+        fmt="s",
+        color=_DARK_VERMILION,
+        mfc="white",
+        ms=4.5,
+        lw=0.9,
+        zorder=4,
+        label=phrase("{theta_min} as measured", theta_min=_THETA_MIN),
     )
 
 
 def _runs(ax: Axes, found: BodyMap) -> None:
-    """Error bars of the runs; runs near each other have one label, on the side where there is room."""
+    """Error bars of the runs; runs near each other have one label, on the side where there is
+    room.
+    """
     width, height = np.ptp(found.phi), found.theta0_range[1] - found.theta0_range[0]
     groups: list[list[RunPlace]] = []
     for i, place in enumerate(found.runs):
         at = np.array([place.phi[0], place.theta0[0]]) * _DEGREES
         u = np.array([place.phi[1], place.theta0[1]]) * _DEGREES
-        ax.errorbar(at[0], at[1], xerr=u[0], yerr=u[1], fmt=MARKS[i % len(MARKS)], color=INK, ms=5, lw=1.2, zorder=5)
-        near = (g for g in groups if abs(g[0].phi[0] - place.phi[0]) < _NEAR * width and abs(g[0].theta0[0] - place.theta0[0]) < 0.5 * _NEAR * height)
+        ax.errorbar(
+            at[0],
+            at[1],
+            xerr=u[0],
+            yerr=u[1],
+            fmt=MARKS[i % len(MARKS)],
+            color=INK,
+            ms=5,
+            lw=1.2,
+            zorder=5,
+        )
+        near = (
+            g
+            for g in groups
+            if abs(g[0].phi[0] - place.phi[0]) < _NEAR * width
+            and abs(g[0].theta0[0] - place.theta0[0]) < 0.5 * _NEAR * height
+        )
         group = next(near, None)
         if group is None:
             groups.append([place])
         else:
             group.append(place)
     for group in groups:
-        names = [place.run for place in group[:_NAMED]] + ([phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else [])
+        names = [place.run for place in group[:_NAMED]] + (
+            [phrase("and {n} more", n=len(group) - _NAMED)] if len(group) > _NAMED else []
+        )
         left = group[0].phi[0] > found.phi.mean()
         ax.annotate(
-            "\n".join(names), (group[0].phi[0] * _DEGREES, group[0].theta0[0] * _DEGREES), (-6 if left else 6, 5), textcoords="offset points",
-            ha="right" if left else "left", va="bottom", color=INK, zorder=7, bbox={"fc": "white", "ec": "none", "alpha": 0.65, "pad": 0.6},
+            "\n".join(names),
+            (group[0].phi[0] * _DEGREES, group[0].theta0[0] * _DEGREES),
+            (-6 if left else 6, 5),
+            textcoords="offset points",
+            ha="right" if left else "left",
+            va="bottom",
+            color=INK,
+            zorder=7,
+            bbox={"fc": "white", "ec": "none", "alpha": 0.65, "pad": 0.6},
         )
 
 
@@ -351,50 +523,84 @@ def _start_words(place: RunPlace) -> str:
     uphill, chance = place.phi[0] >= 0.0, sure(place.sets_off)
     if place.sets_off < 0.5:
         return (
-            phrase("does not climb (it climbs with {chance})", chance=chance) if uphill
+            phrase("does not climb (it climbs with {chance})", chance=chance)
+            if uphill
             else phrase("does not start downhill (it does with {chance})", chance=chance)
         )
-    return phrase("climbs ({chance})", chance=chance) if uphill else phrase("rolls down ({chance})", chance=chance)
+    return (
+        phrase("climbs ({chance})", chance=chance)
+        if uphill
+        else phrase("rolls down ({chance})", chance=chance)
+    )
 
 
 def _end_words(place: RunPlace) -> str:
     """Where it turns."""
     if not np.isfinite(place.stop[2]):
         return phrase("and on for ever")
-    return phrase("turns at {at} m", at=format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))))
+    return phrase(
+        "turns at {at} m",
+        at=format_quantity(float(place.stop[2]), float(0.5 * (place.stop[3] - place.stop[1]))),
+    )
 
 
 def _recording_words(place: RunPlace, *, as_it_may: bool) -> str:
     at, chance = place.farthest, sure(place.agrees)
     if place.turned:
-        return phrase("its recording turns back at {at:.3g} m, which is compatible ({chance})", at=at, chance=chance) if as_it_may else phrase(
-            "its recording turns back at {at:.3g} m", at=at
+        return (
+            phrase(
+                "its recording turns back at {at:.3g} m, which is compatible ({chance})",
+                at=at,
+                chance=chance,
+            )
+            if as_it_may
+            else phrase("its recording turns back at {at:.3g} m", at=at)
         )
-    return phrase("its recording extends to {at:.3g} m, which is compatible ({chance})", at=at, chance=chance) if as_it_may else phrase(
-        "its recording extends to {at:.3g} m", at=at
+    return (
+        phrase(
+            "its recording extends to {at:.3g} m, which is compatible ({chance})",
+            at=at,
+            chance=chance,
+        )
+        if as_it_may
+        else phrase("its recording extends to {at:.3g} m", at=at)
     )
 
 
 def fitted_values(campaign: Campaign, text: str, *, place: str) -> FittedValues:
     """Means and covariance of the parameters in `text`, a `result.json` that stands at `place`.
 
-    A parameter on an edge of its prior has no mean: it is left to its prior.  Raises InputError where it is no result of this campaign as it stands,
-    or not ok.
+    A parameter on an edge of its prior has no mean: it is left to its prior.  Raises InputError
+    where it is no result of this campaign as it stands, or not ok.
     """
     try:
         result = msgspec.json.decode(text, type=Result)
     except (msgspec.DecodeError, msgspec.ValidationError):
-        raise InputError(f"must be the result.json of `estim fit` ({SCHEMA})", field="--fit", file=place) from None
+        raise InputError(
+            f"must be the result.json of `estim fit` ({SCHEMA})", field="--fit", file=place
+        ) from None
     if result.status != "ok":
-        raise InputError("must be that of a fit that is ok", field="status", value=result.status, file=place)
+        raise InputError(
+            "must be that of a fit that is ok", field="status", value=result.status, file=place
+        )
     if result.provenance.campaign_sha256 != campaign.sha256:
-        raise InputError("must be that of the campaign as it stands: fit it again", field="campaign_sha256", file=place)
-    known = {name: p for name, p in result.parameters.items() if p.mean is not None and p.sd is not None}
+        raise InputError(
+            "must be that of the campaign as it stands: fit it again",
+            field="campaign_sha256",
+            file=place,
+        )
+    known = {
+        name: p for name, p in result.parameters.items() if p.mean is not None and p.sd is not None
+    }
     chosen = [i for i, name in enumerate(result.correlation.names) if name in known]
     names = tuple(result.correlation.names[i] for i in chosen)
     sds = np.array([known[name].sd for name in names], dtype=float)
     correlation = np.array(result.correlation.matrix, dtype=float)
     if correlation.shape != (len(result.correlation.names),) * 2 or not names:
-        raise InputError("must be a square matrix with a row for each parameter", field="correlation", file=place)
+        raise InputError(
+            "must be a square matrix with a row for each parameter", field="correlation", file=place
+        )
     means = np.array([known[name].mean for name in names], dtype=float)
-    return FittedValues(names, means, correlation[np.ix_(chosen, chosen)] * np.outer(sds, sds), place)
+    return FittedValues(
+        names, means, correlation[np.ix_(chosen, chosen)] * np.outer(sds, sds), place
+    )

@@ -1,9 +1,11 @@
-"""Templates of `templates/` filled in, their sentences translated before they are compiled; numbers of a table that belong together.
+"""Templates of `templates/` filled in, their sentences translated before they are compiled; numbers
+of a table that belong together.
 
-Every value that a template prints goes through `markdown`, which no template can forget: it is the environment's `finalize`.
-What is `Markdown` already passes.  A sentence is a row of a table, an item of a list, a heading, or the lines of a paragraph up to a blank line or
-a line of tags alone; white space in it counts as a blank.  Tags inside it belong to it: a translation keeps them and puts them where its grammar
-wants them.
+Every value that a template prints goes through `markdown`, which no template can forget: it is the
+environment's `finalize`.  What is `Markdown` already passes.  A sentence is a row of a table, an
+item of a list, a heading, or the lines of a paragraph up to a blank line or a line of tags alone;
+white space in it counts as a blank.  Tags inside it belong to it: a translation keeps them and puts
+them where its grammar wants them.
 """
 
 from __future__ import annotations
@@ -15,20 +17,37 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from estim.checks import P_FLOOR
-from estim.common import Markdown, code, destination, format_p, format_quantity, language, markdown, p_digits, percentage, phrase, signed, significant
+from estim.common import (
+    Markdown,
+    code,
+    destination,
+    format_p,
+    format_quantity,
+    language,
+    markdown,
+    p_digits,
+    percentage,
+    phrase,
+    signed,
+    significant,
+)
 
 if TYPE_CHECKING:
     import jinja2
 
 _TAG = re.compile(r"\{%.*?%\}|\{#.*?#\}", re.DOTALL)
 _MARKED = re.compile(r"\{\{.*?\}\}|\{%.*?%\}|\{#.*?#\}|`[^`]*`|</?\w[^>]*>", re.DOTALL)
-_QUOTED = re.compile(r"\{[{%][^}]*?(?:\bif\b|\belse\b|~)[^}]*?[\"'][^\"']*[A-Za-z]{2}[^\"']*[\"'][^}]*?[%}]\}")
+_QUOTED = re.compile(
+    r"\{[{%][^}]*?(?:\bif\b|\belse\b|~)[^}]*?[\"'][^\"']*[A-Za-z]{2}[^\"']*[\"'][^}]*?[%}]\}"
+)
 _WORD = re.compile(r"[^\W\d_]{2}")
 _OWN_LINE = ("|", "#", "-", "*", ">", "<")  # begins a sentence of its own
 
 
 def p_words(p: float) -> str:
-    """A p-value for a table: '0.031', or '< 5e-5' where it is the least that simulation can tell."""
+    """A p-value for a table: '0.031', or '< 5e-5' where it is the least that simulation can
+    tell.
+    """
     return f"< {p_digits(P_FLOOR, 1)}" if p <= P_FLOOR else p_digits(p)
 
 
@@ -43,33 +62,53 @@ def sentence(words: str) -> str:
 
 
 def folded(title: str, body: str, *, opened: bool) -> Markdown:
-    """A part of a report that a reader opens, or one that stands `opened`; nothing where it is empty.
+    """A part of a report that a reader opens, or one that stands `opened`; nothing where it is
+    empty.
 
-    GitHub wants blank lines around Markdown inside; a program that knows no such tags shows everything.
+    GitHub wants blank lines around Markdown inside; a program that knows no such tags shows
+    everything.
     """
     inside = body.strip("\n")
     if not inside.strip():
         return Markdown("")
-    return Markdown(inside if opened else f"<details>\n<summary><b>{markdown(title)}</b></summary>\n\n{inside}\n\n</details>")
+    return Markdown(
+        inside
+        if opened
+        else f"<details>\n<summary><b>{markdown(title)}</b></summary>\n\n{inside}\n\n</details>"
+    )
 
 
-def render(template: str, *, pictures: Collection[str] = (), opened: Collection[str] = (), **values: object) -> Markdown:
+def render(
+    template: str, *, pictures: Collection[str] = (), opened: Collection[str] = (), **values: object
+) -> Markdown:
     """A template of `templates/` filled in.
 
-    pictures : paths of the figures beside the report.  `{% call figure(alt, path) %} caption {% endcall %}` shows one of them, and nothing else.
-    opened : keys of the parts that stand open.  `{% call fold(key, title) %} sections {% endcall %}` is folded unless its key is among them.
+    pictures : paths of the figures beside the report.  `{% call figure(alt, path) %} caption {%
+        endcall %}` shows one of them, and nothing else.
+    opened : keys of the parts that stand open.  `{% call fold(key, title) %} sections {% endcall
+        %}` is folded unless its key is among them.
     """
+
     def figure(alt: str, path: str, caller: Callable[[], str] = str) -> Markdown:
-        plain = alt.replace("[", "(").replace("]", ")")  # brackets inside those of an image are not for every program
+        # brackets inside those of an image are not for every program
+        plain = alt.replace("[", "(").replace("]", ")")
         if path not in pictures:
             return Markdown("")
-        return Markdown(f"![{markdown(plain)}]({destination(path)})" + (f"\n\n{caption}" if (caption := caller()) else ""))
+        return Markdown(
+            f"![{markdown(plain)}]({destination(path)})"
+            + (f"\n\n{caption}" if (caption := caller()) else "")
+        )
 
     def fold(key: str, title: str, caller: Callable[[], str]) -> Markdown:
         body = folded(title, caller(), opened=key in opened)
-        return Markdown(f"{body}\n") if body else body  # a template loses the end of the line of its tag, and HTML ends at a blank line
+        # a template loses the end of the line of its tag, and HTML ends at a blank line
+        return Markdown(f"{body}\n") if body else body
 
-    return Markdown(_environment(language()).get_template(template).render(pictures=pictures, figure=figure, fold=fold, **values))
+    return Markdown(
+        _environment(language())
+        .get_template(template)
+        .render(pictures=pictures, figure=figure, fold=fold, **values)
+    )
 
 
 @cache
@@ -80,21 +119,42 @@ def _environment(_language: str) -> jinja2.Environment:
     class Translated(jinja2.PackageLoader):
         """Templates whose sentences are translated before they are compiled."""
 
-        def get_source(self, environment: jinja2.Environment, template: str) -> tuple[str, str, Callable[[], bool] | None]:
+        def get_source(
+            self, environment: jinja2.Environment, template: str
+        ) -> tuple[str, str, Callable[[], bool] | None]:
             source, path, fresh = super().get_source(environment, template)
             return translated(source), path, fresh
 
     environment = jinja2.Environment(
-        loader=Translated("estim.reports"), undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-        keep_trailing_newline=True, autoescape=False, finalize=markdown,
+        loader=Translated("estim.reports"),
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+        finalize=markdown,
     )
-    environment.filters["number"] = lambda v, digits=3: "n/a" if v is None else significant(v, digits)
+    environment.filters["number"] = lambda v, digits=3: (
+        "n/a" if v is None else significant(v, digits)
+    )
     environment.filters["fixed"] = lambda v, form: "n/a" if v is None else form % v
     environment.filters["unit"] = lambda unit: "" if unit == "1" else unit
     environment.filters["beside"] = lambda text, unit: text if unit == "1" else f"{text} {unit}"
-    environment.filters |= {"quantity": format_quantity, "digits": p_digits, "signed": signed, "p": p_words, "p_is": format_p, "percent": percentage}
+    environment.filters |= {
+        "quantity": format_quantity,
+        "digits": p_digits,
+        "signed": signed,
+        "p": p_words,
+        "p_is": format_p,
+        "percent": percentage,
+    }
     environment.globals["phrase"] = phrase
-    environment.filters |= {"cells": cells, "sentence": sentence, "code": code, "destination": destination}
+    environment.filters |= {
+        "cells": cells,
+        "sentence": sentence,
+        "code": code,
+        "destination": destination,
+    }
     return environment
 
 
@@ -116,7 +176,9 @@ def translated(source: str) -> str:
 
 
 def _each(source: str, of: Callable[[str], str]) -> str:
-    """`source` with each sentence that has words replaced by `of` it; where that is the same, the lines stay as they are."""
+    """`source` with each sentence that has words replaced by `of` it; where that is the same, the
+    lines stay as they are.
+    """
     out: list[str] = []
     block: list[str] = []
 
@@ -146,7 +208,8 @@ def _has_words(text: str) -> bool:
 
 
 def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
-    """`value` to the decimal place of the last of `digits` significant digits of `u`; without a usable u to six significant digits.
+    """`value` to the decimal place of the last of `digits` significant digits of `u`; without a
+    usable u to six significant digits.
 
     beside : the larger number next to which it stands, whose notation it shares.
     """

@@ -1,8 +1,10 @@
-"""`result.json`: every number of an analysis in one checked record.  The report prints from it, so the two agree; and its first screen, which is
-also what the terminal and `print` say at the end: what the data gave, what they did not, and what to mind.
+"""`result.json`: every number of an analysis in one checked record.  The report prints from it, so
+the two agree; and its first screen, which is also what the terminal and `print` say at the end:
+what the data gave, what they did not, and what to mind.
 
-Schema "estim-result/1"; the JSON Schema stands in `docs/estim-result-1.schema.json`.  A number that does not exist
-(the standard deviation at a bound, a p-value where the noise was inferred, a mean where the status is not ok) is null.
+Schema "estim-result/1"; the JSON Schema stands in `docs/estim-result-1.schema.json`.  A number that
+does not exist (the standard deviation at a bound, a p-value where the noise was inferred, a mean
+where the status is not ok) is null.
 """
 
 from __future__ import annotations
@@ -39,7 +41,13 @@ from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run, line_numbers
 from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
-from estim.reports.derived import derived_facts, derived_summaries, origin_facts, origin_warnings, speed_facts
+from estim.reports.derived import (
+    derived_facts,
+    derived_summaries,
+    origin_facts,
+    origin_warnings,
+    speed_facts,
+)
 from estim.reports.deviation import DeviationSummary, ForceSummary, curve_deviations, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.records import (
@@ -75,8 +83,13 @@ _TIED = 0.6  # correlation that is worth its number
 _FELT = 0.05  # posterior standard deviations
 _SURE = 0.95  # probability of a force that the curve lacks
 _WHERE = {
-    "poor-fit": "curve", "contradiction": "values", "at-bound": "limits", "not-identified": "limits", "multimodal": "limits",
-    "not-converged": "computing", "methods-disagree": "computing",
+    "poor-fit": "curve",
+    "contradiction": "values",
+    "at-bound": "limits",
+    "not-identified": "limits",
+    "multimodal": "limits",
+    "not-converged": "computing",
+    "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
 _MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
@@ -84,10 +97,13 @@ _MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 @dataclass(frozen=True)
 class Screen:
-    """What stands first; every entry but the title and rows that were left out (in `minds`) is empty where the status is not ok.
+    """What stands first; every entry but the title and rows that were left out (in `minds`) is
+    empty where the status is not ok.
 
-    estimates : of all parameters that are not a single run's among several, and what was sought.  head, rows : the table of those measured.
-    left : the others in words.  elsewhere : which are single runs'.  minds : what to mind.
+    estimates : of all parameters that are not a single run's among several, and what was sought.
+    head, rows : the table of those measured.
+    left : the others in words.
+    elsewhere : which are single runs'.  minds : what to mind.
     sensitivity : what errors would do that no residual shows.
     """
 
@@ -121,36 +137,62 @@ class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"
     fit: FitSummary
     stated_values: StatedValues
     what_if: list[WhatIf]
-    budget: dict[str, UncertaintyBudget] | None  # of each parameter of the curve and of what was sought; null where the status is not ok
+    # of each parameter of the curve and of what was sought; null where the status is not ok
+    budget: dict[str, UncertaintyBudget] | None
     sampling: Sampling
     certificate: CertificateSummary
     profile: dict[str, Profile] | None
-    curve_deviation: dict[str, DeviationSummary] | None  # of each run of a user's own curve, where it was asked for
-    deviation: dict[str, ForceSummary] | None  # of each run, or body of runs that share one, where there is an unmodelled force
-    explanation: ExplanationSummary | None  # candidates for what the curve lacks, where that was asked
-    rolling: dict[str, RollingSummary] | None  # of each run of a body: the friction that rolling without slipping takes
+    # of each run of a user's own curve, where it was asked for
+    curve_deviation: dict[str, DeviationSummary] | None
+    # of each run, or body of runs that share one, where there is an unmodelled force
+    deviation: dict[str, ForceSummary] | None
+    # candidates for what the curve lacks, where that was asked
+    explanation: ExplanationSummary | None
+    # of each run of a body: the friction that rolling without slipping takes
+    rolling: dict[str, RollingSummary] | None
     turning_point: dict[str, TurningPoint]
     runs: dict[str, RunSummary]
     provenance: Provenance
 
     @cached_property
     def labels(self) -> Labels:
-        """How the numbers are shown.  `result_of` puts it beside the fields, which JSON has; a record that was read back knows names alone."""
-        derived = {name: {quantity: d.unit for quantity, d in run.derived.items()} for name, run in self.runs.items()}
+        """How the numbers are shown.  `result_of` puts it beside the fields, which JSON has; a
+        record that was read back knows names alone.
+        """
+        derived = {
+            name: {quantity: d.unit for quantity, d in run.derived.items()}
+            for name, run in self.runs.items()
+        }
         return names_as_labels({name: p.unit for name, p in self.parameters.items()}, derived)
 
     def _repr_markdown_(self) -> str:
-        """What a notebook shows: the values that the data give, beside what had been stated, or why there are none."""
+        """What a notebook shows: the values that the data give, beside what had been stated, or why
+        there are none.
+        """
         screen = first_screen(self)
         return headline(
-            screen.title, kind=self.kind, status=self.status, reasons=self.reasons, advice=self.advice, head=screen.head, rows=screen.rows,
-            tests=screen.tests, left=screen.left, minds=screen.minds,
+            screen.title,
+            kind=self.kind,
+            status=self.status,
+            reasons=self.reasons,
+            advice=self.advice,
+            head=screen.head,
+            rows=screen.rows,
+            tests=screen.tests,
+            left=screen.left,
+            minds=screen.minds,
         )
 
     def __str__(self) -> str:
         """What `print` shows: the same in plain lines."""
         screen = first_screen(self)
-        return print_lines(screen.title, status=self.status, reasons=self.reasons, advice=self.advice, shown=screen.lines)
+        return print_lines(
+            screen.title,
+            status=self.status,
+            reasons=self.reasons,
+            advice=self.advice,
+            shown=screen.lines,
+        )
 
 
 class Subject(Protocol):
@@ -184,34 +226,84 @@ class Subject(Protocol):
 
 
 def result_of(
-    campaign: Subject, analysis: Analysis, determination: Determination | None = None, *, budget: Budget | None = None, voice: Voice = Voice.PYTHON
+    campaign: Subject,
+    analysis: Analysis,
+    determination: Determination | None = None,
+    *,
+    budget: Budget | None = None,
+    voice: Voice = Voice.PYTHON,
 ) -> Result:
-    """The record of an analysis, with its profile intervals if they were determined.  budget : made here where it is None.
+    """The record of an analysis, with its profile intervals if they were determined.  budget : made
+    here where it is None.
 
     voice : to whom advice is given.
     """
-    problem, fit, chain, diagnosis, conflict = analysis.problem, analysis.fit, analysis.chain, analysis.diagnosis, analysis.conflict
+    problem = analysis.problem
+    fit = analysis.fit
+    chain = analysis.chain
+    diagnosis = analysis.diagnosis
+    conflict = analysis.conflict
     result = Result(
-        schema_=SCHEMA, title=campaign.title, kind=campaign.kind, formula=campaign.formula, status=diagnosis.status,
-        reasons=list(diagnosis.reasons), advice=advice_for(diagnosis.findings, voice), notes=list(diagnosis.notes),
-        parameters={p.name: parameter_summary(campaign.truth, analysis, i) for i, p in enumerate(problem.parameters)},
+        schema_=SCHEMA,
+        title=campaign.title,
+        kind=campaign.kind,
+        formula=campaign.formula,
+        status=diagnosis.status,
+        reasons=list(diagnosis.reasons),
+        advice=advice_for(diagnosis.findings, voice),
+        notes=list(diagnosis.notes),
+        parameters={
+            p.name: parameter_summary(campaign.truth, analysis, i)
+            for i, p in enumerate(problem.parameters)
+        },
         correlation=correlation_of(analysis),
         fit=FitSummary(
             dict(zip(fit.names, fit.values.tolist(), strict=True)),
-            {n: number(s) if diagnosis.ok else None for n, s in zip(fit.names, fit.sds, strict=True)},
-            fit.chi2, fit.dof, number(fit.p_value), fit.message,
+            {
+                n: number(s) if diagnosis.ok else None
+                for n, s in zip(fit.names, fit.sds, strict=True)
+            },
+            fit.chi2,
+            fit.dof,
+            number(fit.p_value),
+            fit.message,
         ),
-        stated_values=StatedValues(conflict.chi2, conflict.dof, conflict.p_value, dict(conflict.pulls), tell(stated_values(fit, conflict))),
-        what_if=[WhatIf(common_error(i.name, i.size, i.along), i.size, i.unit, list(i.runs), dict(i.shifts)) for i in analysis.influences],
+        stated_values=StatedValues(
+            conflict.chi2,
+            conflict.dof,
+            conflict.p_value,
+            dict(conflict.pulls),
+            tell(stated_values(fit, conflict)),
+        ),
+        what_if=[
+            WhatIf(
+                common_error(i.name, i.size, i.along), i.size, i.unit, list(i.runs), dict(i.shifts)
+            )
+            for i in analysis.influences
+        ],
         budget=budget_records(analysis, budget or budget_of(analysis)),
         sampling=Sampling(
-            chain.draws.shape[0], chain.draws.shape[2], chain.convergence.n_step, chain.n_burn, number(chain.convergence.tau),
-            float(np.mean(chain.acceptance)), chain.convergence.message,
+            chain.draws.shape[0],
+            chain.draws.shape[2],
+            chain.convergence.n_step,
+            chain.n_burn,
+            number(chain.convergence.tau),
+            float(np.mean(chain.acceptance)),
+            chain.convergence.message,
         ),
-        certificate=_certificate(analysis), profile=None if determination is None else {i.name: _profile(i) for i in determination.intervals},
-        curve_deviation=curve_deviations(analysis), deviation=deviations(analysis), explanation=explanation_summary(analysis.explanation),
+        certificate=_certificate(analysis),
+        profile=None
+        if determination is None
+        else {i.name: _profile(i) for i in determination.intervals},
+        curve_deviation=curve_deviations(analysis),
+        deviation=deviations(analysis),
+        explanation=explanation_summary(analysis.explanation),
         rolling=rolling_summaries(analysis),
-        turning_point={run.name: _turning_point(analysis.ends[run.name], run, diagnosis) for run in problem.runs if run.motion is not None},
+        turning_point={
+            run.name: _turning_point(analysis.ends[run.name], run, diagnosis)
+            for run in problem.runs
+            if run.motion is not None
+        },
         runs={run.name: _run(campaign, analysis, i) for i, run in enumerate(problem.runs)},
         provenance=provenance(campaign, [run.name for run in problem.runs], analysis.seed),
     )
@@ -227,48 +319,97 @@ def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
 
 def software_versions() -> dict[str, str]:
     """Versions of what computes the numbers."""
-    return {"python": platform.python_version()} | engine_versions() | {"uncertainties": version("uncertainties")}
+    return (
+        {"python": platform.python_version()}
+        | engine_versions()
+        | {"uncertainties": version("uncertainties")}
+    )
 
 
 def _profile(i: ProfileInterval) -> Profile:
-    return Profile(i.low[0.68], i.high[0.68], i.low[0.95], i.high[0.95], i.open_low[0.95], i.open_high[0.95], i.sentence)
+    return Profile(
+        i.low[0.68],
+        i.high[0.68],
+        i.low[0.95],
+        i.high[0.95],
+        i.open_low[0.95],
+        i.open_high[0.95],
+        i.sentence,
+    )
 
 
 def _certificate(analysis: Analysis) -> CertificateSummary:
     certificate, comparison = analysis.certificate, analysis.comparison
     if certificate is None:
-        return CertificateSummary(comparison.verdict, comparison.reason, None, None, None, None, None, None, None)
+        return CertificateSummary(
+            comparison.verdict, comparison.reason, None, None, None, None, None, None, None
+        )
     complete = not (analysis.fit.forces or analysis.fit.deviations)
-    evidence = certificate.reliable and complete and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
+    evidence = (
+        certificate.reliable
+        and complete
+        and all(math.isfinite(p.prior.sd) for p in analysis.problem.parameters)
+    )
     return CertificateSummary(
-        comparison.verdict, comparison.reason, "importance sampling", number(certificate.k_hat), number(certificate.ess), certificate.n_draw,
-        number(certificate.log_evidence) if evidence else None, number(certificate.u_log_evidence) if evidence else None,
+        comparison.verdict,
+        comparison.reason,
+        "importance sampling",
+        number(certificate.k_hat),
+        number(certificate.ess),
+        certificate.n_draw,
+        number(certificate.log_evidence) if evidence else None,
+        number(certificate.u_log_evidence) if evidence else None,
         number(comparison.largest_difference) if comparison.verdict != "missing" else None,
     )
 
 
 def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> TurningPoint:
     with np.errstate(invalid="ignore"):
-        meaning = phrase("end of the motion, measured from the release, on the scale of the positions")
+        meaning = phrase(
+            "end of the motion, measured from the release, on the scale of the positions"
+        )
         summary = trusted(summarise(end, unit=run.x_unit, meaning=meaning), diagnosis.status)
-    return TurningPoint(**msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end))))
+    return TurningPoint(
+        **msgspec.structs.asdict(summary), never_stops=float(np.mean(~np.isfinite(end)))
+    )
 
 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
-    unasked = [one for one in analysis.diagnosis.remarks if one.kind is Kind.DEVIATION_UNASKED and one.run in ("", run.name)]
+    unasked = [
+        one
+        for one in analysis.diagnosis.remarks
+        if one.kind is Kind.DEVIATION_UNASKED and one.run in ("", run.name)
+    ]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
-        file=one_line(table.file), x=run.x_label, y=run.y_label, n_obs=run.n_obs, noise=noise,
-        complete=next(map(tell, [run.complete] if run.complete else unasked), None), excluded=[tell(why) for why in run.excluded],
-        checks={name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in {**goodness.checks, **_speed_check(goodness)}.items()},
-        scatter_ratio=number(goodness.scatter_ratio), covered=next(map(tell, tolerated_pattern(goodness)), None),
-        facts=[*origin_facts(table, run, analysis.problem), *speed_facts(run), *derived_facts(analysis, run)],
-        warnings=list(origin_warnings(table, run, analysis.problem)), robust=run.noise.robust, outliers=outliers(analysis, run),
+        file=one_line(table.file),
+        x=run.x_label,
+        y=run.y_label,
+        n_obs=run.n_obs,
+        noise=noise,
+        complete=next(map(tell, [run.complete] if run.complete else unasked), None),
+        excluded=[tell(why) for why in run.excluded],
+        checks={
+            name: CheckSummary(c.statistic, c.p_value, c.meaning)
+            for name, c in {**goodness.checks, **_speed_check(goodness)}.items()
+        },
+        scatter_ratio=number(goodness.scatter_ratio),
+        covered=next(map(tell, tolerated_pattern(goodness)), None),
+        facts=[
+            *origin_facts(table, run, analysis.problem),
+            *speed_facts(run),
+            *derived_facts(analysis, run),
+        ],
+        warnings=list(origin_warnings(table, run, analysis.problem)),
+        robust=run.noise.robust,
+        outliers=outliers(analysis, run),
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=phrase(run.words.what),
-        derived=derived, sought=[one.name for one in run.sought if one.name in derived], blank=list(table.blank),
+        derived=derived,
+        sought=[one.name for one in run.sought if one.name in derived],
+        blank=list(table.blank),
     )
 
 
@@ -296,23 +437,53 @@ def first_screen(result: Result) -> Screen:
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
         return Screen(title, "", (), (), (), "", "", _left_out(result), "")
-    counted = [check.p_value for run in result.runs.values() for name, check in run.checks.items() if name == "chi2"]
-    p_curve = result.fit.p_value if result.fit.p_value is not None else counted[0] if len(counted) == 1 else None
+    counted = [
+        check.p_value
+        for run in result.runs.values()
+        for name, check in run.checks.items()
+        if name == "chi2"
+    ]
+    p_curve = (
+        result.fit.p_value
+        if result.fit.p_value is not None
+        else counted[0]
+        if len(counted) == 1
+        else None
+    )
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
     shown = [name for name in result.parameters if not _of_one_run(name, result)]
     estimates = tuple([_estimate(name, result) for name in shown] + _derived_quantities(result))
     head, rows = result_table(estimates)
-    elsewhere = list(dict.fromkeys(result.labels.symbol(split_level(name)[0]) for name in result.parameters if name not in shown))
+    elsewhere = list(
+        dict.fromkeys(
+            result.labels.symbol(split_level(name)[0])
+            for name in result.parameters
+            if name not in shown
+        )
+    )
     noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
-    minds = [words for words in (_warnings(result), _forces(result), _limits(shown, result), *noise) if words]
+    minds = [
+        words
+        for words in (_warnings(result), _forces(result), _limits(shown, result), *noise)
+        if words
+    ]
     return Screen(
-        title, tests, estimates, head, tuple(rows), not_measured(estimates), listed(elsewhere) if elsewhere else "",
-        (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]), sensitivity_words([result]),
+        title,
+        tests,
+        estimates,
+        head,
+        tuple(rows),
+        not_measured(estimates),
+        listed(elsewhere) if elsewhere else "",
+        (*_left_out(result), *_without_a_value(estimates), *minds[:MOST_MINDS]),
+        sensitivity_words([result]),
     )
 
 
 def result_lines(result: Result) -> list[str]:
-    """What a terminal says of a result; of one whose status is not ok, no more than which rows were left out."""
+    """What a terminal says of a result; of one whose status is not ok, no more than which rows were
+    left out.
+    """
     return first_screen(result).lines
 
 
@@ -323,8 +494,14 @@ def first_reasons(reasons: Sequence[str]) -> list[str]:
 
 
 def opened_by(result: Result) -> frozenset[str]:
-    """The parts of a report that stand open: the one that holds the reason where there is no result, and what is suspicious about the data."""
-    doubtful = {"data"} if any(run.warnings or run.bad_frames or run.outliers for run in result.runs.values()) else set[str]()
+    """The parts of a report that stand open: the one that holds the reason where there is no
+    result, and what is suspicious about the data.
+    """
+    doubtful = (
+        {"data"}
+        if any(run.warnings or run.bad_frames or run.outliers for run in result.runs.values())
+        else set[str]()
+    )
     if result.status == "ok":
         return frozenset(doubtful | ({"curve"} if result.explanation is not None else set()))
     return frozenset(doubtful | {_WHERE.get(result.status, "computing")})
@@ -338,7 +515,8 @@ def _estimate(name: str, result: Result) -> Estimate:
     p = result.parameters[name]
     shown = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
     unit = "" if shown.unit == "1" else f" {shown.unit}"
-    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit  # a prior with a width that nobody stated
+    # a prior with a width that nobody stated
+    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit
     return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
@@ -347,19 +525,29 @@ def _derived_quantities(result: Result) -> list[Estimate]:
     found: dict[str, dict[str, Estimate]] = {}
     for run, one in result.runs.items():
         for name in one.sought:
-            found.setdefault(name, {})[run] = Estimate(result.labels.derived[run][name], one.derived[name], "", True)
+            found.setdefault(name, {})[run] = Estimate(
+                result.labels.derived[run][name], one.derived[name], "", True
+            )
     shown = []
     for by_run in found.values():
         first = next(iter(by_run.values()))
-        if len(by_run) == len(result.runs) and len({(one.summary.mean, one.summary.sd) for one in by_run.values()}) == 1:
+        if (
+            len(by_run) == len(result.runs)
+            and len({(one.summary.mean, one.summary.sd) for one in by_run.values()}) == 1
+        ):
             shown.append(first)
         else:
-            shown += [replace(one, label=replace(one.label, symbol=f"{one.label.symbol}[{run}]")) for run, one in by_run.items()]
+            shown += [
+                replace(one, label=replace(one.label, symbol=f"{one.label.symbol}[{run}]"))
+                for run, one in by_run.items()
+            ]
     return shown
 
 
 def _limits(shown: Sequence[str], result: Result) -> str:
-    """What holds back the first quantity that the data measure: one thing that was stated, or the readings."""
+    """What holds back the first quantity that the data measure: one thing that was stated, or the
+    readings.
+    """
     symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
     for name in shown:
         budget = (result.budget or {}).get(name)
@@ -370,19 +558,34 @@ def _limits(shown: Sequence[str], result: Result) -> str:
             continue
         if first.kind == READINGS and result.stated_values.dof:
             return phrase(
-                "the readings contribute {share:.0f} % of the variance of {symbol}: more readings, or "
-                "better ones, reduce it", share=100.0 * first.share, symbol=symbol
+                "the readings contribute {share:.0f} % of the variance of {symbol}: more "
+                "readings, or "
+                "better ones, reduce it",
+                share=100.0 * first.share,
+                symbol=symbol,
             )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
             told = result.correlation.names  # of hundreds of runs not all
-            r = result.correlation.matrix[told.index(name)][told.index(first.source)] if {name, first.source} <= set(told) else 0.0
+            r = (
+                result.correlation.matrix[told.index(name)][told.index(first.source)]
+                if {name, first.source} <= set(told)
+                else 0.0
+            )
             tied = phrase(
                 "{symbol} and {other} are strongly correlated ({r}): a better {other} helps, "
-                "more readings do not", symbol=symbol, other=other, r=signed(f"{r:+.2f}")
+                "more readings do not",
+                symbol=symbol,
+                other=other,
+                r=signed(f"{r:+.2f}"),
             )
-            leans = phrase("{symbol} depends on the stated value of {other}: a better {other} helps, more readings do "
-                           "not", symbol=symbol, other=other)
+            leans = phrase(
+                "{symbol} depends on the stated value of {other}: a better {other} helps, "
+                "more readings do "
+                "not",
+                symbol=symbol,
+                other=other,
+            )
             return tied if abs(r) >= _TIED else leans
     return ""
 
@@ -392,15 +595,22 @@ def _forces(result: Result) -> str:
     found = [one for one in (result.deviation or {}).values() if one.probability > _SURE]
     if found:
         size = 100.0 * max(one.typical for one in found)
-        return phrase("there is an unmodelled force of about {size:.2g} % of the weight; the intervals allow for it", size=size)
+        return phrase(
+            "there is an unmodelled force of about {size:.2g} % of the weight; the "
+            "intervals allow for it",
+            size=size,
+        )
     if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
         return phrase(
-            "the discrepancy between curve and data is larger than the errors; the intervals allow for an irregular deviation, but not "
+            "the discrepancy between curve and data is larger than the errors; the "
+            "intervals allow for an irregular deviation, but not "
             "for a different curve"
         )
     complete = [run.complete for run in result.runs.values() if run.complete is not None]
     if complete and result.formula is None:
-        return phrase("the curve is assumed to be complete: no interval allows for an unmodelled effect")
+        return phrase(
+            "the curve is assumed to be complete: no interval allows for an unmodelled effect"
+        )
     return complete[0] if complete else ""
 
 
@@ -411,43 +621,91 @@ def _left_out(result: Result) -> tuple[str, ...]:
     if not blank:
         return ()
     if len(result.runs) > 1:
-        return (phrase("rows excluded because a value is missing: {n} ({runs})", n=n, runs=listed(list(blank))),)
+        return (
+            phrase(
+                "rows excluded because a value is missing: {n} ({runs})",
+                n=n,
+                runs=listed(list(blank)),
+            ),
+        )
     if n == 1:
-        return (phrase("1 row was excluded because a value is missing (line {line})", line=lines[0]),)
-    return (phrase("{n} rows were excluded because a value is missing (lines {lines})", n=n, lines=line_numbers(lines)),)
+        return (
+            phrase("1 row was excluded because a value is missing (line {line})", line=lines[0]),
+        )
+    return (
+        phrase(
+            "{n} rows were excluded because a value is missing (lines {lines})",
+            n=n,
+            lines=line_numbers(lines),
+        ),
+    )
 
 
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     """What was asked for, and has no value at some of the draws."""
-    symbols = [one.label.symbol for one in estimates if one.summary.median is None]  # at an edge there is no mean, and every quantile
+    # at an edge there is no mean, and every quantile
+    symbols = [one.label.symbol for one in estimates if one.summary.median is None]
     if not symbols:
         return ()
-    said = phrase("there is no value for some of the draws (a division by zero, a root or logarithm of a negative "
-                  "number): {symbols}", symbols=listed(symbols))
+    said = phrase(
+        "there is no value for some of the draws (a division by zero, a root or logarithm "
+        "of a negative "
+        "number): {symbols}",
+        symbols=listed(symbols),
+    )
     return (said,)
 
 
 def _warnings(result: Result) -> str:
-    """What is suspicious about the data: one warning of a file in its words, else numbers, since the part that says more stands open."""
+    """What is suspicious about the data: one warning of a file in its words, else numbers, since
+    the part that says more stands open.
+    """
     runs = result.runs.values()
-    n, bad, far = (sum(len(found) for found in all_runs) for all_runs in zip(*((r.warnings, r.bad_frames, r.outliers) for r in runs), strict=True))
+    n, bad, far = (
+        sum(len(found) for found in all_runs)
+        for all_runs in zip(*((r.warnings, r.bad_frames, r.outliers) for r in runs), strict=True)
+    )
     if n == 1 and not bad and not far:
         return next(words for run in runs for words in run.warnings)
     said = (
-        "" if not n else phrase("{n} warning about a file", n=n) if n == 1 else phrase("{n} warnings about files", n=n),
-        "" if not bad else phrase("{n} bad frame", n=bad) if bad == 1 else phrase("{n} bad frames", n=bad),
-        "" if not far else phrase("{n} likely outlier", n=far) if far == 1 else phrase("{n} likely outliers", n=far),
+        ""
+        if not n
+        else phrase("{n} warning about a file", n=n)
+        if n == 1
+        else phrase("{n} warnings about files", n=n),
+        ""
+        if not bad
+        else phrase("{n} bad frame", n=bad)
+        if bad == 1
+        else phrase("{n} bad frames", n=bad),
+        ""
+        if not far
+        else phrase("{n} likely outlier", n=far)
+        if far == 1
+        else phrase("{n} likely outliers", n=far),
     )
-    return phrase("{counts}: see the section on data and noise", counts=", ".join(filter(None, said))) if any(said) else ""
+    return (
+        phrase("{counts}: see the section on data and noise", counts=", ".join(filter(None, said)))
+        if any(said)
+        else ""
+    )
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:
-    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter of `results` that each error moves most, in posterior standard deviations."""
+    """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter of `results` that each error
+    moves most, in posterior standard deviations.
+    """
     found: dict[str, tuple[float, str]] = {}
     for result in results:
         symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
         for one in [one for one in result.what_if if one.shifts][:_MOST_ERRORS]:
             name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
-            found[one.error] = max(found.get(one.error, (0.0, "")), (one.shifts[name], symbols[name].symbol), key=lambda moved: abs(moved[0]))
+            found[one.error] = max(
+                found.get(one.error, (0.0, "")),
+                (one.shifts[name], symbols[name].symbol),
+                key=lambda moved: abs(moved[0]),
+            )
     felt = {error: moved for error, moved in found.items() if abs(moved[0]) >= _FELT}
-    return "; ".join(f"{error}: {symbol} {signed(f'{shift:+.1f}')}" for error, (shift, symbol) in felt.items())
+    return "; ".join(
+        f"{error}: {symbol} {signed(f'{shift:+.1f}')}" for error, (shift, symbol) in felt.items()
+    )

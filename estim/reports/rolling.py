@@ -1,4 +1,6 @@
-"""Whether bodies rolled without slipping: the record, the rows of a table, and the figure of the force of the ramp along the way."""
+"""Whether bodies rolled without slipping: the record, the rows of a table, and the figure of the
+force of the ramp along the way.
+"""
 
 from __future__ import annotations
 
@@ -22,10 +24,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-
-
 class RollingSummary(msgspec.Struct, frozen=True):
-    """The friction that rolling without slipping takes along the measured way, and how sure it is."""
+    """The friction that rolling without slipping takes along the measured way, and how sure it
+    is.
+    """
 
     friction_needed: float | None  # median of the largest |F|/N; null: none is enough
     friction_enough_95: float | None  # enough with probability 95 %; null: none is
@@ -33,7 +35,8 @@ class RollingSummary(msgspec.Struct, frozen=True):
     unit: str
     least_normal: float | None  # N/(M g), median of the smallest
     hops: float  # probability that the ramp would have to pull
-    probability: float | None  # of rolling all the way with the stated friction; null where none is stated
+    # of rolling all the way with the stated friction; null where none is stated
+    probability: float | None
     words: str
 
 
@@ -43,7 +46,13 @@ def rolling_summaries(analysis: Analysis) -> dict[str, RollingSummary] | None:
         return None
     return {
         one.run: RollingSummary(
-            number(one.typical), number(one.enough), one.where, one.unit, number(float(np.median(one.least_normal))), one.hops, number(one.holds),
+            number(one.typical),
+            number(one.enough),
+            one.where,
+            one.unit,
+            number(float(np.median(one.least_normal))),
+            one.hops,
+            number(one.holds),
             tell(one.finding),
         )
         for one in analysis.rolling
@@ -56,7 +65,8 @@ def friction_cell(friction: float | None) -> str:
 
 
 def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rolling]) -> Figure:
-    """N/(M g) and |F|/N from the release to the farthest reading, one panel a run with a stated friction: median, 68 and 95 % bands.
+    """N/(M g) and |F|/N from the release to the farthest reading, one panel a run with a stated
+    friction: median, 68 and 95 % bands.
 
     draws : (n_draw, n_par).
     """
@@ -67,11 +77,20 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         footing = run.body.footing(way_of(run), run.bind(named))
         along = np.median(footing.along, axis=0)
         draw_bands(ax, along, _quantiles(footing.normal), GREY, median="N/(M g)")
-        draw_bands(ax, along, _quantiles(np.where(np.isfinite(footing.needed), footing.needed, np.nan)), median="|F|/N")
+        draw_bands(
+            ax,
+            along,
+            _quantiles(np.where(np.isfinite(footing.needed), footing.needed, np.nan)),
+            median="|F|/N",
+        )
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
-        said = phrase("{run}: rolls along the whole path with probability {p:.2f}", run=run.name, p=stated[run.name].holds)
+        said = phrase(
+            "{run}: rolls along the whole path with probability {p:.2f}",
+            run=run.name,
+            p=stated[run.name].holds,
+        )
         ax.set_title(said)
     legend_below(figure)
     return figure

@@ -11,7 +11,17 @@ import msgspec
 import numpy as np
 
 from estim.checks import Estimate
-from estim.common import Markdown, Notation, Status, as_json, format_quantity, later, one_line, phrase, significant
+from estim.common import (
+    Markdown,
+    Notation,
+    Status,
+    as_json,
+    format_quantity,
+    later,
+    one_line,
+    phrase,
+    significant,
+)
 from estim.drawing import BLUE, GREEN, INK, ORANGE, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
@@ -27,13 +37,17 @@ if TYPE_CHECKING:
 _COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
-    "ols": later("ordinary least squares"), "weighted": later("weighted by u(y)"), "york": later("York: errors in both variables"),
+    "ols": later("ordinary least squares"),
+    "weighted": later("weighted by u(y)"),
+    "york": later("York: errors in both variables"),
     "correlated": later("generalised distance regression: correlated errors of points"),
 }
 
 
 class PredictedPoint(msgspec.Struct, frozen=True):
-    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); an end that is not finite is null."""
+    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); an end that is not
+    finite is null.
+    """
 
     given: float
     u_given: float
@@ -59,7 +73,8 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
     chi2: float
     dof: int
     p_value: float | None
-    standard_errors: dict[str, list[float | None]]  # convention -> u(intercept), u(slope), covariance
+    # convention -> u(intercept), u(slope), covariance
+    standard_errors: dict[str, list[float | None]]
     recommended: str
     reason: str
     probability: float
@@ -73,16 +88,46 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
 def straight_line_result(line: StraightLine) -> StraightLineResult:
     """The record of a straight line."""
     fit = line.fit
-    errors = {name: [number(e.u_intercept), number(e.u_slope), number(e.cov)] for name, e in fit.standard_errors.items()}
-    columns = {key: None if name is None else one_line(name) for key, name in vars(line.columns).items()}
-    predictions = [PredictedPoint(p.x0.value, p.x0.u, p.y, p.u, number(p.low), number(p.high), number(p.u_reading)) for p in line.predictions]
-    inverses = [PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None) for p in line.inverses]
+    errors = {
+        name: [number(e.u_intercept), number(e.u_slope), number(e.cov)]
+        for name, e in fit.standard_errors.items()
+    }
+    columns = {
+        key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
+    }
+    predictions = [
+        PredictedPoint(
+            p.x0.value, p.x0.u, p.y, p.u, number(p.low), number(p.high), number(p.u_reading)
+        )
+        for p in line.predictions
+    ]
+    inverses = [
+        PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None)
+        for p in line.inverses
+    ]
     name = one_line(str(line.path))
     return StraightLineResult(
-        STRAIGHT_SCHEMA, line.status, line.message, fit.method, columns, [one_line(words) for words in line.correlated], fit.data.x.size,
-        number(fit.intercept), number(fit.slope), fit.chi2, fit.dof, number(fit.p_value),
-        errors, fit.recommended, fit.reason, line.probability, line.k, [number(line.slope.low), number(line.slope.high)],
-        predictions, inverses, Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
+        STRAIGHT_SCHEMA,
+        line.status,
+        line.message,
+        fit.method,
+        columns,
+        [one_line(words) for words in line.correlated],
+        fit.data.x.size,
+        number(fit.intercept),
+        number(fit.slope),
+        fit.chi2,
+        fit.dof,
+        number(fit.p_value),
+        errors,
+        fit.recommended,
+        fit.reason,
+        line.probability,
+        line.k,
+        [number(line.slope.low), number(line.slope.high)],
+        predictions,
+        inverses,
+        Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
     )
 
 
@@ -95,32 +140,62 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
         x, y = result.columns["x"], result.columns["y"]
         rows = [
             (
-                name, _pair(fit.intercept, one.u_intercept, 3), _pair(fit.slope, one.u_slope, 3),
-                significant(one.cov, 3) if math.isfinite(one.cov) else "n/a", Markdown(phrase("**recommended**") if one is used else ""),
+                name,
+                _pair(fit.intercept, one.u_intercept, 3),
+                _pair(fit.slope, one.u_slope, 3),
+                significant(one.cov, 3) if math.isfinite(one.cov) else "n/a",
+                Markdown(phrase("**recommended**") if one is used else ""),
             )
             for name, one in fit.standard_errors.items()
         ]
         return render(
-            "straight_line.md.j2", pictures=pictures, result=result, ok=line.status.ok, status_words=STATUS_WORDS[line.status],
-            method=phrase(_METHODS[result.method]), rows=rows, percent=f"{100.0 * result.probability:g}",
+            "straight_line.md.j2",
+            pictures=pictures,
+            result=result,
+            ok=line.status.ok,
+            status_words=STATUS_WORDS[line.status],
+            method=phrase(_METHODS[result.method]),
+            rows=rows,
+            percent=f"{100.0 * result.probability:g}",
             sources={name: CONVENTIONS[name] for name in line.fit.standard_errors},
-            equation=f"{y} = ({_pair(fit.intercept, used.u_intercept)}) + ({_pair(fit.slope, used.u_slope)}) · {x}",
-            predictions=[_predicted(p) for p in result.predictions], inverses=[_predicted(p) for p in result.inverses], facts=line.facts,
-            uncertainties=_uncertainties(result), slope=_ends(result.slope_interval, used.u_slope),
-            opened={"methods"} if not line.status.ok else (), copies=copies_of(_estimates(result)) if line.status.ok else None,
+            equation=f"{y} = ({_pair(fit.intercept, used.u_intercept)}) + "
+            f"({_pair(fit.slope, used.u_slope)}) · {x}",
+            predictions=[_predicted(p) for p in result.predictions],
+            inverses=[_predicted(p) for p in result.inverses],
+            facts=line.facts,
+            uncertainties=_uncertainties(result),
+            slope=_ends(result.slope_interval, used.u_slope),
+            opened={"methods"} if not line.status.ok else (),
+            copies=copies_of(_estimates(result)) if line.status.ok else None,
         )
 
-    return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {"result.json": as_json(result)}
+    return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {
+        "result.json": as_json(result)
+    }
 
 
 def _estimates(result: StraightLineResult) -> list[Estimate]:
     """Intercept and slope with the recommended standard errors."""
     found, names = [], (phrase("intercept"), phrase("slope"))
-    for name, value, u in zip(names, (result.intercept, result.slope), result.standard_errors[result.recommended], strict=False):
+    for name, value, u in zip(
+        names,
+        (result.intercept, result.slope),
+        result.standard_errors[result.recommended],
+        strict=False,
+    ):
         if value is not None and u is not None:
             half = result.k * u
-            low, high = (value - half, value + half) if result.probability == _COPIED else (None, None)
-            found.append(Estimate(Notation(name).label("1"), Summary("1", "", value, u, value, low, value - u, value + u, high), "", True))
+            low, high = (
+                (value - half, value + half) if result.probability == _COPIED else (None, None)
+            )
+            found.append(
+                Estimate(
+                    Notation(name).label("1"),
+                    Summary("1", "", value, u, value, low, value - u, value + u, high),
+                    "",
+                    True,
+                )
+            )
     return found
 
 
@@ -129,23 +204,48 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     fit, x, y = line.fit, line.columns.x, line.columns.y
     error = fit.standard_errors[fit.recommended]
     intercept, slope = _pair(fit.intercept, error.u_intercept), _pair(fit.slope, error.u_slope)
-    said = [phrase("intercept {intercept}, slope {slope} ({convention})", intercept=intercept, slope=slope, convention=fit.recommended)]
+    said = [
+        phrase(
+            "intercept {intercept}, slope {slope} ({convention})",
+            intercept=intercept,
+            slope=slope,
+            convention=fit.recommended,
+        )
+    ]
     percent = f"{100.0 * line.probability:g} %"
     for one in line.predictions:
         given = format_quantity(one.x0.value, one.x0.u or None)
         found, ends = f"{y} = {_pair(one.y, one.u)}", interval(one.low, one.high, one.u, 3)
-        said.append(phrase("{given}: {found}, {percent} interval {ends}", given=f"{x} = {given}", found=found, percent=percent, ends=ends))
+        said.append(
+            phrase(
+                "{given}: {found}, {percent} interval {ends}",
+                given=f"{x} = {given}",
+                found=found,
+                percent=percent,
+                ends=ends,
+            )
+        )
     for p in line.inverses:
         ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else phrase("unbounded")
         given, found = f"{y} = {_pair(p.y0.value, p.y0.u)}", f"{x} = {_pair(p.x, p.u)}"
-        said.append(phrase("{given}: {found}, {percent} interval {ends}", given=given, found=found, percent=percent, ends=ends))
+        said.append(
+            phrase(
+                "{given}: {found}, {percent} interval {ends}",
+                given=given,
+                found=found,
+                percent=percent,
+                ends=ends,
+            )
+        )
     return said
 
 
 def _pair(value: float, u: float | None, digits: int = 2) -> str:
     """Value ± uncertainty to as many digits of it."""
     known = u if u is not None else math.nan
-    return rounded(value, known, digits) + (f" ± {rounded(known, known, digits, beside=value)}" if 0.0 < known < math.inf else "")
+    return rounded(value, known, digits) + (
+        f" ± {rounded(known, known, digits, beside=value)}" if 0.0 < known < math.inf else ""
+    )
 
 
 def _ends(ends: list[float | None], u: float | None) -> str:
@@ -155,16 +255,26 @@ def _ends(ends: list[float | None], u: float | None) -> str:
 
 def _predicted(p: PredictedPoint) -> tuple[str, ...]:
     reading = "" if p.u_reading is None else f"{p.u_reading:.3g}"
-    return format_quantity(p.given, p.u_given or None), _pair(p.value, p.u), f"{p.u:.3g}", _ends([p.low, p.high], p.u), reading
+    return (
+        format_quantity(p.given, p.u_given or None),
+        _pair(p.value, p.u),
+        f"{p.u:.3g}",
+        _ends([p.low, p.high], p.u),
+        reading,
+    )
 
 
 def _uncertainties(result: StraightLineResult) -> str:
     columns = (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"]))
-    said = [phrase("{key} from {name}", key=key, name=name) for key, name in columns if name is not None]
+    said = [
+        phrase("{key} from {name}", key=key, name=name) for key, name in columns if name is not None
+    ]
     if result.columns["r_xy"] is not None and len(said) == 2:
         said.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
     said += result.correlated
-    return ", ".join(said) or phrase("no uncertainties: the scatter of the points alone sets the scale")
+    return ", ".join(said) or phrase(
+        "no uncertainties: the scatter of the points alone sets the scale"
+    )
 
 
 def straight_line_figure(line: StraightLine) -> Figure:
@@ -172,8 +282,12 @@ def straight_line_figure(line: StraightLine) -> Figure:
     fit, data = line.fit, line.fit.data
     figure = new_figure(5.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
-    marks = [*(p.x0.value for p in line.predictions), *(p.x for p in line.inverses if math.isfinite(p.x))]
-    low, high = min(float(data.x.min()), *marks, math.inf), max(float(data.x.max()), *marks, -math.inf)
+    marks = [
+        *(p.x0.value for p in line.predictions),
+        *(p.x for p in line.inverses if math.isfinite(p.x)),
+    ]
+    low = min(float(data.x.min()), *marks, math.inf)
+    high = max(float(data.x.max()), *marks, -math.inf)
     x = np.linspace(low - 0.05 * (high - low), high + 0.05 * (high - low), 200)
     percent = f"{100.0 * line.probability:g} %"
     bars = [u if np.any(u > 0.0) and fit.method != "ols" else None for u in (data.u_x, data.u_y)]
@@ -182,28 +296,57 @@ def straight_line_figure(line: StraightLine) -> Figure:
             band = confidence_band(fit, x, probability=line.probability)
             said = phrase("{percent} band of the line, point by point", percent=percent)
             upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=said)
-        upper.plot(x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method]))
+        upper.plot(
+            x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method])
+        )
         residuals = data.y - fit.intercept - fit.slope * data.x
         lower.axhline(0.0, color=BLUE, lw=1.2)
-        lower.errorbar(data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9)
+        lower.errorbar(
+            data.x, residuals, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=3.5, lw=0.9
+        )
     upper.errorbar(
-        data.x, data.y, xerr=bars[0], yerr=bars[1], fmt="o", color=INK, ms=4, lw=1,
-        label=phrase("points, ± 1 standard uncertainty") if fit.method != "ols" else phrase("points"),
+        data.x,
+        data.y,
+        xerr=bars[0],
+        yerr=bars[1],
+        fmt="o",
+        color=INK,
+        ms=4,
+        lw=1,
+        label=phrase("points, ± 1 standard uncertainty")
+        if fit.method != "ols"
+        else phrase("points"),
     )
     if line.status.ok:
         for p in line.predictions:
             upper.errorbar(
-                p.x0.value, p.y, xerr=p.x0.u or None, yerr=[[p.y - p.low], [p.high - p.y]], fmt="s", color=ORANGE, mec=INK, ms=6, lw=2, zorder=5,
+                p.x0.value,
+                p.y,
+                xerr=p.x0.u or None,
+                yerr=[[p.y - p.low], [p.high - p.y]],
+                fmt="s",
+                color=ORANGE,
+                mec=INK,
+                ms=6,
+                lw=2,
+                zorder=5,
                 label=phrase("prediction, {percent}", percent=percent),
             )
         for q in line.inverses:
             if math.isfinite(q.low):
                 upper.errorbar(
-                    q.x, q.y0.value, xerr=[[q.x - q.low], [q.high - q.x]], fmt="D", color=GREEN, mec=INK, ms=6, lw=2, zorder=5,
+                    q.x,
+                    q.y0.value,
+                    xerr=[[q.x - q.low], [q.high - q.x]],
+                    fmt="D",
+                    color=GREEN,
+                    mec=INK,
+                    ms=6,
+                    lw=2,
+                    zorder=5,
                     label=phrase("inverse prediction, {percent}", percent=percent),
                 )
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     legend_below(figure, ncols=2)
     return figure
-

@@ -14,8 +14,31 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
-from estim.common import Label, Notation, Quantity, Status, as_json, e_n, format_quantity, kind_words, later, one_line, phrase, signed
-from estim.drawing import BLUE, GREY, INK, LEVELS, ORANGE, draw_bands, grid, legend_below, new_figure
+from estim.common import (
+    Label,
+    Notation,
+    Quantity,
+    Status,
+    as_json,
+    e_n,
+    format_quantity,
+    kind_words,
+    later,
+    one_line,
+    phrase,
+    signed,
+)
+from estim.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    LEVELS,
+    ORANGE,
+    draw_bands,
+    grid,
+    legend_below,
+    new_figure,
+)
 from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
@@ -28,16 +51,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TRIALS_SCHEMA = "estim-trials/1"
-_LINES = {"york": later("York's line through the θ_min series"), "posterior": later("Bayesian line through the θ_min series")}
+_LINES = {
+    "york": later("York's line through the θ_min series"),
+    "posterior": later("Bayesian line through the θ_min series"),
+}
 _GAMMA = Notation("γ").label("1")
 _MOST_PANELS = 12
 _ASIDE = 0.011  # of the width of the panel: from a mark to the next of the same angle
-_MARKS = {(LOW, True): ("^", BLUE), (LOW, False): ("o", "white"), (HIGH, True): ("v", ORANGE), (HIGH, False): ("s", "white")}
+_MARKS = {
+    (LOW, True): ("^", BLUE),
+    (LOW, False): ("o", "white"),
+    (HIGH, True): ("v", ORANGE),
+    (HIGH, False): ("s", "white"),
+}
 _NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 
 
 class WayRow(msgspec.Struct, frozen=True):
-    """gamma by one way; e_n against the stated value, e_n_trials against gamma of all trials (null for those that share trials with it)."""
+    """gamma by one way; e_n against the stated value, e_n_trials against gamma of all trials (null
+    for those that share trials with it).
+    """
 
     words: str
     gamma: Summary
@@ -47,7 +80,9 @@ class WayRow(msgspec.Struct, frozen=True):
 
 
 class ThresholdRow(msgspec.Struct, frozen=True):
-    """Where ascents begin at one tilt by itself; angles in rad.  quantiles : at 2.5, 16, 50, 84, 97.5 %."""
+    """Where ascents begin at one tilt by itself; angles in rad.  quantiles : at 2.5, 16, 50, 84,
+    97.5 %.
+    """
 
     end: str
     phi: float
@@ -57,7 +92,9 @@ class ThresholdRow(msgspec.Struct, frozen=True):
 
 
 class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
-    """Everything of trials of release; the report prints from it.  Where the status is not ok, what it does not allow is null or empty."""
+    """Everything of trials of release; the report prints from it.  Where the status is not ok, what
+    it does not allow is null or empty.
+    """
 
     schema_: str
     title: str
@@ -86,25 +123,56 @@ class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def trials_result(campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None, voice: Voice = Voice.PYTHON) -> TrialsResult:
-    """The record of an analysis of trials.  line : of the same body, to stand beside it.  voice : to whom advice is given."""
+def trials_result(
+    campaign: Campaign,
+    analysis: TrialsAnalysis,
+    *,
+    line: LineAnalysis | None = None,
+    voice: Voice = Voice.PYTHON,
+) -> TrialsResult:
+    """The record of an analysis of trials.  line : of the same body, to stand beside it.  voice :
+    to whom advice is given.
+    """
     status, trials, masses = analysis.status, analysis.trials, analysis.gamma_masses
     posterior = analysis.posterior
     return TrialsResult(
-        schema_=TRIALS_SCHEMA, title=campaign.title, kind=campaign.kind, status=status, reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings, voice), disagreements=list(analysis.disagreements), body=trials.body, n_trial=trials.n_trial,
-        n_climbed=trials.n_climbed, n_tilt=len(trials.tilts), gamma_masses=None if masses is None else masses.value,
-        u_gamma_masses=None if masses is None else masses.u, gamma_origin=gamma_origin(campaign.source, trials.body),
+        schema_=TRIALS_SCHEMA,
+        title=campaign.title,
+        kind=campaign.kind,
+        status=status,
+        reasons=list(analysis.reasons),
+        advice=advice_for(analysis.findings, voice),
+        disagreements=list(analysis.disagreements),
+        body=trials.body,
+        n_trial=trials.n_trial,
+        n_climbed=trials.n_climbed,
+        n_tilt=len(trials.tilts),
+        gamma_masses=None if masses is None else masses.value,
+        u_gamma_masses=None if masses is None else masses.u,
+        gamma_origin=gamma_origin(campaign.source, trials.body),
         unknowns={name: trusted(analysis.summary(name), status) for name in analysis.chain.names},
-        priors={name: _shown_prior(analysis, name) for name in analysis.chain.names}, resistance_fixed=number(posterior.resistance),
+        priors={name: _shown_prior(analysis, name) for name in analysis.chain.names},
+        resistance_fixed=number(posterior.resistance),
         ways=_ways(analysis, line) if status.ok else {},
         ends_apart=_apart(analysis) if status.ok else None,
-        thresholds=[ThresholdRow(t.end, t.phi, t.n_trial, t.n_climbed, t.quantiles.tolist()) for t in analysis.thresholds],
-        offset=[analysis.offset.value, analysis.offset.u] if status.ok else None, phi_mean=analysis.phi_mean,
-        told_apart=told_apart({name: told.share for name, told in analysis.told.items()}, analysis.correlation) if status.ok else [],
+        thresholds=[
+            ThresholdRow(t.end, t.phi, t.n_trial, t.n_climbed, t.quantiles.tolist())
+            for t in analysis.thresholds
+        ],
+        offset=[analysis.offset.value, analysis.offset.u] if status.ok else None,
+        phi_mean=analysis.phi_mean,
+        told_apart=told_apart(
+            {name: told.share for name, told in analysis.told.items()}, analysis.correlation
+        )
+        if status.ok
+        else [],
         second_computation=analysis.agreement.reason,
         provenance=Provenance(
-            one_line(str(campaign.source.path)), campaign.source.sha256, {one_line(trials.file): trials.sha256}, analysis.seed, software_versions()
+            one_line(str(campaign.source.path)),
+            campaign.source.sha256,
+            {one_line(trials.file): trials.sha256},
+            analysis.seed,
+            software_versions(),
         ),
     )
 
@@ -113,7 +181,10 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
     """The prior in the unit in which its unknown is shown."""
     trials, degrees = analysis.trials, math.degrees
     return {
-        "scatter": phrase("log-normal about {middle:.3g}, within a factor of 4 with probability 95 %", middle=degrees(trials.u_theta)),
+        "scatter": phrase(
+            "log-normal about {middle:.3g}, within a factor of 4 with probability 95 %",
+            middle=degrees(trials.u_theta),
+        ),
         "release": phrase("half-normal, scale {scale:.3g}", scale=degrees(trials.release)),
         "zero_phi": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_phi)),
         "zero_theta": phrase("normal, sd {sd:.3g}", sd=degrees(trials.u_zero_theta)),
@@ -121,25 +192,42 @@ def _shown_prior(analysis: TrialsAnalysis, name: str) -> str:
 
 
 def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayRow]:
-    rows = {name: WayRow(phrase(WAYS[name]), way.gamma, number(way.e_n), None, way.reliable) for name, way in analysis.ways.items()}
+    rows = {
+        name: WayRow(phrase(WAYS[name]), way.gamma, number(way.e_n), None, way.reliable)
+        for name, way in analysis.ways.items()
+    }
     if line is None or not line.status.ok or line.series.body != analysis.trials.body:
         return rows
     found = analysis.ways["both"].quantity
     for name, words in _LINES.items():
         reading = line.readings[name]
-        rows[name] = WayRow(phrase(words), _plain(reading.gamma), number(reading.e_n), number(e_n(reading.gamma, found)), True)
+        rows[name] = WayRow(
+            phrase(words),
+            _plain(reading.gamma),
+            number(reading.e_n),
+            number(e_n(reading.gamma, found)),
+            True,
+        )
     return rows
 
 
 def _plain(gamma: Quantity) -> Summary:
     """A value and a standard uncertainty as a summary, normal."""
-    q025, q16, q84, q975 = (gamma.value + k * gamma.u for k in (-1.959964, -0.994458, 0.994458, 1.959964))
-    return Summary("1", phrase(UNKNOWNS["gamma"][1]), gamma.value, gamma.u, gamma.value, q025, q16, q84, q975)
+    q025, q16, q84, q975 = (
+        gamma.value + k * gamma.u for k in (-1.959964, -0.994458, 0.994458, 1.959964)
+    )
+    return Summary(
+        "1", phrase(UNKNOWNS["gamma"][1]), gamma.value, gamma.u, gamma.value, q025, q16, q84, q975
+    )
 
 
 def _apart(analysis: TrialsAnalysis) -> list[float] | None:
     apart = analysis.ends_apart
-    return None if apart is None else [apart.difference.value, apart.difference.u, apart.sds, apart.e_n]
+    return (
+        None
+        if apart is None
+        else [apart.difference.value, apart.difference.u, apart.sds, apart.e_n]
+    )
 
 
 def trials_files(
@@ -153,17 +241,38 @@ def trials_files(
     return drawers, trials_values(result), as_json(result)
 
 
-def trials_report(campaign: Campaign, analysis: TrialsAnalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice is given.  figures : whether there are any."""
+def trials_report(
+    campaign: Campaign,
+    analysis: TrialsAnalysis,
+    *,
+    voice: Voice = Voice.PYTHON,
+    figures: bool = True,
+) -> dict[str, bytes]:
+    """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice
+    is given.  figures : whether there are any.
+    """
     drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
-    return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {"trials.json": record}
+    return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {
+        "trials.json": record
+    }
 
 
 def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
     """What a terminal says of trials whose status is ok."""
     masses, true = analysis.gamma_masses, campaign.truth.get(f"gamma[{analysis.trials.body}]")
     stated = "" if masses is None else format_quantity(masses.value, masses.u)
-    return screen_lines([Estimate(Notation("γ").label("1", "[trials]"), analysis.summary("gamma"), stated, True, None, true)])
+    return screen_lines(
+        [
+            Estimate(
+                Notation("γ").label("1", "[trials]"),
+                analysis.summary("gamma"),
+                stated,
+                True,
+                None,
+                true,
+            )
+        ]
+    )
 
 
 def trials_text(values: Mapping[str, object], pictures: Collection[str]) -> str:
@@ -175,19 +284,33 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     """What the section of a report needs."""
     status = Status(result.status)
     labels = {name: UNKNOWNS[name][2].label(UNKNOWNS[name][0]) for name in result.unknowns}
-    masses = None if result.gamma_masses is None else format_quantity(result.gamma_masses, result.u_gamma_masses)
+    masses = (
+        None
+        if result.gamma_masses is None
+        else format_quantity(result.gamma_masses, result.u_gamma_masses)
+    )
     return {
-        "result": result, "kind": kind_words(result.kind), "status_words": STATUS_WORDS[status], "meaningless": not status.draws_count,
+        "result": result,
+        "kind": kind_words(result.kind),
+        "status_words": STATUS_WORDS[status],
+        "meaningless": not status.draws_count,
         "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
         "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
-        "gamma_masses": masses, "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
+        "gamma_masses": masses,
+        "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
         "ways": [(row.words, *_way_cells(row)) for row in result.ways.values()],
-        "apart": None if result.ends_apart is None else (
+        "apart": None
+        if result.ends_apart is None
+        else (
             format_quantity(result.ends_apart[0], result.ends_apart[1]),
-            signed(f"{result.ends_apart[2]:+.1f}"), signed(f"{result.ends_apart[3]:+.2f}")
+            signed(f"{result.ends_apart[2]:+.1f}"),
+            signed(f"{result.ends_apart[3]:+.2f}"),
         ),
-        "offset": None if result.offset is None else format_quantity(math.degrees(result.offset[0]), math.degrees(result.offset[1])),
-        "phi_mean": f"{math.degrees(result.phi_mean):.2g}", "thresholds": [_threshold_cells(row) for row in result.thresholds],
+        "offset": None
+        if result.offset is None
+        else format_quantity(math.degrees(result.offset[0]), math.degrees(result.offset[1])),
+        "phi_mean": f"{math.degrees(result.phi_mean):.2g}",
+        "thresholds": [_threshold_cells(row) for row in result.thresholds],
         "both_ends": len({row.end for row in result.thresholds}) > 1,
     }
 
@@ -200,7 +323,9 @@ def _unknown_cells(result: TrialsResult, name: str, label: Label) -> tuple[str, 
 def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
     if not row.reliable:
         return phrase("n/a (its importance weights are unreliable)"), "", "", ""
-    stated, trials = ("" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials))
+    stated, trials = (
+        "" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials)
+    )
     return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), stated, trials
 
 
@@ -209,14 +334,23 @@ def _threshold_cells(row: ThresholdRow) -> tuple[str, ...]:
     name = "θ_min" if row.end == "min" else "θ_max"
     counts = phrase("{n} of {total}", n=row.n_climbed, total=row.n_trial)
     if 0 < row.n_climbed < row.n_trial:
-        return name, f"{math.degrees(row.phi):.2f}", counts, middle, f"[{low68}, {high68}]", f"[{low95}, {high95}]"
+        return (
+            name,
+            f"{math.degrees(row.phi):.2f}",
+            counts,
+            middle,
+            f"[{low68}, {high68}]",
+            f"[{low95}, {high95}]",
+        )
     above = (row.n_climbed == 0) == (row.end == "min")
     limit = f"> {low95}" if above else f"< {high95}"
     return name, f"{math.degrees(row.phi):.2f}", counts, phrase("one outcome only"), "", limit
 
 
 def starts_figure(analysis: TrialsAnalysis) -> Figure:
-    """Every trial, the intervals of each tilt by itself, and where ascents begin and end by all trials at once; a panel for each end."""
+    """Every trial, the intervals of each tilt by itself, and where ascents begin and end by all
+    trials at once; a panel for each end.
+    """
     trials = analysis.trials
     figure = new_figure(3.4 * len(trials.ends) + 0.8)
     axes = figure.subplots(len(trials.ends), 1, squeeze=False)[:, 0]
@@ -238,35 +372,66 @@ def starts_figure(analysis: TrialsAnalysis) -> Figure:
 def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) -> None:
     if analysis.status.ok:
         starts = np.quantile(np.degrees(analysis.starts(end, phi)), LEVELS, axis=0)
-        draw_bands(ax, np.degrees(phi), starts, said=later("threshold of climbing, all trials jointly, {p:.0f} %"))
+        draw_bands(
+            ax,
+            np.degrees(phi),
+            starts,
+            said=later("threshold of climbing, all trials jointly, {p:.0f} %"),
+        )
     gamma = analysis.gamma_masses
     if gamma is not None:
         sine = np.sin(phi) / gamma.value
-        smallest = np.degrees(np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan))
-        label = phrase("theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u))
-        ax.plot(np.degrees(phi), smallest if end == LOW else 180.0 - smallest, color=ORANGE, lw=1.8, label=label)
+        smallest = np.degrees(
+            np.where(np.abs(sine) <= 1.0, np.arcsin(np.clip(sine, -1.0, 1.0)), np.nan)
+        )
+        label = phrase(
+            "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
+        )
+        ax.plot(
+            np.degrees(phi),
+            smallest if end == LOW else 180.0 - smallest,
+            color=ORANGE,
+            lw=1.8,
+            label=label,
+        )
     label = phrase("threshold of climbing, each tilt separately, 95 %")
     for found in (one for one in analysis.thresholds if one.end == end):
         low, high = np.degrees(found.quantiles[[0, -1]])
-        ax.plot([np.degrees(found.phi)] * 2, [low, high], color=GREY, lw=2.5, solid_capstyle="butt", zorder=3, label=label)
+        ax.plot(
+            [np.degrees(found.phi)] * 2,
+            [low, high],
+            color=GREY,
+            lw=2.5,
+            solid_capstyle="butt",
+            zorder=3,
+            label=label,
+        )
 
 
 def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> None:
-    """Ascents right of their tilt, refusals left of it, those of one angle side by side.  width : degrees, of the panel."""
+    """Ascents right of their tilt, refusals left of it, those of one angle side by side.  width :
+    degrees, of the panel.
+    """
     for climbed, mark, face, label in (
-        (True, "^", BLUE, phrase("climbed (right of the tilt)")), (False, "o", "white", phrase("did not climb (left of it)")),
+        (True, "^", BLUE, phrase("climbed (right of the tilt)")),
+        (False, "o", "white", phrase("did not climb (left of it)")),
     ):
         x, y = [], []
         for tilt in analysis.trials.tilts:
             part = tilt.end(end)
             for place, angle in _side_by_side(part.theta[part.climbed == climbed], Counter()):
-                x.append(np.degrees(tilt.phi) + (1.0 if climbed else -1.0) * (place + 1.0) * _ASIDE * width)
+                x.append(
+                    np.degrees(tilt.phi)
+                    + (1.0 if climbed else -1.0) * (place + 1.0) * _ASIDE * width
+                )
                 y.append(angle)
         ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
 
 
 def _side_by_side(angles: FloatArray, seen: Counter[float]) -> list[tuple[int, float]]:
-    """Angles in degrees, each with how many of the same came before it, those in `seen` among them."""
+    """Angles in degrees, each with how many of the same came before it, those in `seen` among
+    them.
+    """
     placed = []
     for angle in np.round(np.degrees(angles), 6).tolist():
         placed.append((seen[angle], angle))
@@ -275,35 +440,75 @@ def _side_by_side(angles: FloatArray, seen: Counter[float]) -> list[tuple[int, f
 
 
 def chances_figure(analysis: TrialsAnalysis) -> Figure:
-    """The chance of an ascent against the angle, a panel for each tilt, and its trials at 1 and 0; angles above 90 degrees mirrored there."""
+    """The chance of an ascent against the angle, a panel for each tilt, and its trials at 1 and 0;
+    angles above 90 degrees mirrored there.
+    """
     trials = analysis.trials
-    chosen = np.unique(np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS)).round().astype(int))
+    chosen = np.unique(
+        np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS))
+        .round()
+        .astype(int)
+    )
     figure, axes = grid(len(chosen), height=2.2 if len(chosen) > 2 else 2.8)
     for ax, which in zip(axes, chosen, strict=True):
         tilt = trials.tilts[which]
         inside = np.minimum(tilt.theta, np.pi - tilt.theta)
         room = 4.0 * float(np.median(analysis.column("scatter")))
-        angles = np.linspace(max(0.0, inside.min() - room), min(0.5 * np.pi, inside.max() + room), 161)
+        angles = np.linspace(
+            max(0.0, inside.min() - room), min(0.5 * np.pi, inside.max() + room), 161
+        )
         chance = _chances(analysis, tilt.phi, angles, trials.ends[0])
-        draw_bands(ax, np.degrees(angles), np.quantile(chance, LEVELS, axis=0), said=later("probability of climbing, {p:.0f} %"))
+        draw_bands(
+            ax,
+            np.degrees(angles),
+            np.quantile(chance, LEVELS, axis=0),
+            said=later("probability of climbing, {p:.0f} %"),
+        )
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve
             middle = np.median(_chances(analysis, tilt.phi, angles, HIGH), axis=0)
-            ax.plot(np.degrees(angles), middle, color=ORANGE, lw=1.4, ls="--", label=phrase("median above 90°"))
+            ax.plot(
+                np.degrees(angles),
+                middle,
+                color=ORANGE,
+                lw=1.4,
+                ls="--",
+                label=phrase("median above 90°"),
+            )
         for climbed, level, step in ((True, 1.0, -0.07), (False, 0.0, 0.07)):
             seen: Counter[float] = Counter()
             for end in trials.ends:
                 part = tilt.end(end)
-                placed = _side_by_side(np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], seen)
+                placed = _side_by_side(
+                    np.minimum(part.theta, np.pi - part.theta)[part.climbed == climbed], seen
+                )
                 mark, face = _MARKS[end, climbed]
                 label = phrase("climbed") if climbed else phrase("did not climb")
                 label += f", {phrase(_NAMES[end])}" if len(trials.ends) > 1 else ""
                 heights = [level + step * place for place, _ in placed]
-                ax.plot([angle for _, angle in placed], heights, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, clip_on=False, zorder=4)
+                ax.plot(
+                    [angle for _, angle in placed],
+                    heights,
+                    mark,
+                    ms=5,
+                    mfc=face,
+                    mec=INK,
+                    mew=0.8,
+                    ls="",
+                    label=label,
+                    clip_on=False,
+                    zorder=4,
+                )
         ax.set(xlim=np.degrees(angles[[0, -1]]), ylim=(-0.08, 1.08))
         ax.set_yticks([0.0, 0.5, 1.0])
         ax.set_title(phrase("φ read as {phi:.2f}°", phi=math.degrees(tilt.phi)))
     as_set = phrase("θ, angle of release as set (°)")
-    mirrored = phrase("θ, or 180° − θ (°)") if len(trials.ends) > 1 else "180° − θ (°)" if trials.ends == (HIGH,) else as_set
+    mirrored = (
+        phrase("θ, or 180° − θ (°)")
+        if len(trials.ends) > 1
+        else "180° − θ (°)"
+        if trials.ends == (HIGH,)
+        else as_set
+    )
     for ax in axes[-2:] if len(axes) > 2 else axes[-1:]:
         ax.set_xlabel(mirrored)
     for ax in axes[::2] if len(axes) > 2 else axes:
@@ -312,13 +517,21 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     return figure
 
 
-def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str, *, n_draw: int = 300) -> FloatArray:
-    """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over its errors, `inside` rad from the vertical at that end."""
+def _chances(
+    analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str, *, n_draw: int = 300
+) -> FloatArray:
+    """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over its errors, `inside` rad
+    from the vertical at that end.
+    """
     posterior, names = analysis.posterior, analysis.chain.names
     draws = analysis.chain.thinned(n_draw)
     values = {name: draws[:, i] for i, name in enumerate(names)}
     starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
-    zero = draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0) if "zero_theta" in names else 0.0
+    zero = (
+        draws[:, [names.index("zero_theta")]] * (1.0 if end == LOW else -1.0)
+        if "zero_theta" in names
+        else 0.0
+    )
     per_width = math.pi / math.sqrt(3.0) / draws[:, [names.index("scatter")]]
     total = np.zeros((len(draws), inside.size))
     for k, weight in enumerate(np.exp(posterior.log_weights)):

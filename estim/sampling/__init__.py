@@ -1,9 +1,25 @@
-"""Draws of a posterior: proposals, chains (`ensembles`: the only file that imports emcee), a second computation, bands.
+"""Draws of a posterior: proposals, chains (`ensembles`: the only file that imports emcee), a second
+computation, bands.
 
-Read `chain` first, then `certificate`."""
+Read `chain` first, then `certificate`.
+"""
 
-from estim.sampling.bands import Bands, central_intervals, curve_draws, posterior_bands, posterior_ends
-from estim.sampling.certificate import MAX_PARAMETERS, MAX_TIED, Agreement, Certificate, certify, no_comparison, too_many
+from estim.sampling.bands import (
+    Bands,
+    central_intervals,
+    curve_draws,
+    posterior_bands,
+    posterior_ends,
+)
+from estim.sampling.certificate import (
+    MAX_PARAMETERS,
+    MAX_TIED,
+    Agreement,
+    Certificate,
+    certify,
+    no_comparison,
+    too_many,
+)
 from estim.sampling.certified import Certified, Optima, certified_chain, proposed_chain
 from estim.sampling.chain import Chain, Progress, Target, sample_posterior
 from estim.sampling.diagnostics import mcse_mean, mixing_of

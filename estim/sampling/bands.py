@@ -1,11 +1,12 @@
 """Bands along the curve from draws of the posterior.
 
-- credible: where the true curve lies with the stated probability, point by point; together with the unmodelled force and the start, where the
-  fit has room for them.
-- predictive: where one more measured speed would lie at that position, with the noise of the readings as large as it was found to be.
+- credible: where the true curve lies with the stated probability, point by point; together with the
+  unmodelled force and the start, where the fit has room for them.
+- predictive: where one more measured speed would lie at that position, with the noise of the
+  readings as large as it was found to be.
 
-A draw whose motion ends before x has no speed there and counts as 0.  The grid is finer towards both ends, where the
-curve is steep.
+A draw whose motion ends before x has no speed there and counts as 0.  The grid is finer towards
+both ends, where the curve is steep.
 """
 
 from __future__ import annotations
@@ -42,26 +43,52 @@ class Bands:
 
 
 def posterior_bands(
-    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, probabilities: tuple[float, ...] = PROBABILITIES, n_x: int = 200,
+    problem: Problem,
+    draws: FloatArray,
+    *,
+    rng: np.random.Generator,
+    probabilities: tuple[float, ...] = PROBABILITIES,
+    n_x: int = 200,
     forces: Sequence[FoundForce] = (),
 ) -> tuple[Bands, ...]:
-    """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the curves of some of them lack."""
+    """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the
+    curves of some of them lack.
+    """
     completed = {found.run: found.completed for found in forces}
     own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
-    return tuple(_bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x) for run, rng in own)
+    return tuple(
+        _bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x)
+        for run, rng in own
+    )
 
 
 def posterior_ends(
-    problem: Problem, draws: FloatArray, *, rng: np.random.Generator, n_x: int = 200, forces: Sequence[FoundForce] = ()
+    problem: Problem,
+    draws: FloatArray,
+    *,
+    rng: np.random.Generator,
+    n_x: int = 200,
+    forces: Sequence[FoundForce] = (),
 ) -> dict[str, FloatArray]:
-    """Run -> where its motion ends (n_draw,), of those that are motions: what `posterior_bands` says of it with the same `rng`, without the bands."""
+    """Run -> where its motion ends (n_draw,), of those that are motions: what `posterior_bands`
+    says of it with the same `rng`, without the bands.
+    """
     completed = {found.run: found.completed for found in forces}
     own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
-    return {run.name: _ends(problem, run, draws, completed.get(run.name), rng, n_x) for run, rng in own if run.motion is not None}
+    return {
+        run.name: _ends(problem, run, draws, completed.get(run.name), rng, n_x)
+        for run, rng in own
+        if run.motion is not None
+    }
 
 
 def _ends(
-    problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator, n_x: int
+    problem: Problem,
+    run: Observations,
+    draws: FloatArray,
+    completed: Completed | None,
+    rng: np.random.Generator,
+    n_x: int,
 ) -> FloatArray:
     end = motion_end(problem, run, draws)
     if completed is None:
@@ -75,7 +102,8 @@ def _ends(
 
 
 def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
-    """(n_x,) positions from the release to the end of the data, or of the motion where that is close, denser at both ends.
+    """(n_x,) positions from the release to the end of the data, or of the motion where that is
+    close, denser at both ends.
 
     A curve that is no motion from a release is drawn where its data are.
     """
@@ -87,21 +115,34 @@ def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
     return 0.5 * max(far, last) * (1.0 - np.cos(np.linspace(0.0, np.pi, n_x)))
 
 
-def curve_draws(problem: Problem, run: Observations, x: FloatArray, draws: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The curve (n_draw, n_x) at each draw, 0 where the motion has ended, and where it ends (n_draw,)."""
+def curve_draws(
+    problem: Problem, run: Observations, x: FloatArray, draws: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The curve (n_draw, n_x) at each draw, 0 where the motion has ended, and where it ends
+    (n_draw,).
+    """
     end = motion_end(problem, run, draws)
-    value = np.broadcast_to(run.curve.value(x, run.bind(problem.named(draws))), (draws.shape[0], x.size))
+    value = np.broadcast_to(
+        run.curve.value(x, run.bind(problem.named(draws))), (draws.shape[0], x.size)
+    )
     return np.where(x <= end[:, None], value, 0.0), end
 
 
 def motion_end(problem: Problem, run: Observations, draws: FloatArray) -> FloatArray:
-    """(n_draw,) where the motion of the curve alone ends at each draw (n_draw, n_par), inf where it does not."""
+    """(n_draw,) where the motion of the curve alone ends at each draw (n_draw, n_par), inf where it
+    does not.
+    """
     return np.broadcast_to(run.end(run.bind(problem.named(draws))), (draws.shape[0], 1))[:, 0]
 
 
 def _bands(
-    problem: Problem, run: Observations, draws: FloatArray, completed: Completed | None, rng: np.random.Generator,
-    probabilities: tuple[float, ...], n_x: int,
+    problem: Problem,
+    run: Observations,
+    draws: FloatArray,
+    completed: Completed | None,
+    rng: np.random.Generator,
+    probabilities: tuple[float, ...],
+    n_x: int,
 ) -> Bands:
     x = curve_grid(run, motion_end(problem, run, draws), n_x)
     curve, end = curve_draws(problem, run, x, draws)
@@ -115,23 +156,45 @@ def _bands(
         new = curve + _new_errors(run, named, scale, rng)
     median, credible = central_intervals(curve, probabilities)
     _, predictive = central_intervals(new, probabilities)
-    return Bands(run=run.name, x=x, median=median, end=end, credible=credible, predictive=predictive, completed=completed is not None)
+    return Bands(
+        run=run.name,
+        x=x,
+        median=median,
+        end=end,
+        credible=credible,
+        predictive=predictive,
+        completed=completed is not None,
+    )
 
 
-def _new_errors(run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(n_draw, 1) errors of one more reading: the same for all positions of a draw, for the same interval at each x, and a smooth band."""
+def _new_errors(
+    run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """(n_draw, 1) errors of one more reading: the same for all positions of a draw, for the same
+    interval at each x, and a smooth band.
+    """
     n_draw = scale.size
-    reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(axis=1, keepdims=True)
+    reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(
+        axis=1, keepdims=True
+    )
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     return np.asarray(sd * rng.standard_normal((n_draw, 1)))
 
 
-def moved_on(x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end v^2 falls like a straight line."""
+def moved_on(
+    x: FloatArray, curve: FloatArray, end: FloatArray, gained: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end
+    v^2 falls like a straight line.
+    """
     inside, rows = _last_before(x, end), np.arange(end.size)
     moved, fall = _moved_ends(x[inside], curve[rows, inside], end, gained[rows, inside])
     ends = np.isfinite(end) & np.isfinite(fall)
-    beyond = np.where(ends[:, None] & (x > end[:, None]), np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]), 0.0)
+    beyond = np.where(
+        ends[:, None] & (x > end[:, None]),
+        np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]),
+        0.0,
+    )
     square = np.square(curve) - beyond + gained
     return np.sqrt(np.maximum(square, 0.0)), moved
 
@@ -141,21 +204,31 @@ def _last_before(x: FloatArray, end: FloatArray) -> NDArray[np.intp]:
     return np.asarray(np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1))
 
 
-def _moved_ends(at: FloatArray, speed: FloatArray, end: FloatArray, gained: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends (n_draw,) with v^2 `gained` at places `at` before them, with speeds `speed`, and how fast v^2 falls there, inf where it does not."""
+def _moved_ends(
+    at: FloatArray, speed: FloatArray, end: FloatArray, gained: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ends (n_draw,) with v^2 `gained` at places `at` before them, with speeds `speed`, and how
+    fast v^2 falls there, inf where it does not.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         fall = np.square(speed) / (end - at)
     fall = np.where(fall > 0.0, fall, np.inf)
     return np.where(np.isfinite(end) & np.isfinite(fall), end + gained / fall, end), fall
 
 
-def central_intervals(values: FloatArray, probabilities: Sequence[float]) -> tuple[FloatArray, dict[float, FloatArray]]:
-    """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals, from one sort; as `numpy.quantile`."""
+def central_intervals(
+    values: FloatArray, probabilities: Sequence[float]
+) -> tuple[FloatArray, dict[float, FloatArray]]:
+    """(n_x,) medians of (n_draw, n_x) values, and probability -> (2, n_x) ends of the intervals,
+    from one sort; as `numpy.quantile`.
+    """
     levels = np.array([0.5, *(0.5 + half for p in probabilities for half in (-0.5 * p, 0.5 * p))])
     ordered = np.sort(np.ascontiguousarray(values.T), axis=1)
     ordered[np.isnan(ordered[:, -1])] = np.nan
     place = levels * (values.shape[0] - 1)
     below = np.minimum(place.astype(int), max(values.shape[0] - 2, 0))
     above = np.minimum(below + 1, values.shape[0] - 1)
-    median, *found = (ordered[:, below] + (place - below) * (ordered[:, above] - ordered[:, below])).T
+    median, *found = (
+        ordered[:, below] + (place - below) * (ordered[:, above] - ordered[:, below])
+    ).T
     return median, {p: np.array(found[2 * k : 2 * k + 2]) for k, p in enumerate(probabilities)}

@@ -1,12 +1,14 @@
-"""A posterior computed a second time, without a Markov chain, and compared with the chain (`estim.sampling.independent_check`: from which proposal).
+"""A posterior computed a second time, without a Markov chain, and compared with the chain
+(`estim.sampling.independent_check`: from which proposal).
 
-Pareto-smoothed importance sampling from a proposal that was adapted to the posterior (`estim.sampling.proposal`): weights
-density/proposal, their largest replaced by quantiles of a fitted generalised Pareto distribution, whose shape k-hat says
-whether the weights can be trusted (below 0.7) (Vehtari, Simpson, Gelman, Yao, Gabry, J. Mach. Learn. Res. 25 (2024) 72).
-It gives means, standard deviations, quantiles and the evidence, each with its Monte-Carlo error.
+Pareto-smoothed importance sampling from a proposal that was adapted to the posterior
+(`estim.sampling.proposal`): weights density/proposal, their largest replaced by quantiles of a
+fitted generalised Pareto distribution, whose shape k-hat says whether the weights can be trusted
+(below 0.7) (Vehtari, Simpson, Gelman, Yao, Gabry, J. Mach. Learn. Res. 25 (2024) 72).  It gives
+means, standard deviations, quantiles and the evidence, each with its Monte-Carlo error.
 
-What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds; beyond, weights degenerate and the
-comparison says "missing" instead of a verdict.
+What to use when: up to 14 parameters importance sampling checks a chain in some milliseconds;
+beyond, weights degenerate and the comparison says "missing" instead of a verdict.
 """
 
 from __future__ import annotations
@@ -23,16 +25,31 @@ from estim.common import Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
-from estim.sampling.importance import K_HAT_LIMIT, kish_size, pareto_smoothed, systematic, u_log_mean
+from estim.sampling.importance import (
+    K_HAT_LIMIT,
+    kish_size,
+    pareto_smoothed,
+    systematic,
+    u_log_mean,
+)
 from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
-__all__ = ["Agreement", "Certificate", "Proposal", "adapt_proposal", "certify", "compare_with_chain"]
+__all__ = [
+    "Agreement",
+    "Certificate",
+    "Proposal",
+    "adapt_proposal",
+    "certify",
+    "compare_with_chain",
+]
 
 
 MAX_PARAMETERS = 14
-MAX_TIED = 20  # of runs that share a force: a chain is all that they have beside importance sampling, no marginal over runs
+# of runs that share a force: a chain is all that they have beside importance sampling, no marginal
+# over runs
+MAX_TIED = 20
 _IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
 PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
@@ -40,7 +57,8 @@ _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there 
 _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
 _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
 _COARSE, _COARSE_END = 0.25, 0.5  # posterior sds: errors that hide larger differences prove nothing
-_UNSURE_END = 0.07  # posterior sds: error of an end of the 95 % interval that more draws are taken for
+# posterior sds: error of an end of the 95 % interval that more draws are taken for
+_UNSURE_END = 0.07
 _LEAST_INSIDE = 0.25  # share of the draws, of which fewer may lie inside the support
 _FEWEST = 400.0  # effective draws, of fewer of which the errors are as unsure as the values
 _MARGIN = 1.2  # more draws than are lacking, since what lacks them moves with them
@@ -52,11 +70,14 @@ _N_RESAMPLED = 4000
 class Certificate:
     """A posterior without a chain.
 
-    k_hat : shape of the tail of the weights; above 0.7 nothing here is reliable.  n_draw : draws taken.  ess : effective size (sum w)^2/sum w^2.
-    log_evidence, u_log_evidence : log of the integral of exp(log_density), and its Monte-Carlo standard error.
+    k_hat : shape of the tail of the weights; above 0.7 nothing here is reliable.
+    n_draw : draws taken.  ess : effective size (sum w)^2/sum w^2.
+    log_evidence, u_log_evidence : log of the integral of exp(log_density), and its Monte-Carlo
+        standard error.
     mean, sd, mcse_mean, mcse_sd : (n_par,) with the Monte-Carlo standard errors of both.
-    quantiles : probability -> (n_par,).  mcse_shares : of the share of the posterior below each of them; as an error of the quantile itself
-        it would need a density there, which a few draws in a tail tell badly.
+    quantiles : probability -> (n_par,).
+    mcse_shares : of the share of the posterior below each of them; as an error of the quantile
+        itself it would need a density there, which a few draws in a tail tell badly.
     draws : (4000, n_par) equally weighted, resampled with replacement, in random order.
     """
 
@@ -83,11 +104,15 @@ class Certificate:
 class Agreement:
     """A chain against a certificate.
 
-    verdict : "agree", "disagree" or "missing".  told : why.
-    difference_mean, difference_sd : (n_par,) chain minus certificate, in posterior standard deviations of the certificate.
+    verdict : "agree", "disagree" or "missing".
+    told : why.
+    difference_mean, difference_sd : (n_par,) chain minus certificate, in posterior standard
+        deviations of the certificate.
     difference_ends : (2, n_par) the same of the 2.5 % and 97.5 % quantiles.
-    z_mean, z_sd, z_ends : the same in units of the combined Monte-Carlo standard error (for the quantiles, of the share of draws beyond).
-    limit : |z| above which a difference that is not negligible is called, all parameters considered.
+    z_mean, z_sd, z_ends : the same in units of the combined Monte-Carlo standard error (for the
+        quantiles, of the share of draws beyond).
+    limit : |z| above which a difference that is not negligible is called, all parameters
+        considered.
     """
 
     names: tuple[str, ...]
@@ -108,17 +133,31 @@ class Agreement:
 
     @property
     def largest_difference(self) -> float:
-        """Largest difference of a mean, a standard deviation or an end of a 95 % interval, in posterior standard deviations."""
-        return float(max(np.max(np.abs(d)) for d in (self.difference_mean, self.difference_sd, self.difference_ends)))
+        """Largest difference of a mean, a standard deviation or an end of a 95 % interval, in
+        posterior standard deviations.
+        """
+        return float(
+            max(
+                np.max(np.abs(d))
+                for d in (self.difference_mean, self.difference_sd, self.difference_ends)
+            )
+        )
 
 
 def certify(
-    density: Density, proposal: Proposal, *, rng: np.random.Generator, n_draw: int = 8000, least_ess: float = 4000.0, max_draw: int = MOST_DRAWS
+    density: Density,
+    proposal: Proposal,
+    *,
+    rng: np.random.Generator,
+    n_draw: int = 8000,
+    least_ess: float = 4000.0,
+    max_draw: int = MOST_DRAWS,
 ) -> Certificate:
     """The posterior by Pareto-smoothed importance sampling from `proposal.widened()`.
 
-    n_draw : draws to begin with.  More are taken, up to `max_draw` inside the support, while k-hat is above 0.7, the effective size below
-        `least_ess`, or an end of a 95 % interval uncertain by 0.07 standard deviations: twice as many, or as many as the latter two lack.
+    n_draw : draws to begin with.  More are taken, up to `max_draw` inside the support, while k-hat
+        is above 0.7, the effective size below `least_ess`, or an end of a 95 % interval uncertain
+        by 0.07 standard deviations: twice as many, or as many as the latter two lack.
 
     Raises NumericalError where the density is not a number.
     """
@@ -128,11 +167,17 @@ def certify(
     while True:
         more = proposal.draw(rng, wanted - len(draws))
         draws = np.vstack([draws, more])
-        log_ratio = np.append(log_ratio, log_density_in_batches(density, more) - proposal.log_density(more))
+        log_ratio = np.append(
+            log_ratio, log_density_in_batches(density, more) - proposal.log_density(more)
+        )
         most = math.ceil(max_draw / max(float(np.mean(np.isfinite(log_ratio))), _LEAST_INSIDE))
         log_weights, k_hat, log_mean = pareto_smoothed(log_ratio)
         columns = [_Column(column, np.exp(log_weights)) for column in draws.T]
-        lacking = max(least_ess / kish_size(log_weights), _lacking_for_ends(columns)) if k_hat <= K_HAT_LIMIT else 2.0
+        lacking = (
+            max(least_ess / kish_size(log_weights), _lacking_for_ends(columns))
+            if k_hat <= K_HAT_LIMIT
+            else 2.0
+        )
         if lacking <= 1.0 or wanted >= most:
             break
         wanted = min(int(min(_MARGIN * lacking, 2.0) * wanted), most)
@@ -140,16 +185,27 @@ def certify(
 
 
 def _lacking_for_ends(columns: Sequence[_Column]) -> float:
-    """By how much there would have to be more draws for all ends of 95 % intervals to be known well enough to be compared; 1 at most if they are."""
-    errors = [column.error_of_end(p) / column.sd for column in columns if column.sd > 0.0 for p in ENDS]
+    """By how much there would have to be more draws for all ends of 95 % intervals to be known well
+    enough to be compared; 1 at most if they are.
+    """
+    errors = [
+        column.error_of_end(p) / column.sd for column in columns if column.sd > 0.0 for p in ENDS
+    ]
     return (max(errors, default=0.0) / _UNSURE_END) ** 2
 
 
 def _summarise(
-    names: tuple[str, ...], draws: FloatArray, columns: Sequence[_Column], log_weights: FloatArray, k_hat: float, log_mean: float,
+    names: tuple[str, ...],
+    draws: FloatArray,
+    columns: Sequence[_Column],
+    log_weights: FloatArray,
+    k_hat: float,
+    log_mean: float,
     rng: np.random.Generator,
 ) -> Certificate:
-    """Weighted moments with the delta-method errors of self-normalised importance sampling, sum w_i^2 (h_i - mean h)^2."""
+    """Weighted moments with the delta-method errors of self-normalised importance sampling, sum
+    w_i^2 (h_i - mean h)^2.
+    """
     weights = np.exp(log_weights)
     mean = weights @ draws
     deviation = draws - mean
@@ -163,11 +219,21 @@ def _summarise(
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
     resampled.flags.writeable = False
     return Certificate(
-        names=names, k_hat=k_hat, n_draw=weights.size, ess=kish_size(log_weights),
-        log_evidence=log_mean, u_log_evidence=u_log_mean(log_weights),
-        mean=mean, sd=sd, mcse_mean=np.sqrt(squares @ deviation**2),
-        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2) / (2.0 * np.where(sd > 0.0, sd, np.nan)),  # 0: all weight on one draw
-        quantiles=MappingProxyType(quantiles), mcse_shares=MappingProxyType(errors), draws=resampled,
+        names=names,
+        k_hat=k_hat,
+        n_draw=weights.size,
+        ess=kish_size(log_weights),
+        log_evidence=log_mean,
+        u_log_evidence=u_log_mean(log_weights),
+        mean=mean,
+        sd=sd,
+        mcse_mean=np.sqrt(squares @ deviation**2),
+        # 0: all weight on one draw
+        mcse_sd=np.sqrt(squares @ (deviation**2 - variance) ** 2)
+        / (2.0 * np.where(sd > 0.0, sd, np.nan)),
+        quantiles=MappingProxyType(quantiles),
+        mcse_shares=MappingProxyType(errors),
+        draws=resampled,
     )
 
 
@@ -184,7 +250,9 @@ class _Column:
         return float(np.interp(p, self.below, self.values))
 
     def error_of_end(self, p: float) -> float:
-        """Standard error of the quantile, half the way between those of p with its own error more and less."""
+        """Standard error of the quantile, half the way between those of p with its own error more
+        and less.
+        """
         u = self.error_below(p)
         return 0.5 * (self.at(min(p + u, 1.0)) - self.at(max(p - u, 0.0)))
 
@@ -193,11 +261,15 @@ class _Column:
         return math.sqrt(float(np.sum(self.weights**2 * ((self.values <= self.at(p)) - p) ** 2)))
 
 
-def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MAX_PARAMETERS) -> Agreement:
-    """Whether a chain and an independent certificate give the same means, standard deviations and ends of the 95 % intervals.
+def compare_with_chain(
+    certificate: Certificate, chain: Chain, *, most: int = MAX_PARAMETERS
+) -> Agreement:
+    """Whether a chain and an independent certificate give the same means, standard deviations and
+    ends of the 95 % intervals.
 
-    A difference is called where it is both larger than 0.03 posterior sds (0.05 for the ends) and beyond what the Monte-Carlo errors of
-    both allow; with all 4 n_par differences considered (Bonferroni) a true agreement is called in one case of 2000 at most.
+    A difference is called where it is both larger than 0.03 posterior sds (0.05 for the ends) and
+    beyond what the Monte-Carlo errors of both allow; with all 4 n_par differences considered
+    (Bonferroni) a true agreement is called in one case of 2000 at most.
 
     most : parameters beyond which there is no verdict.
     """
@@ -206,31 +278,53 @@ def compare_with_chain(certificate: Certificate, chain: Chain, *, most: int = MA
     flat = chain.flat
     mean, spread = flat.mean(axis=0), flat.std(axis=0)
     error_mean, error_sd = chain_errors(chain)
-    u_mean, u_sd = np.hypot(error_mean, certificate.mcse_mean), np.hypot(error_sd, certificate.mcse_sd)
+    u_mean = np.hypot(error_mean, certificate.mcse_mean)
+    u_sd = np.hypot(error_sd, certificate.mcse_sd)
     ends = np.array([certificate.quantiles[p] for p in ENDS])
     ordered = np.sort(flat, axis=0)
     own_ends = np.array([_quantiles(ordered, np.full(n_par, p)) for p in ENDS])
-    differences = (mean - certificate.mean) / sd, (spread - certificate.sd) / sd, (own_ends - ends) / sd
-    z_ends, u_ends = (np.array(both) for both in zip(*(_end(certificate, chain, ordered, p) for p in ENDS), strict=True))
+    differences = (
+        (mean - certificate.mean) / sd,
+        (spread - certificate.sd) / sd,
+        (own_ends - ends) / sd,
+    )
+    z_ends, u_ends = (
+        np.array(both)
+        for both in zip(*(_end(certificate, chain, ordered, p) for p in ENDS), strict=True)
+    )
     zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
     limit = -float(normal_quantile(_FALSE_ALARM / (8 * n_par)))
     if n_par > most:
-        return Agreement(certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit)
-    verdict, told = _verdict(certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit)
+        return Agreement(
+            certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit
+        )
+    verdict, told = _verdict(
+        certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit
+    )
     return Agreement(certificate.names, verdict, (told,), *differences, *zs, limit)
 
 
-def _end(certificate: Certificate, chain: Chain, ordered: FloatArray, p: float) -> tuple[FloatArray, FloatArray]:
-    """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.  ordered : (n_draw, n_par) draws, each column in order.
+def _end(
+    certificate: Certificate, chain: Chain, ordered: FloatArray, p: float
+) -> tuple[FloatArray, FloatArray]:
+    """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.
+    ordered : (n_draw, n_par) draws, each column in order.
 
     z compares shares, not quantiles: that of the draws above the certificate's quantile with 1 - p.
     """
     at, every = certificate.quantiles[p], np.full(len(certificate.names), p)
-    below = np.array([np.searchsorted(column, one, side="right") for column, one in zip(ordered.T, at, strict=True)])
+    below = np.array(
+        [
+            np.searchsorted(column, one, side="right")
+            for column, one in zip(ordered.T, at, strict=True)
+        ]
+    )
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
     size = effective_size((chain.draws > _quantiles(ordered, every)).astype(float), "mean")
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
-    spread = 0.5 * (_quantiles(ordered, np.minimum(p + u, 1.0)) - _quantiles(ordered, np.maximum(p - u, 0.0)))
+    spread = 0.5 * (
+        _quantiles(ordered, np.minimum(p + u, 1.0)) - _quantiles(ordered, np.maximum(p - u, 0.0))
+    )
     return np.asarray((p - below / len(ordered)) / u), spread
 
 
@@ -238,20 +332,26 @@ def _quantiles(ordered: FloatArray, p: FloatArray) -> FloatArray:
     """(n_par,) quantiles of the columns of `ordered` (n_draw, n_par), of p (n_par,) in each."""
     place = p * (len(ordered) - 1)
     first = np.minimum(place.astype(np.int64), max(len(ordered) - 2, 0))
-    low, high = (np.take_along_axis(ordered, at[None], axis=0)[0] for at in (first, np.minimum(first + 1, len(ordered) - 1)))
+    low, high = (
+        np.take_along_axis(ordered, at[None], axis=0)[0]
+        for at in (first, np.minimum(first + 1, len(ordered) - 1))
+    )
     return np.asarray(low + (place - first) * (high - low))
 
 
 def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
     unknown, ends = np.full(len(names), np.nan), np.full((len(ENDS), len(names)), np.nan)
-    return Agreement(names, "missing", told, unknown, unknown, ends, unknown, unknown, ends, math.nan)
+    return Agreement(
+        names, "missing", told, unknown, unknown, ends, unknown, unknown, ends, math.nan
+    )
 
 
 def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
     """(n_par,) Monte-Carlo standard errors of a chain's means and standard deviations.
 
-    From the effective size of the draws and of their squared deviations, every walker a chain (its split halves included).
+    From the effective size of the draws and of their squared deviations, every walker a chain (its
+    split halves included).
     """
     deviation = chain.draws - chain.flat.mean(axis=0)
     squares = deviation**2
@@ -267,7 +367,11 @@ def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
 
 
 def _verdict(
-    certificate: Certificate, differences: Sequence[FloatArray], zs: Sequence[FloatArray], us: Sequence[FloatArray], limit: float
+    certificate: Certificate,
+    differences: Sequence[FloatArray],
+    zs: Sequence[FloatArray],
+    us: Sequence[FloatArray],
+    limit: float,
 ) -> tuple[str, Finding]:
     """us : the errors of the differences in posterior sds."""
     if not certificate.reliable:
@@ -275,17 +379,31 @@ def _verdict(
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
     called: list[Finding] = []
     hidden: list[float] = []
-    whats = (phrase("mean"), phrase("standard deviation"), *(phrase("{p:.1f} % quantile", p=100.0 * p) for p in ENDS))
+    whats = (
+        phrase("mean"),
+        phrase("standard deviation"),
+        *(phrase("{p:.1f} % quantile", p=100.0 * p) for p in ENDS),
+    )
     rows = ([*column[:2], *column[2]] for column in (differences, zs, us))
     limits = [(_NEGLIGIBLE, _COARSE)] * 2 + [(_NEGLIGIBLE_END, _COARSE_END)] * len(ENDS)
     for what, (negligible, coarse), difference, z, u in zip(whats, limits, *rows, strict=True):
         for name, d, one in zip(certificate.names, difference, z, strict=True):
             if not (abs(d) <= negligible or abs(one) <= limit):
                 errors = {"errors": float(abs(one))}
-                called.append(Finding(Kind.DIFFERENCE, test=what, size=float(d), numbers=errors, parameters=(Amount(name),)))
+                called.append(
+                    Finding(
+                        Kind.DIFFERENCE,
+                        test=what,
+                        size=float(d),
+                        numbers=errors,
+                        parameters=(Amount(name),),
+                    )
+                )
         hidden += [float(one) for one in limit * u if one > coarse]
     if certificate.ess < _FEWEST:
-        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(one) for one in us])))
+        return "missing", Finding(
+            Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(one) for one in us]))
+        )
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
         return "disagree", Finding(Kind.CHAIN_DIFFERS, test=_IMPORTANCE, parts=tuple(called[:3]))

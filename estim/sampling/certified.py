@@ -1,7 +1,8 @@
 """A chain and the second computation that it is compared with.
 
-Two computations of the same thing may differ by chance: one pair in 2000 is called (`compare_with_chain`).  Where one is, both are done once
-more with other random numbers.  A difference that comes back is told; one that does not was chance, and the second pair is the result.
+Two computations of the same thing may differ by chance: one pair in 2000 is called
+(`compare_with_chain`).  Where one is, both are done once more with other random numbers.  A
+difference that comes back is told; one that does not was chance, and the second pair is the result.
 Where Monte-Carlo errors are too large for a verdict, both are done once more with more draws.
 """
 
@@ -31,7 +32,8 @@ _MOST_PROPOSED = 40  # parameters: of more, hardly a draw of a proposal is accep
 class Optima:
     """Where a density is known to be high: the fit, its covariance, and further optima.
 
-    starts, covs : of the further ones, for the proposal.  modes : those of a share that counts, whose ridges are followed.
+    starts, covs : of the further ones, for the proposal.
+    modes : those of a share that counts, whose ridges are followed.
     parts : normal distributions that the density is nearly made of, where they are known.
     """
 
@@ -45,7 +47,9 @@ class Optima:
 
 @dataclass(frozen=True, eq=False)
 class Certified:
-    """Draws, the same posterior without a chain (None where there are too many parameters for it), and whether both agree."""
+    """Draws, the same posterior without a chain (None where there are too many parameters for it),
+    and whether both agree.
+    """
 
     chain: Chain
     certificate: Certificate | None
@@ -53,7 +57,14 @@ class Certified:
 
 
 def certified_chain(
-    density: Density, optima: Optima, *, target: Target, seed: int, most: int, support: Support | None, progress: Progress | None = None,
+    density: Density,
+    optima: Optima,
+    *,
+    target: Target,
+    seed: int,
+    most: int,
+    support: Support | None,
+    progress: Progress | None = None,
 ) -> Certified:
     """Draws of `density` with a second opinion.
 
@@ -64,15 +75,37 @@ def certified_chain(
     pairs: list[Certified] = []
     for i in range(_TRIES):
         if progress is not None:
-            progress(0, phrase("second opinion") if not pairs else phrase("chain and second opinion: both are repeated"))
+            progress(
+                0,
+                phrase("second opinion")
+                if not pairs
+                else phrase("chain and second opinion: both are repeated"),
+            )
         rng = stream(seed, Stream.PROPOSAL, *(() if i == 0 else (i,)))
-        adapted = adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
-        certificate, proposal = second_opinion(density, optima.value, optima.cov, adapted, rng=rng, starts=optima.modes, support=support)
+        adapted = adapt_proposal(
+            density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs
+        )
+        certificate, proposal = second_opinion(
+            density,
+            optima.value,
+            optima.cov,
+            adapted,
+            rng=rng,
+            starts=optima.modes,
+            support=support,
+        )
         chain = sample_posterior(
-            density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))), progress=progress,
+            density,
+            optima.value,
+            optima.cov,
+            target=target,
+            rng=stream(seed, Stream.CHAIN, *(() if i == 0 else (i,))),
+            progress=progress,
             proposal=proposal,
         )
-        pairs.append(Certified(chain, certificate, compare_with_chain(certificate, chain, most=most)))
+        pairs.append(
+            Certified(chain, certificate, compare_with_chain(certificate, chain, most=most))
+        )
         if _too_coarse(pairs[-1].comparison):
             target = replace(target, ess=_FINER * target.ess)
         elif pairs[-1].comparison.verdict != "disagree":
@@ -93,7 +126,8 @@ def _too_coarse(comparison: Agreement) -> bool:
 def proposed_chain(
     density: Density, optima: Optima, *, target: Target, seed: int, progress: Progress | None = None
 ) -> Chain:
-    """A chain without a second computation, for more parameters than that is made for; most of its moves propose from an adapted proposal.
+    """A chain without a second computation, for more parameters than that is made for; most of its
+    moves propose from an adapted proposal.
 
     Raises NumericalError where the density is not a number.
     """
@@ -103,7 +137,13 @@ def proposed_chain(
             progress(0, phrase("proposal"))
         proposal = _proposal(density, optima, rng=stream(seed, Stream.PROPOSAL))
     return sample_posterior(
-        density, optima.value, optima.cov, target=target, rng=stream(seed, Stream.CHAIN), progress=progress, proposal=proposal
+        density,
+        optima.value,
+        optima.cov,
+        target=target,
+        rng=stream(seed, Stream.CHAIN),
+        progress=progress,
+        proposal=proposal,
     )
 
 
@@ -112,10 +152,15 @@ def _proposal(density: Density, optima: Optima, *, rng: np.random.Generator) -> 
         found = proposal_of_parts(density, optima.parts, rng=rng)
         if found is not None:
             return found
-    return adapt_proposal(density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs)
+    return adapt_proposal(
+        density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs
+    )
 
 
 def _after(first: Agreement, last: Agreement) -> Agreement:
     """`last`, with the largest difference of the first pair said beside it."""
     errors = first.told[0].parts[0].numbers["errors"]
-    return replace(last, told=tuple(replace(one, numbers={**one.numbers, "before": errors}) for one in last.told))
+    return replace(
+        last,
+        told=tuple(replace(one, numbers={**one.numbers, "before": errors}) for one in last.told),
+    )

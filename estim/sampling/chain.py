@@ -1,11 +1,13 @@
 """Draws from a posterior by emcee.
 
-Several independent ensembles of walkers start from the fit.  Sampling stops by itself when rank-normalised R-hat between
-the ensembles, effective sample sizes in bulk and tails, and the autocorrelation time all say that it is enough; a hard
-cap ends it otherwise, and the chain says "not converged".
+Several independent ensembles of walkers start from the fit.  Sampling stops by itself when
+rank-normalised R-hat between the ensembles, effective sample sizes in bulk and tails, and the
+autocorrelation time all say that it is enough; a hard cap ends it otherwise, and the chain says
+"not converged".
 
-What is fixed about the diagnostics: walkers of one ensemble move by each other, so R-hat compares ensembles, not
-walkers; effective sample sizes are those of all walkers as chains (emcee's own N/tau flatters short chains).
+What is fixed about the diagnostics: walkers of one ensemble move by each other, so R-hat compares
+ensembles, not walkers; effective sample sizes are those of all walkers as chains (emcee's own N/tau
+flatters short chains).
 """
 
 from __future__ import annotations
@@ -27,23 +29,32 @@ from estim.words import tell
 
 _FIRST_CHECK, _FIRST_CHECK_BLIND = 60, 200  # steps, with a proposal and without
 _MOST_WALKERS = 512
-_BURN, _BURN_BLIND = 5.0, 10.0  # autocorrelation times: walkers that start from draws of the posterior have little to forget
-_YIELD = 0.65  # effective draws that a walker gives in an autocorrelation time: tails are worth less than the middle
-_PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1  # of the moves: for a proposal whose weights are even, and for one that cannot be trusted
-_GOOD_EFFICIENCY = 0.4  # effective share of its draws from which a proposal gets the full share of moves
+# autocorrelation times: walkers that start from draws of the posterior have little to forget
+_BURN, _BURN_BLIND = 5.0, 10.0
+# effective draws that a walker gives in an autocorrelation time: tails are worth less than the
+# middle
+_YIELD = 0.65
+# of the moves: for a proposal whose weights are even, and for one that cannot be trusted
+_PROPOSAL_SHARE, _LEAST_SHARE = 0.9, 0.1
+# effective share of its draws from which a proposal gets the full share of moves
+_GOOD_EFFICIENCY = 0.4
 
 Progress = Callable[[int, str], None]
-"""Called with the share of the draws needed that there are, in per cent, and a few words on what is being done or still lacks."""
+"""Called with the share of the draws needed that there are, in per cent, and a few words on
+what is being done or still lacks.
+"""
 
 
 @dataclass(frozen=True)
 class Target:
     """When to stop.
 
-    rhat : largest rank-normalised R-hat.  ess : smallest bulk and tail effective sample size (4000 gives the ends of a
-    95 % interval to about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
-    max_step : hard cap on the steps of each ensemble.  n_ensemble, n_walker : ensembles and walkers in each
-    (0: four for each parameter, 32 at least; with a proposal two, and as many as give `ess` in `n_tau`); an odd number gets one more.
+    rhat : largest rank-normalised R-hat.
+    ess : smallest bulk and tail effective sample size (4000 gives the ends of a 95 % interval to
+        about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
+    max_step : hard cap on the steps of each ensemble.
+    n_ensemble, n_walker : ensembles and walkers in each (0: four for each parameter, 32 at least;
+        with a proposal two, and as many as give `ess` in `n_tau`); an odd number gets one more.
     """
 
     rhat: float = 1.01
@@ -58,8 +69,10 @@ class Target:
 class Convergence:
     """The stopping criteria at one moment: worst values over the parameters.
 
-    tau : longest autocorrelation time in steps.  tau_moved : its relative change since the check before.
-    met : whether the draws are enough.  told : what they lack, or where they come from if not from a chain.
+    tau : longest autocorrelation time in steps.
+    tau_moved : its relative change since the check before.
+    met : whether the draws are enough.
+    told : what they lack, or where they come from if not from a chain.
     """
 
     n_step: int
@@ -81,8 +94,10 @@ class Convergence:
 class Chain:
     """Draws of a posterior.
 
-    draws : (n_ensemble, n_step, n_walker, n_par) after burn-in.  log_density : (n_ensemble, n_step, n_walker).
-    n_burn : steps discarded.  acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
+    draws : (n_ensemble, n_step, n_walker, n_par) after burn-in.
+    log_density : (n_ensemble, n_step, n_walker).
+    n_burn : steps discarded.
+    acceptance : (n_ensemble,) mean share of accepted moves; stuck : walkers that never moved.
     mixing : how well these draws mix, where that was asked already.
     """
 
@@ -101,7 +116,9 @@ class Chain:
         return self.draws.reshape(-1, self.draws.shape[-1])
 
     def thinned(self, n_draw: int, columns: Sequence[int] | None = None) -> FloatArray:
-        """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these parameters alone."""
+        """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these
+        parameters alone.
+        """
         flat, rows = self.flat, self._spread(n_draw)
         return flat[rows] if columns is None else flat[np.ix_(rows, np.asarray(columns))]
 
@@ -115,27 +132,43 @@ class Chain:
 
 
 def sample_posterior(
-    posterior: Density, start: FloatArray, cov: FloatArray, *, target: Target, rng: np.random.Generator,
-    progress: Progress | None = None, proposal: Proposal | None = None,
+    posterior: Density,
+    start: FloatArray,
+    cov: FloatArray,
+    *,
+    target: Target,
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    proposal: Proposal | None = None,
 ) -> Chain:
-    """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,) and `cov`.
+    """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,)
+    and `cov`.
 
-    The moves are differential evolution with its mode-jumping variant now and then, tested on known targets; emcee's
-    snooker move has a wrong acceptance factor (3.1.6) and is never used.
+    The moves are differential evolution with its mode-jumping variant now and then, tested on known
+    targets; emcee's snooker move has a wrong acceptance factor (3.1.6) and is never used.
 
-    proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from it and walkers start from draws
-    of it, weighted; the other moves stay in the mixture, so that a bad proposal costs time and not correctness.
+    proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from
+        it and walkers start from draws of it, weighted; the other moves stay in the mixture, so
+        that a bad proposal costs time and not correctness.
 
-    Raises NumericalError where walkers find no place to start, or run away, so that there is no posterior.
+    Raises NumericalError where walkers find no place to start, or run away, so that there is no
+    posterior.
     """
     from estim.sampling.ensembles import EnsembleRun, sampler_of  # which imports emcee
 
     blind = proposal is None
     shape = (target.n_ensemble, _n_walker(len(posterior.names), target, blind=blind))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
-    ahead = None if proposal is None else IndependenceMoves(proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior)
+    ahead = (
+        None
+        if proposal is None
+        else IndependenceMoves(
+            proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior
+        )
+    )
     walk = EnsembleRun(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
-    n_step, tau_before = min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step), math.nan
+    n_step = min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step)
+    tau_before = math.nan
     while True:
         walk.advance(n_step)
         draws = walk.draws
@@ -144,36 +177,59 @@ def sample_posterior(
             tau_before = autocorrelation_time(draws[:, : n_step // 2])
         long_enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
         if not blind and n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
-            wanted = _whole_blocks(long_enough)  # too short whatever else is said: on at once to the length that is asked for
+            # too short whatever else is said: on at once to the length that is asked for
+            wanted = _whole_blocks(long_enough)
         else:
             n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
             mixing = mixing_of(draws[:, n_burn:])
             convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
             if progress is not None:
-                said = phrase("sampling") if convergence.met else phrase("sampling: {message}", message=convergence.message)
+                said = (
+                    phrase("sampling")
+                    if convergence.met
+                    else phrase("sampling: {message}", message=convergence.message)
+                )
                 progress(_percent(convergence, target), said)
             if convergence.met or n_step >= target.max_step:
                 break
-            wanted = n_step + max(200, n_step // 2) if blind else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
+            wanted = (
+                n_step + max(200, n_step // 2)
+                if blind
+                else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
+            )
         n_step, tau_before = min(target.max_step, wanted), tau
     kept = draws[:, n_burn:]
     moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
     acceptance = np.mean(walk.accepted, axis=1) / n_step
-    return Chain(posterior.names, kept, walk.log_density[:, n_burn:], n_burn, acceptance, int(np.sum(~moved)), convergence, mixing)
+    return Chain(
+        posterior.names,
+        kept,
+        walk.log_density[:, n_burn:],
+        n_burn,
+        acceptance,
+        int(np.sum(~moved)),
+        convergence,
+        mixing,
+    )
 
 
 def _n_walker(n_par: int, target: Target, *, blind: bool) -> int:
-    """Walkers of an ensemble, an even number: with a proposal as many as give enough draws in the length that is asked for anyway."""
+    """Walkers of an ensemble, an even number: with a proposal as many as give enough draws in the
+    length that is asked for anyway.
+    """
     least = max(4 * n_par, 32)
     if not blind:
         each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
-        least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))  # half of them span all directions
+        # half of them span all directions
+        least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))
     n_walker = target.n_walker or least
     return n_walker + n_walker % 2
 
 
 def _n_burn(n_step: int, tau: float, *, sure: bool) -> int:
-    """Steps to discard; fewer where the walkers started from draws of a proposal that can be trusted."""
+    """Steps to discard; fewer where the walkers started from draws of a proposal that can be
+    trusted.
+    """
     if not math.isfinite(tau):
         return n_step // 2
     needed = math.ceil(_BURN * tau) if sure else max(50, math.ceil(_BURN_BLIND * tau))
@@ -181,7 +237,9 @@ def _n_burn(n_step: int, tau: float, *, sure: bool) -> int:
 
 
 def _next_check(convergence: Convergence, target: Target, n_burn: int, long_enough: int) -> int:
-    """The length at which effective sizes that grow with it are large enough; a tenth more at least, half as much again at most."""
+    """The length at which effective sizes that grow with it are large enough; a tenth more at
+    least, half as much again at most.
+    """
     n_step, least = convergence.n_step, min(convergence.ess_bulk, convergence.ess_tail)
     wanted = n_burn + 1.05 * (n_step - n_burn) * target.ess / least if least > 0.0 else n_step
     return int(min(max(wanted, long_enough, 1.1 * n_step), 1.5 * n_step))
@@ -193,12 +251,19 @@ def _whole_blocks(n_step: int) -> int:
 
 
 def _first_points(
-    posterior: Density, start: FloatArray, cov: FloatArray, shape: tuple[int, int], rng: np.random.Generator, proposal: Proposal | None
+    posterior: Density,
+    start: FloatArray,
+    cov: FloatArray,
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+    proposal: Proposal | None,
 ) -> tuple[FloatArray, float]:
-    """Starting points (n_ensemble, n_walker, n_par), and the share of moves that `proposal` deserves.
+    """Starting points (n_ensemble, n_walker, n_par), and the share of moves that `proposal`
+    deserves.
 
-    shape : (n_ensemble, n_walker).  Points are weighted draws of the proposal, other ones for each ensemble, where its
-    weights can be trusted, else scattered about the fit.  A proposal that is seldom accepted gets few of the moves.
+    shape : (n_ensemble, n_walker).  Points are weighted draws of the proposal, other ones for each
+        ensemble, where its weights can be trusted, else scattered about the fit.  A proposal that
+        is seldom accepted gets few of the moves.
     """
     n_ensemble, n_walker = shape
     if proposal is not None:
@@ -208,15 +273,26 @@ def _first_points(
         log_weights, k_hat, _ = pareto_smoothed(log_ratio)
         parts = np.split(np.exp(log_weights), n_ensemble)
         if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
-            efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))  # what lies beyond the support is drawn again
-            chosen = [rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts]
-            points = [part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)]
+            # what lies beyond the support is drawn again
+            efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))
+            chosen = [
+                rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts
+            ]
+            points = [
+                part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)
+            ]
             return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
-    return np.array([_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)]), _LEAST_SHARE
+    return np.array(
+        [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)]
+    ), _LEAST_SHARE
 
 
-def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator) -> FloatArray:
-    """(n_walker, n_par) starting points, every one with a finite log density: a walker at -inf would never move."""
+def _scatter(
+    posterior: Density, start: FloatArray, cov: FloatArray, n_walker: int, rng: np.random.Generator
+) -> FloatArray:
+    """(n_walker, n_par) starting points, every one with a finite log density: a walker at -inf
+    would never move.
+    """
     factor = _square_root(cov)
     points: list[FloatArray] = []
     shrink = 1.0
@@ -226,7 +302,10 @@ def _scatter(posterior: Density, start: FloatArray, cov: FloatArray, n_walker: i
         if len(points) >= n_walker:
             return np.array(points[:n_walker])
         shrink *= 0.9
-    raise NumericalError("sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
+    raise NumericalError(
+        "sampling cannot start: the posterior density is zero or not finite everywhere "
+        "around the fit"
+    )
 
 
 def _square_root(cov: FloatArray) -> FloatArray:
@@ -235,18 +314,32 @@ def _square_root(cov: FloatArray) -> FloatArray:
 
 
 def _percent(convergence: Convergence, target: Target) -> int:
-    """How much of the draws needed there is: by the criterion that is farthest from met, 100 where all are."""
+    """How much of the draws needed there is: by the criterion that is farthest from met, 100 where
+    all are.
+    """
     if convergence.met:
         return 100
-    shares = (convergence.ess_bulk / target.ess, convergence.ess_tail / target.ess, convergence.n_step / (target.n_tau * convergence.tau))
+    shares = (
+        convergence.ess_bulk / target.ess,
+        convergence.ess_tail / target.ess,
+        convergence.n_step / (target.n_tau * convergence.tau),
+    )
     least = min(shares) if all(map(math.isfinite, shares)) else 0.0
     return min(99, int(100.0 * least))
 
 
-def _judge(mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_before: float) -> Convergence:
+def _judge(
+    mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_before: float
+) -> Convergence:
     """The stopping criteria on draws that mix so."""
-    rhat, bulk, tail = float(np.max(mixing.rhat)), float(np.min(mixing.ess_bulk)), float(np.min(mixing.ess_tail))
-    moved = abs(tau - tau_before) / tau if math.isfinite(tau) and math.isfinite(tau_before) else math.inf
+    rhat = float(np.max(mixing.rhat))
+    bulk = float(np.min(mixing.ess_bulk))
+    tail = float(np.min(mixing.ess_tail))
+    moved = (
+        abs(tau - tau_before) / tau
+        if math.isfinite(tau) and math.isfinite(tau_before)
+        else math.inf
+    )
     lacking = list[Finding]()
     if not rhat < target.rhat:
         lacking.append(Finding(Kind.RHAT_HIGH, size=rhat, numbers={"limit": target.rhat}))
@@ -255,9 +348,9 @@ def _judge(mixing: Mixing, target: Target, *, n_step: int, tau: float, tau_befor
     if not tail >= target.ess:
         lacking.append(Finding(Kind.TAIL_LOW, size=tail, numbers={"limit": target.ess}))
     if not n_step >= target.n_tau * tau:
-        lacking.append(Finding(Kind.CHAIN_BRIEF, size=n_step, numbers={"limit": target.n_tau, "tau": tau}))
+        lacking.append(
+            Finding(Kind.CHAIN_BRIEF, size=n_step, numbers={"limit": target.n_tau, "tau": tau})
+        )
     if not moved < 0.1:
         lacking.append(Finding(Kind.TAU_UNSETTLED))
     return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, tuple(lacking))
-
-

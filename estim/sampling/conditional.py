@@ -1,13 +1,14 @@
 """One run of a joint fit as a function of the parameters that it shares with others.
 
-Given the shared parameters s the runs are independent, and what a run says about s is its likelihood with its own
-parameters l (angle of release, tilt, its own noise) integrated out:
+Given the shared parameters s the runs are independent, and what a run says about s is its
+likelihood with its own parameters l (angle of release, tilt, its own noise) integrated out:
 
     m(s) = log integral of p(y | s, l) p(l) dl
 
-The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are found by Gauss-Newton steps at some
-hundred points s, and follow s as quadratic polynomials in between (`Expansion`).  The polynomials only say where to look:
-`RunTerm.log_marginal` evaluates the posterior itself there, at one node (Laplace) or at n x n Gauss-Hermite nodes, and
+The integrand is close to a normal density in l around its mode l*(s).  Mode and covariance are
+found by Gauss-Newton steps at some hundred points s, and follow s as quadratic polynomials in
+between (`Expansion`).  The polynomials only say where to look: `RunTerm.log_marginal` evaluates the
+posterior itself there, at one node (Laplace) or at n x n Gauss-Hermite nodes, and
 `RunTerm.log_joint` serves exact importance weights, which hold however good the expansion is.
 """
 
@@ -33,7 +34,8 @@ _ROWS = 512  # rows of a block: its arrays stay in the cache
 _LOG_2PI = math.log(2.0 * math.pi)
 _REACH = 4.0  # standard deviations of s within which the quadratic terms are used
 _N_REFINE, _WIDER = 10, 1.5
-_ROUGH, _N_STEP = 0.1, 3  # error of polynomials from which modes are sought at each draw, and by how many steps
+# error of polynomials from which modes are sought at each draw, and by how many steps
+_ROUGH, _N_STEP = 0.1, 3
 _LONGEST_STEP, _FROM_AFAR = 3.0, 100.0  # conditional standard deviations
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
@@ -42,9 +44,12 @@ _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sa
 class RunTerm:
     """One run: its part of the posterior, and which parameters of the whole problem it uses.
 
-    posterior : of this run alone, with the likelihood of the joint fit.  normal : that as normal errors.
-    columns : (n_used,) where its parameters stand in the whole problem, in the order of `posterior.names`.
-    shared, own : positions within these of the parameters that are shared (given) and its own (integrated out).
+    posterior : of this run alone, with the likelihood of the joint fit.
+    normal : that as normal errors.
+    columns : (n_used,) where its parameters stand in the whole problem, in the order of
+        `posterior.names`.
+    shared, own : positions within these of the parameters that are shared (given) and its own
+        (integrated out).
     centre : (n_used,) the fit.
     """
 
@@ -64,13 +69,17 @@ class RunTerm:
         return tuple(self.posterior.problem.parameters[i].prior for i in self.own)
 
     def rows(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """(n_draw, n_used) parameters of the run from shared (n_draw, n_shared) and own (n_draw, n_own)."""
+        """(n_draw, n_used) parameters of the run from shared (n_draw, n_shared) and own (n_draw,
+        n_own).
+        """
         rows = np.empty((shared.shape[0], self.columns.size))
         rows[:, self.shared], rows[:, self.own] = shared, own
         return rows
 
     def log_joint(self, shared: FloatArray, own: FloatArray) -> FloatArray:
-        """(n_draw,) log p(y | s, l) + log p(l): likelihood of the run and priors of its own parameters; -inf outside these."""
+        """(n_draw,) log p(y | s, l) + log p(l): likelihood of the run and priors of its own
+        parameters; -inf outside these.
+        """
         log_p = np.zeros(shared.shape[0])
         for i, prior in enumerate(self.own_priors):
             log_p += prior.log_density(own[:, i])
@@ -82,10 +91,11 @@ class RunTerm:
         return log_p
 
     def around(self, shared: FloatArray, expansion: Expansion) -> tuple[FloatArray, FloatArray]:
-        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance of its own parameters at shared (n_draw, n_shared).
+        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance of its own
+        parameters at shared (n_draw, n_shared).
 
-        Where polynomials miss the modes by too much they are only where steps to the modes begin: own values that vary between runs follow
-        their spread by no polynomial.
+        Where polynomials miss the modes by too much they are only where steps to the modes begin:
+        own values that vary between runs follow their spread by no polynomial.
         """
         mode, root = expansion.at(shared)
         if not expansion.rough:
@@ -96,7 +106,8 @@ class RunTerm:
         return mode, np.linalg.cholesky(np.linalg.inv(information))
 
     def log_marginal(self, shared: FloatArray, expansion: Expansion, *, n_node: int) -> FloatArray:
-        """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each of its own parameters.
+        """(n_draw,) m(s) at shared (n_draw, n_shared), with `n_node` Gauss-Hermite nodes along each
+        of its own parameters.
 
         One node is Laplace's approximation, log p at the mode + (1/2) log det(2 pi covariance).
         """
@@ -109,27 +120,40 @@ class RunTerm:
         terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
         return log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
 
-    def draw_own(self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-        """Own parameters (n_draw, n_own) from the normal density around the mode at shared (n_draw, n_shared), and its log density there."""
+    def draw_own(
+        self, shared: FloatArray, expansion: Expansion, rng: np.random.Generator
+    ) -> tuple[FloatArray, FloatArray]:
+        """Own parameters (n_draw, n_own) from the normal density around the mode at shared (n_draw,
+        n_shared), and its log density there.
+        """
         mode, root = self.around(shared, expansion)
         z = rng.standard_normal(mode.shape)
         log_q = -0.5 * np.sum(z**2, axis=1) - log_volume(root) - 0.5 * mode.shape[1] * _LOG_2PI
         return mode + np.einsum("nij,nj->ni", root, z), log_q
 
-    def refine_own(self, shared: FloatArray, own: FloatArray, expansion: Expansion, rng: np.random.Generator) -> FloatArray:
-        """Own parameters (n_draw, n_own), drawn around their mode, moved towards their exact distribution given shared.
+    def refine_own(
+        self, shared: FloatArray, own: FloatArray, expansion: Expansion, rng: np.random.Generator
+    ) -> FloatArray:
+        """Own parameters (n_draw, n_own), drawn around their mode, moved towards their exact
+        distribution given shared.
 
-        Some steps of an independence sampler (Tierney, Ann. Stat. 22 (1994) 1701) whose proposal is the normal density around the mode, made
-        wider: its weights are bounded where the distribution is skewed, and about half of the steps are taken.
+        Some steps of an independence sampler (Tierney, Ann. Stat. 22 (1994) 1701) whose proposal is
+        the normal density around the mode, made wider: its weights are bounded where the
+        distribution is skewed, and about half of the steps are taken.
         """
         mode, root = self.around(shared, expansion)
-        excess = self.log_joint(shared, own) + 0.5 * np.sum(np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1)
+        excess = self.log_joint(shared, own) + 0.5 * np.sum(
+            np.linalg.solve(_WIDER * root, (own - mode)[..., None])[..., 0] ** 2, axis=1
+        )
         for _ in range(_N_REFINE):
             z = rng.standard_normal(own.shape)
             proposed = mode + _WIDER * np.einsum("nij,nj->ni", root, z)
             new = self.log_joint(shared, proposed) + 0.5 * np.sum(z**2, axis=1)
-            accepted = np.isfinite(new) & (np.log(rng.random(new.size)) < new - np.where(np.isfinite(excess), excess, -1e300))
-            own, excess = np.where(accepted[:, None], proposed, own), np.where(accepted, new, excess)
+            accepted = np.isfinite(new) & (
+                np.log(rng.random(new.size)) < new - np.where(np.isfinite(excess), excess, -1e300)
+            )
+            own = np.where(accepted[:, None], proposed, own)
+            excess = np.where(accepted, new, excess)
         return own
 
 
@@ -137,9 +161,12 @@ class RunTerm:
 class Expansion:
     """Mode and covariance of a run's own parameters as functions of the shared ones.
 
-    centre, whiten : (n_shared,), (n_shared, n_shared) bring s to unit scale.  coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
-    n_own : own parameters; out of a row come their mode, then the lower triangular root of their covariance (logarithms on its diagonal).
-    error : how far the polynomials miss the modes they were fit to, conditional standard deviations (root mean square, worst parameter).
+    centre, whiten : (n_shared,), (n_shared, n_shared) bring s to unit scale.
+    coefficients : (n_feature, n_out) of 1, z_i, z_i z_j.
+    n_own : own parameters; out of a row come their mode, then the lower triangular root of their
+        covariance (logarithms on its diagonal).
+    error : how far the polynomials miss the modes they were fit to, conditional standard deviations
+        (root mean square, worst parameter).
     """
 
     centre: FloatArray
@@ -154,7 +181,9 @@ class Expansion:
         return self.error > _ROUGH
 
     def at(self, shared: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw, n_shared)."""
+        """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
+        n_shared).
+        """
         out = _features((shared - self.centre) @ self.whiten.T) @ self.coefficients
         k = self.n_own
         root = np.zeros((shared.shape[0], k, k))
@@ -166,7 +195,8 @@ class Expansion:
 
 
 def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
-    """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each run's others are its own.
+    """The runs of a fit as functions of the parameters `sampled` (n_sampled,) of its problem; each
+    run's others are its own.
 
     Raises InputError where the noise of a run is not normal.
     """
@@ -177,9 +207,18 @@ def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
         columns = np.array([problem.names.index(name) for name in alone.names], dtype=np.int64)
         given = np.isin(columns, sampled)
         if likelihood.normal is None:
-            raise InputError(_NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs))
+            raise InputError(
+                _NOT_NORMAL, field="run", value=", ".join(run.name for run in group.runs)
+            )
         posterior = dataclasses.replace(fit.posterior, problem=alone, likelihoods=(likelihood,))
-        term = RunTerm(posterior, likelihood.normal, columns, np.flatnonzero(given), np.flatnonzero(~given), fit.values[columns])
+        term = RunTerm(
+            posterior,
+            likelihood.normal,
+            columns,
+            np.flatnonzero(given),
+            np.flatnonzero(~given),
+            fit.values[columns],
+        )
         _require_the_same(term)
         terms.append(term)
     return tuple(terms)
@@ -190,14 +229,23 @@ def _require_the_same(term: RunTerm) -> None:
     centre = term.centre[None, :]
     residuals, variance, *_ = term.normal.opened(term.posterior.problem.named(centre), ())
     implied = -0.5 * float(np.sum(residuals**2 + np.log(variance) + _LOG_2PI))
-    if not math.isclose(implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6):
+    if not math.isclose(
+        implied, float(term.posterior.log_likelihood(centre)[0]), rel_tol=1e-8, abs_tol=1e-6
+    ):
         raise InputError(_NOT_NORMAL, field="run", value=term.run.name)
 
 
-def expand(term: RunTerm, shared: FloatArray, start: FloatArray, log_weight: Callable[[FloatArray], FloatArray]) -> Expansion:
-    """Polynomials through the modes at the points shared (n_point, n_shared), from own parameters `start` (n_point, n_own).
+def expand(
+    term: RunTerm,
+    shared: FloatArray,
+    start: FloatArray,
+    log_weight: Callable[[FloatArray], FloatArray],
+) -> Expansion:
+    """Polynomials through the modes at the points shared (n_point, n_shared), from own parameters
+    `start` (n_point, n_own).
 
-    log_weight : of log m(s) at the points, the logarithm of the weight of each in the least squares.
+    log_weight : of log m(s) at the points, the logarithm of the weight of each in the least
+        squares.
     """
     own = start
     for _ in range(2):
@@ -218,8 +266,12 @@ def expand(term: RunTerm, shared: FloatArray, start: FloatArray, log_weight: Cal
     features = _features((shared - centre) @ whiten.T)
     weight = np.exp(0.5 * log_weight(log_p))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
-    coefficients = np.linalg.lstsq(weight[usable] * features[usable], weight[usable] * out[usable], rcond=None)[0]
-    miss = (features @ coefficients - out)[usable, :k] * np.exp(-out[usable][:, k:][:, _diagonal_places(k)])
+    coefficients = np.linalg.lstsq(
+        weight[usable] * features[usable], weight[usable] * out[usable], rcond=None
+    )[0]
+    miss = (features @ coefficients - out)[usable, :k] * np.exp(
+        -out[usable][:, k:][:, _diagonal_places(k)]
+    )
     error = np.sqrt(np.average(miss**2, axis=0, weights=weight[usable, 0] ** 2))
     return Expansion(centre, whiten, coefficients, k, float(np.max(error, initial=0.0)))
 
@@ -230,7 +282,9 @@ def _diagonal_places(k: int) -> IndexArray:
 
 
 def _features(z: FloatArray) -> FloatArray:
-    """(n, 1 + d + d (d + 1)/2) constant, linear and quadratic terms of z (n, d); the quadratic ones stop growing at `_REACH`."""
+    """(n, 1 + d + d (d + 1)/2) constant, linear and quadratic terms of z (n, d); the quadratic ones
+    stop growing at `_REACH`.
+    """
     n, d = z.shape
     length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
     near = z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
@@ -238,15 +292,25 @@ def _features(z: FloatArray) -> FloatArray:
     return np.hstack([np.ones((n, 1)), z, near[:, i] * near[:, j]])
 
 
-def _gauss_newton(term: RunTerm, shared: FloatArray, own: FloatArray, *, longest: float = _LONGEST_STEP) -> tuple[FloatArray, FloatArray]:
-    """The step (n_point, n_own) towards the mode of the own parameters, and their information (n_point, n_own, n_own)."""
+def _gauss_newton(
+    term: RunTerm, shared: FloatArray, own: FloatArray, *, longest: float = _LONGEST_STEP
+) -> tuple[FloatArray, FloatArray]:
+    """The step (n_point, n_own) towards the mode of the own parameters, and their information
+    (n_point, n_own, n_own).
+    """
     k = term.own.size
     steps, informations = np.empty_like(own), np.empty((own.shape[0], k, k))
     for block in _blocks(own.shape[0]):
         named = term.posterior.problem.named(term.rows(shared[block], own[block]))
-        residuals, _, jacobian, spread = term.normal.opened(named, [term.posterior.names[i] for i in term.own])
-        gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum("nok,no->nk", spread, residuals**2 - 1.0)
-        information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum("nok,nol->nkl", spread, spread)
+        residuals, _, jacobian, spread = term.normal.opened(
+            named, [term.posterior.names[i] for i in term.own]
+        )
+        gradient = np.einsum("nok,no->nk", jacobian, residuals) + 0.5 * np.einsum(
+            "nok,no->nk", spread, residuals**2 - 1.0
+        )
+        information = np.einsum("nok,nol->nkl", jacobian, jacobian) + 0.5 * np.einsum(
+            "nok,nol->nkl", spread, spread
+        )
         for i, prior in enumerate(term.own_priors):
             pull, slope = prior.residual(own[block, i]), prior.residual_slope(own[block, i])
             gradient[:, i] -= pull * slope
@@ -266,11 +330,19 @@ def _inside(own: FloatArray, priors: tuple[Prior, ...]) -> FloatArray:
 
 
 def hermite_nodes(n_node: int, n_dim: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes (n_node^n_dim, n_dim) and log weights (n_node^n_dim,) of the Gauss-Hermite rule for a standard normal density."""
+    """Nodes (n_node^n_dim, n_dim) and log weights (n_node^n_dim,) of the Gauss-Hermite rule for a
+    standard normal density.
+    """
     z, w = np.polynomial.hermite_e.hermegauss(n_node)
-    nodes = np.stack(np.meshgrid(*[z] * n_dim, indexing="ij"), axis=-1).reshape(-1, n_dim) if n_dim else np.zeros((1, 0))
+    nodes = (
+        np.stack(np.meshgrid(*[z] * n_dim, indexing="ij"), axis=-1).reshape(-1, n_dim)
+        if n_dim
+        else np.zeros((1, 0))
+    )
     weights = np.log(w / np.sum(w))
-    log_weights = sum(np.meshgrid(*[weights] * n_dim, indexing="ij"), np.zeros((n_node,) * n_dim)).ravel()
+    log_weights = sum(
+        np.meshgrid(*[weights] * n_dim, indexing="ij"), np.zeros((n_node,) * n_dim)
+    ).ravel()
     return nodes, log_weights
 
 

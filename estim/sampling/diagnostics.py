@@ -1,7 +1,9 @@
-"""How well draws stand for a posterior: rank-normalised R-hat, effective sizes and Monte-Carlo standard errors, autocorrelation time.
+"""How well draws stand for a posterior: rank-normalised R-hat, effective sizes and Monte-Carlo
+standard errors, autocorrelation time.
 
-R-hat and effective sizes are those of Vehtari, Gelman, Simpson, Carpenter, Buerkner, Bayesian Analysis 16 (2021) 667: draws are ranked once for
-both, and autocovariances are averaged over chains before they are transformed back.  Tests hold them against arviz-stats.
+R-hat and effective sizes are those of Vehtari, Gelman, Simpson, Carpenter, Buerkner, Bayesian
+Analysis 16 (2021) 667: draws are ranked once for both, and autocovariances are averaged over chains
+before they are transformed back.  Tests hold them against arviz-stats.
 """
 
 from __future__ import annotations
@@ -36,39 +38,66 @@ def mixing_of(draws: FloatArray) -> Mixing:
 
 
 def r_hat(draws: FloatArray) -> FloatArray:
-    """(n_par,) rank-normalised split R-hat between ensembles; draws (n_ensemble, n_step, n_walker, n_par)."""
+    """(n_par,) rank-normalised split R-hat between ensembles; draws (n_ensemble, n_step, n_walker,
+    n_par).
+    """
     return mixing_of(draws).rhat
 
 
 def effective_size(draws: FloatArray, method: str) -> FloatArray:
-    """(n_par,) effective sample size, `method` "bulk", "tail" or "mean", with every walker of every ensemble as a chain."""
+    """(n_par,) effective sample size, `method` "bulk", "tail" or "mean", with every walker of every
+    ensemble as a chain.
+    """
     if method == "mean":
         few = draws.shape[1] < _LEAST_STEPS
-        return np.array([math.nan if few else _size(_halves(_chains(draws[..., i]))) for i in range(draws.shape[-1])])
+        return np.array(
+            [
+                math.nan if few else _size(_halves(_chains(draws[..., i])))
+                for i in range(draws.shape[-1])
+            ]
+        )
     mixing = mixing_of(draws)
     return {"bulk": mixing.ess_bulk, "tail": mixing.ess_tail}[method]
 
 
 def mcse_mean(draws: FloatArray) -> FloatArray:
     """(n_par,) Monte-Carlo standard error of the mean."""
-    return np.std(draws.reshape(-1, draws.shape[-1]), axis=0, ddof=1) / np.sqrt(effective_size(draws, "mean"))
+    return np.std(draws.reshape(-1, draws.shape[-1]), axis=0, ddof=1) / np.sqrt(
+        effective_size(draws, "mean")
+    )
 
 
 def autocorrelation_time(draws: FloatArray) -> float:
-    """Longest integrated autocorrelation time, steps, averaged over the ensembles; nan while it cannot be told.
+    """Longest integrated autocorrelation time, steps, averaged over the ensembles; nan while it
+    cannot be told.
 
-    As `emcee.autocorr.integrated_time`, the walkers transformed together.  draws (n_ensemble, n_step, n_walker, n_par).
+    As `emcee.autocorr.integrated_time`, the walkers transformed together.  draws (n_ensemble,
+    n_step, n_walker, n_par).
     """
-    with np.errstate(divide="ignore", invalid="ignore"):  # a walker that never moved has no autocorrelation: nan
-        times = np.array([[_integrated(ensemble[:, :, i]) for i in range(draws.shape[-1])] for ensemble in draws])
+    # a walker that never moved has no autocorrelation: nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        times = np.array(
+            [[_integrated(ensemble[:, :, i]) for i in range(draws.shape[-1])] for ensemble in draws]
+        )
     return float(np.max(np.mean(times, axis=0))) if np.all(np.isfinite(times)) else math.nan
 
 
 def _integrated(series: FloatArray) -> float:
-    """Integrated autocorrelation time of series (n_step, n_walker), in Sokal's window of five times itself."""
+    """Integrated autocorrelation time of series (n_step, n_walker), in Sokal's window of five times
+    itself.
+    """
     n_step = series.shape[0]
     walkers = np.ascontiguousarray(series.T)
-    power = np.abs(np.fft.rfft(walkers - np.mean(walkers, axis=1, keepdims=True), n=2 << (n_step - 1).bit_length(), axis=1)) ** 2
+    power = (
+        np.abs(
+            np.fft.rfft(
+                walkers - np.mean(walkers, axis=1, keepdims=True),
+                n=2 << (n_step - 1).bit_length(),
+                axis=1,
+            )
+        )
+        ** 2
+    )
     acf = np.fft.irfft(power, axis=1)[:, :n_step]
     times = 2.0 * np.cumsum(np.mean(acf / acf[:, :1], axis=0)) - 1.0
     inside = np.arange(n_step) < _WINDOW * times
@@ -76,7 +105,9 @@ def _integrated(series: FloatArray) -> float:
 
 
 def _mixing(draws: FloatArray) -> tuple[float, float, float]:
-    """R-hat, and effective sizes in bulk and tails, of one parameter's draws (n_ensemble, n_step, n_walker); nan where they are too few."""
+    """R-hat, and effective sizes in bulk and tails, of one parameter's draws (n_ensemble, n_step,
+    n_walker); nan where they are too few.
+    """
     n_ensemble, n_step, n_walker = draws.shape
     flat = draws.ravel()
     if np.isnan(flat).any():
@@ -92,9 +123,13 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
         else:  # a draw in the middle belongs to neither half
             order_there = np.argsort(halves.ravel())
             ordered_there = halves.ravel()[order_there]
-            whole, folded = _normal_scores(order_there, ordered_there), _folded_scores(order_there, ordered_there)
+            whole = _normal_scores(order_there, ordered_there)
+            folded = _folded_scores(order_there, ordered_there)
         with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
-            rhat = max(_split_r_hat(one.reshape(halves.shape)) for one in (_halves(whole.reshape(n_ensemble, -1)), folded))
+            rhat = max(
+                _split_r_hat(one.reshape(halves.shape))
+                for one in (_halves(whole.reshape(n_ensemble, -1)), folded)
+            )
     if n_step < _LEAST_STEPS:
         return rhat, math.nan, math.nan
     chains = _chains(draws)
@@ -104,12 +139,17 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
         halves = _halves(chains)
         order = np.argsort(halves.ravel())
         ranked = _normal_scores(order, halves.ravel()[order]).reshape(halves.shape)
-    tails = [_size(_halves(chains <= ordered[int(p * (flat.size - 1))]).astype(float)) for p in (_LOW, _HIGH)]
+    tails = [
+        _size(_halves(chains <= ordered[int(p * (flat.size - 1))]).astype(float))
+        for p in (_LOW, _HIGH)
+    ]
     return rhat, _size(ranked), min(tails)
 
 
 def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
-    """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's offset); ordered : the values in their `order`, (n,)."""
+    """Normal quantiles (n,) of the ranks of values, equal ones with their mean rank (Blom's
+    offset); ordered : the values in their `order`, (n,).
+    """
     ends = np.append(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1, ordered.size)
     starts = np.concatenate([[0], ends[:-1]])
     scores = ndtri((0.5 * (starts + ends + 1) - 0.375) / (ordered.size + 0.25))
@@ -119,9 +159,13 @@ def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
 
 
 def _folded_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
-    """The same of the distances from the median: two rows in order already, those below it and those above."""
+    """The same of the distances from the median: two rows in order already, those below it and
+    those above.
+    """
     middle = ordered.size // 2
-    median = 0.5 * (ordered[middle - 1] + ordered[middle]) if ordered.size % 2 == 0 else ordered[middle]
+    median = (
+        0.5 * (ordered[middle - 1] + ordered[middle]) if ordered.size % 2 == 0 else ordered[middle]
+    )
     away = np.abs(ordered - median)
     merged = np.argsort(away, kind="stable")
     return _normal_scores(order[merged], away[merged])
@@ -142,11 +186,15 @@ def _split_r_hat(chains: FloatArray) -> float:
     """R-hat of chains (n_chain, n_step)."""
     n_step = chains.shape[1]
     between = n_step * np.var(np.mean(chains, axis=1), ddof=1)
-    return float(np.sqrt((between / np.mean(np.var(chains, axis=1, ddof=1)) + n_step - 1.0) / n_step))
+    return float(
+        np.sqrt((between / np.mean(np.var(chains, axis=1, ddof=1)) + n_step - 1.0) / n_step)
+    )
 
 
 def _size(chains: FloatArray) -> float:
-    """Effective sample size of chains (n_chain, n_step) by Geyer's initial monotone sequence; of all draws where none differs."""
+    """Effective sample size of chains (n_chain, n_step) by Geyer's initial monotone sequence; of
+    all draws where none differs.
+    """
     n_chain, n_step = chains.shape
     spread = float(np.ptp(chains))
     if math.isnan(spread) or not spread > np.finfo(float).resolution:
@@ -156,11 +204,14 @@ def _size(chains: FloatArray) -> float:
     power = np.mean(np.square(transformed.real) + np.square(transformed.imag), axis=0)
     covariance = np.fft.irfft(power)[:n_step] / n_step
     within = covariance[0] * n_step / (n_step - 1.0)
-    rho = 1.0 - (within - covariance) / (covariance[0] + (float(np.var(means, ddof=1)) if n_chain > 1 else 0.0))
+    rho = 1.0 - (within - covariance) / (
+        covariance[0] + (float(np.var(means, ddof=1)) if n_chain > 1 else 0.0)
+    )
     rho[0] = 1.0
     pairs = rho[: n_step // 2 * 2 : 2] + rho[1::2]
     ends = np.flatnonzero(pairs <= 0.0)
-    last = min(int(ends[0]) if ends.size else n_step, max(0, (n_step - 3) // 2))  # the pair behind those that count
+    # the pair behind those that count
+    last = min(int(ends[0]) if ends.size else n_step, max(0, (n_step - 3) // 2))
     half = float(rho[2 * last]) if rho[2 * last] > 0.0 or pairs[last] >= 0.0 else 0.0
     tau = -1.0 + 2.0 * float(np.sum(np.minimum.accumulate(pairs[:last]))) + half
     return chains.size / max(tau, 1.0 / math.log10(chains.size))

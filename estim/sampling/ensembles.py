@@ -1,4 +1,5 @@
-"""Ensembles of walkers that never see each other and move together: emcee's sampler and moves, with one call of the density for all of them.
+"""Ensembles of walkers that never see each other and move together: emcee's sampler and moves, with
+one call of the density for all of them.
 
 The only file that imports emcee.
 """
@@ -16,39 +17,61 @@ from estim.sampling.independence import IndependenceMoves, Moves
 from estim.sampling.protocol import Density
 
 _RUNAWAY = (
-    "the walkers run away to infinity: neither the data nor a prior hold every parameter, so that no posterior exists to draw from; "
+    "the walkers run away to infinity: neither the data nor a prior hold every parameter, "
+    "so that no posterior exists to draw from; "
     "give limits (low, high) or a prior"
 )
 _FAR = 1e100  # beyond, in any unit
 
 
 class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
-    """A red-blue move of emcee that each of `n_ensemble` ensembles makes by itself; they lie one after the other, of even and equal size.
+    """A red-blue move of emcee that each of `n_ensemble` ensembles makes by itself; they lie one
+    after the other, of even and equal size.
 
-    Every second walker moves by the others, then the others by these.  emcee shuffles the halves at each step; here they stay, as the walkers of
-    an ensemble must.
+    Every second walker moves by the others, then the others by these.  emcee shuffles the halves at
+    each step; here they stay, as the walkers of an ensemble must.
     """
 
     def __init__(self, move: emcee.moves.RedBlueMove, n_ensemble: int) -> None:
-        super().__init__(randomize_split=False, live_dangerously=True)  # the number of walkers in an ensemble is `sample_posterior`'s to choose
+        # the number of walkers in an ensemble is `sample_posterior`'s to choose
+        super().__init__(randomize_split=False, live_dangerously=True)
         self.move, self.n_ensemble = move, n_ensemble
 
     def setup(self, coords: FloatArray) -> None:
         self.move.setup(coords)
 
-    def get_proposal(self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState) -> tuple[FloatArray, FloatArray]:
-        halves = zip(np.split(sample, self.n_ensemble), np.split(np.concatenate(complement), self.n_ensemble), strict=True)
+    def get_proposal(
+        self, sample: FloatArray, complement: list[FloatArray], random: np.random.RandomState
+    ) -> tuple[FloatArray, FloatArray]:
+        halves = zip(
+            np.split(sample, self.n_ensemble),
+            np.split(np.concatenate(complement), self.n_ensemble),
+            strict=True,
+        )
         proposed = [self.move.get_proposal(half, [other], random) for half, other in halves]
-        return np.concatenate([points for points, _ in proposed]), np.concatenate([factors for _, factors in proposed])
+        return np.concatenate([points for points, _ in proposed]), np.concatenate(
+            [factors for _, factors in proposed]
+        )
 
 
-def sampler_of(density: Density, shape: tuple[int, int], ahead: IndependenceMoves | None, *, seed: int) -> emcee.EnsembleSampler:
-    """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves propose, where there is something to propose."""
-    moves = [(emcee.moves.DEMove(), 0.8), (emcee.moves.DEMove(gamma0=1.0), 0.1), (emcee.moves.StretchMove(), 0.1)]
+def sampler_of(
+    density: Density, shape: tuple[int, int], ahead: IndependenceMoves | None, *, seed: int
+) -> emcee.EnsembleSampler:
+    """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves
+    propose, where there is something to propose.
+    """
+    moves = [
+        (emcee.moves.DEMove(), 0.8),
+        (emcee.moves.DEMove(gamma0=1.0), 0.1),
+        (emcee.moves.StretchMove(), 0.1),
+    ]
     others = [(Apart(move, shape[0]), share) for move, share in moves]
     chosen: Any = others if ahead is None else Moves(ahead, others)
-    sampler = emcee.EnsembleSampler(shape[0] * shape[1], len(density.names), density.log_density, vectorize=True, moves=chosen)
-    sampler.random_state = np.random.RandomState(seed).get_state()  # emcee would start from NumPy's global state
+    sampler = emcee.EnsembleSampler(
+        shape[0] * shape[1], len(density.names), density.log_density, vectorize=True, moves=chosen
+    )
+    # emcee would start from NumPy's global state
+    sampler.random_state = np.random.RandomState(seed).get_state()
     return sampler
 
 
@@ -60,9 +83,15 @@ class EnsembleRun:
         self._state = emcee.State(starts.reshape(-1, starts.shape[-1]))
 
     def advance(self, n_step: int) -> None:
-        """Bring the walkers to `n_step` steps.  Raises NumericalError where they run away, so that there is no posterior."""
+        """Bring the walkers to `n_step` steps.  Raises NumericalError where they run away, so that
+        there is no posterior.
+        """
         try:
-            for state in self._sampler.sample(self._state, iterations=n_step - self._sampler.iteration, skip_initial_state_check=True):
+            for state in self._sampler.sample(
+                self._state,
+                iterations=n_step - self._sampler.iteration,
+                skip_initial_state_check=True,
+            ):
                 self._state = state
         except ValueError:  # of emcee, where a walker is asked to go to infinity
             if np.max(np.abs(self._state.coords)) < _FAR:
@@ -86,4 +115,6 @@ class EnsembleRun:
 
     def _apart(self, steps: FloatArray) -> FloatArray:
         """(n_ensemble, n_step, n_walker, ...) of steps (n_step, n_ensemble * n_walker, ...)."""
-        return np.ascontiguousarray(np.moveaxis(steps.reshape(len(steps), *self._shape, *steps.shape[2:]), 1, 0))
+        return np.ascontiguousarray(
+            np.moveaxis(steps.reshape(len(steps), *self._shape, *steps.shape[2:]), 1, 0)
+        )

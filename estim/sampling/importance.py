@@ -1,9 +1,11 @@
-"""Tools of importance sampling: Pareto-smoothed weights, what weights are worth, draws of equal weight.
+"""Tools of importance sampling: Pareto-smoothed weights, what weights are worth, draws of equal
+weight.
 
 Log weights of draws outside the support are -inf throughout; they count as draws of no weight.
 
-Sources: Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25 (2024) 72 (Pareto smoothing, k-hat; tests hold them against arviz-stats); Zhang, Stephens,
-Technometrics 51 (2009) 316 (fit of the tail); Kish, Survey Sampling (1965) 8.2.
+Sources: Vehtari, Simpson, Gelman, Yao, Gabry, JMLR 25 (2024) 72 (Pareto smoothing, k-hat; tests
+hold them against arviz-stats); Zhang, Stephens, Technometrics 51 (2009) 316 (fit of the tail);
+Kish, Survey Sampling (1965) 8.2.
 """
 
 from __future__ import annotations
@@ -31,10 +33,12 @@ def log_sum_exp(terms: FloatArray, axis: int | None = None) -> FloatArray:
 
 
 def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
-    """Pareto-smoothed log weights (n_draw,) whose exponentials sum to 1, their k-hat, and the log of the mean weight before normalisation.
+    """Pareto-smoothed log weights (n_draw,) whose exponentials sum to 1, their k-hat, and the log
+    of the mean weight before normalisation.
 
-    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights are left alone: with
-    k-hat = inf where fewer draws have any weight than the tail needs, with -inf where all weights are the same.
+    log_ratio : (n_draw,) log density minus log proposal.  Where no tail can be fitted the weights
+        are left alone: with k-hat = inf where fewer draws have any weight than the tail needs, with
+        -inf where all weights are the same.
     """
     n = log_ratio.size
     total = float(log_sum_exp(log_ratio))
@@ -52,10 +56,13 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
         return plain[0], math.inf, plain[1]
     tail, log_weights = order[-n_tail:], log_ratio - highest
     cutoff = math.exp(log_weights[order[-n_tail - 1]])
-    with np.errstate(all="ignore"):  # it divides by zero where one draw outweighs all others, and finds no tail there
+    # it divides by zero where one draw outweighs all others, and finds no tail there
+    with np.errstate(all="ignore"):
         k_hat, scale = _tail_shape(np.exp(log_weights[tail]) - cutoff)
         quantiles = np.log1p(-(np.arange(n_tail) + 0.5) / n_tail)
-        excess = scale * np.expm1(-k_hat * quantiles) / k_hat if k_hat != 0.0 else -scale * quantiles
+        excess = (
+            scale * np.expm1(-k_hat * quantiles) / k_hat if k_hat != 0.0 else -scale * quantiles
+        )
         smooth = np.minimum(np.log(cutoff + excess), 0.0)
         log_weights[tail] = smooth
     if not (np.isfinite(k_hat) and scale > 0.0 and np.isfinite(smooth[-1])):
@@ -65,10 +72,14 @@ def pareto_smoothed(log_ratio: FloatArray) -> tuple[FloatArray, float, float]:
 
 
 def _tail_shape(excess: FloatArray) -> tuple[float, float]:
-    """Shape and scale of a generalised Pareto distribution fitted to `excess` (n,) in order; the shape drawn to 1/2 as by ten more of them."""
+    """Shape and scale of a generalised Pareto distribution fitted to `excess` (n,) in order; the
+    shape drawn to 1/2 as by ten more of them.
+    """
     n = excess.size
     n_grid = 30 + int(math.sqrt(n))
-    grid = (1.0 - np.sqrt(n_grid / (np.arange(n_grid) + 0.5))) / (3.0 * excess[int(0.25 * n + 0.5) - 1]) + 1.0 / excess[-1]
+    grid = (1.0 - np.sqrt(n_grid / (np.arange(n_grid) + 0.5))) / (
+        3.0 * excess[int(0.25 * n + 0.5) - 1]
+    ) + 1.0 / excess[-1]
     shapes = np.mean(np.log1p(-grid[:, None] * excess), axis=1)
     profile = n * (np.log(-grid / shapes) - shapes - 1.0)
     weights = np.exp(profile - log_sum_exp(profile))
@@ -86,13 +97,17 @@ def kish_size(log_weights: FloatArray) -> float:
 
 
 def u_log_mean(log_weights: FloatArray) -> float:
-    """Monte-Carlo standard error of log mean w, which is a log evidence where w = density/proposal."""
+    """Monte-Carlo standard error of log mean w, which is a log evidence where w =
+    density/proposal.
+    """
     size = kish_size(log_weights)
     return math.sqrt(max(1.0 / size - 1.0 / log_weights.size, 0.0)) if size else math.inf
 
 
 def flattened(log_weights: FloatArray, least: float) -> tuple[FloatArray, float]:
-    """(n_draw,) normalised weights w^b, and the largest b <= 1 that leaves an effective size of `least`: a far start is approached in steps."""
+    """(n_draw,) normalised weights w^b, and the largest b <= 1 that leaves an effective size of
+    `least`: a far start is approached in steps.
+    """
     finite = np.isfinite(log_weights)
     shifted = np.where(finite, log_weights, 0.0) - np.max(log_weights)
 
@@ -128,14 +143,20 @@ def spread(values: FloatArray, log_weights: FloatArray) -> float:
     return float(np.sqrt(weights @ (values - weights @ values) ** 2))
 
 
-def difference(shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray) -> tuple[float, float]:
-    """Largest difference of a mean by two sets of weights of the same draws, in standard deviations, and its Monte-Carlo error."""
+def difference(
+    shared: FloatArray, log_marginal: FloatArray, log_all: FloatArray
+) -> tuple[float, float]:
+    """Largest difference of a mean by two sets of weights of the same draws, in standard
+    deviations, and its Monte-Carlo error.
+    """
     if kish_size(log_marginal) < 2.0 or kish_size(log_all) < 2.0:
         return math.inf, math.inf
     a, b = np.exp(log_marginal - log_sum_exp(log_marginal)), np.exp(log_all)
     mean_a, mean_b = a @ shared, b @ shared
     sd = np.sqrt(a @ (shared - mean_a) ** 2)
     # both means come from the same draws: only what differs between the weights scatters
-    u = np.sqrt(np.sum((a[:, None] * (shared - mean_a) - b[:, None] * (shared - mean_b)) ** 2, axis=0))
+    u = np.sqrt(
+        np.sum((a[:, None] * (shared - mean_a) - b[:, None] * (shared - mean_b)) ** 2, axis=0)
+    )
     worst = int(np.argmax(np.abs(mean_b - mean_a) / sd))
     return float(abs(mean_b - mean_a)[worst] / sd[worst]), float(u[worst] / sd[worst])

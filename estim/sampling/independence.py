@@ -1,7 +1,8 @@
-"""Independent moves of a chain, drawn and evaluated ahead: those of many steps and all walkers in one batch.
+"""Independent moves of a chain, drawn and evaluated ahead: those of many steps and all walkers in
+one batch.
 
-An independence move proposes what does not depend on where a walker is (Tierney, Ann. Stat. 22 (1994) 1701), so that its density can be
-computed before.
+An independence move proposes what does not depend on where a walker is (Tierney, Ann. Stat. 22
+(1994) 1701), so that its density can be computed before.
 """
 
 from __future__ import annotations
@@ -19,17 +20,22 @@ from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
 STEPS_AHEAD = 20  # a block
-_MOST_AGAIN = 20  # times that draws beyond the support are drawn; what is beyond it after that is a move that no walker makes
+# times that draws beyond the support are drawn; what is beyond it after that is a move that no
+# walker makes
+_MOST_AGAIN = 20
 
 Proposed = tuple[FloatArray, FloatArray, FloatArray]
-"""Points (n_walker, n_par), their log densities (n_walker,) and those of the proposal (n_walker,)."""
+"""Points (n_walker, n_par), their log densities (n_walker,) and those of the proposal
+(n_walker,).
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class IndependenceMoves:
     """What independence moves propose.
 
-    share : of the steps that make such a move.  n_walker : of all ensembles.  seed : of all proposals.
+    share : of the steps that make such a move.
+    n_walker : of all ensembles.  seed : of all proposals.
     """
 
     proposal: Proposal
@@ -46,14 +52,21 @@ class IndependenceMoves:
             shape = int(np.sum(chosen)), self.n_walker
             points, log_density = self._inside(rng, shape[0] * shape[1])
             log_proposal = self.proposal.log_density(points)
-            moves = zip(points.reshape(*shape, self.proposal.n_par), log_density.reshape(shape), log_proposal.reshape(shape), strict=True)
+            moves = zip(
+                points.reshape(*shape, self.proposal.n_par),
+                log_density.reshape(shape),
+                log_proposal.reshape(shape),
+                strict=True,
+            )
             for independent in chosen:
                 yield next(moves) if independent else None
 
     def _inside(self, rng: np.random.Generator, n: int) -> tuple[FloatArray, FloatArray]:
-        """Draws (n, n_par) of the proposal and their log densities (n,); those beyond the support are drawn again.
+        """Draws (n, n_par) of the proposal and their log densities (n,); those beyond the support
+        are drawn again.
 
-        Inside the support that is the same proposal but for a factor, which a ratio of two of its densities does not have.
+        Inside the support that is the same proposal but for a factor, which a ratio of two of its
+        densities does not have.
         """
         points, log_density = np.empty((n, self.proposal.n_par)), np.full(n, -np.inf)
         outside = np.arange(n)
@@ -67,14 +80,16 @@ class IndependenceMoves:
 
 
 class Moves:
-    """The moves of the walkers, as emcee asks for them: independent ones where `ahead` has them, else one of `others`.
+    """The moves of the walkers, as emcee asks for them: independent ones where `ahead` has them,
+    else one of `others`.
 
     others : moves with their probabilities, sum 1.
     """
 
     def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
         self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
-        self._known: tuple[FloatArray, FloatArray] | None = None  # where walkers were, log densities of the proposal there
+        # where walkers were, log densities of the proposal there
+        self._known: tuple[FloatArray, FloatArray] | None = None
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
         """The state after one step, and which walkers moved."""
@@ -91,7 +106,9 @@ class Moves:
         return state, accepted
 
     def _log_proposal(self, coords: FloatArray) -> FloatArray:
-        """(n_walker,) log density of the proposal where the walkers are (n_walker, n_par); new only of those that other moves have moved."""
+        """(n_walker,) log density of the proposal where the walkers are (n_walker, n_par); new only
+        of those that other moves have moved.
+        """
         if self._known is None:
             return self._proposal.log_density(coords)
         moved = np.any(coords != self._known[0], axis=1)

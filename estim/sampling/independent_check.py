@@ -1,7 +1,9 @@
-"""The second computation of a posterior, which shares no proposal with the chain; and the chain's proposal, mended by what it found.
+"""The second computation of a posterior, which shares no proposal with the chain; and the chain's
+proposal, mended by what it found.
 
-It is importance sampling, half of whose draws come from a proposal that follows the ridges of the density (`estim.sampling.ridges`) and never saw
-a draw of the adapted one.  A tail that the adapted proposal leaves out is put into it before the chain starts.
+It is importance sampling, half of whose draws come from a proposal that follows the ridges of the
+density (`estim.sampling.ridges`) and never saw a draw of the adapted one.  A tail that the adapted
+proposal leaves out is put into it before the chain starts.
 """
 
 from __future__ import annotations
@@ -16,19 +18,29 @@ from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridges import ridge_proposal
 
-_UNEVEN = 2.0  # density over proposal, root mean square at draws of the posterior, from which others are tried
+# density over proposal, root mean square at draws of the posterior, from which others are tried
+_UNEVEN = 2.0
 _N_COMPONENT = (1, 4, 8)
 _TRAINED = 0.75  # of the draws; the others judge
-_RIDGE_SHARES = (0.5, 0.2)  # of the draws of a mixture: a long tail needs many of them, an uneven middle fewer
+# of the draws of a mixture: a long tail needs many of them, an uneven middle fewer
+_RIDGE_SHARES = (0.5, 0.2)
 
 
 def second_opinion(
-    density: Density, start: FloatArray, cov: FloatArray, adapted: Proposal, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
+    density: Density,
+    start: FloatArray,
+    cov: FloatArray,
+    adapted: Proposal,
+    *,
+    rng: np.random.Generator,
+    starts: Sequence[FloatArray] = (),
     support: Support | None = None,
 ) -> tuple[Certificate, Proposal]:
-    """A certificate of `density`, and the proposal for its chain: `adapted`, or a better one where that leaves something out.
+    """A certificate of `density`, and the proposal for its chain: `adapted`, or a better one where
+    that leaves something out.
 
-    start, cov, starts : the fit, its covariance, and further optima.  support : limits of the parameters.
+    start, cov, starts : the fit, its covariance, and further optima.
+    support : limits of the parameters.
 
     Raises NumericalError where the density is not a number.
     """
@@ -36,7 +48,9 @@ def second_opinion(
     certificate = certify(density, both(adapted, ridges), rng=rng)
     if not certificate.reliable:
         return certificate, adapted
-    return certificate, repaired(density, adapted, ridges, certificate.draws, certificate.log_evidence, rng=rng)
+    return certificate, repaired(
+        density, adapted, ridges, certificate.draws, certificate.log_evidence, rng=rng
+    )
 
 
 def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
@@ -46,25 +60,37 @@ def both(a: Proposal, b: Proposal, share: float = 0.5) -> Proposal:
 
 
 def repaired(
-    density: Density, adapted: Proposal, ridges: Proposal, draws: FloatArray, log_evidence: float, *, rng: np.random.Generator
+    density: Density,
+    adapted: Proposal,
+    ridges: Proposal,
+    draws: FloatArray,
+    log_evidence: float,
+    *,
+    rng: np.random.Generator,
 ) -> Proposal:
-    """The `adapted` proposal, or a better one where it leaves out what `draws` (n_draw, n_par) of the posterior hold.
+    """The `adapted` proposal, or a better one where it leaves out what `draws` (n_draw, n_par) of
+    the posterior hold.
 
-    What counts is the density over the proposal, both normalised, at draws of the posterior, which come from elsewhere: its mean is the reciprocal
-    of the effective share of the proposal's draws, its largest values how long a chain of such steps would stay in what the proposal leaves out.
-    The root of its mean square heeds both.  Tried are mixtures of the `ridges`, which guard the tails, with the adapted one and with others fitted
-    to most of the draws.
+    What counts is the density over the proposal, both normalised, at draws of the posterior, which
+    come from elsewhere: its mean is the reciprocal of the effective share of the proposal's draws,
+    its largest values how long a chain of such steps would stay in what the proposal leaves out.
+    The root of its mean square heeds both.  Tried are mixtures of the `ridges`, which guard the
+    tails, with the adapted one and with others fitted to most of the draws.
     """
     train, test = np.split(draws, [int(_TRAINED * len(draws))])
     heights = log_density_in_batches(density, test) - log_evidence
     if _unevenness(adapted, test, heights) < _UNEVEN:
         return adapted
     grown_ones = [grown(train, n_component, rng) for n_component in _N_COMPONENT]
-    candidates = [both(one, ridges, share) for one in (adapted, *grown_ones) for share in _RIDGE_SHARES]
+    candidates = [
+        both(one, ridges, share) for one in (adapted, *grown_ones) for share in _RIDGE_SHARES
+    ]
     return min(candidates, key=lambda one: _unevenness(one, test, heights))
 
 
 def _unevenness(proposal: Proposal, draws: FloatArray, heights: FloatArray) -> float:
-    """Root mean square of density over proposal at draws of the posterior of log densities `heights`: 1 where both are the same, else more."""
+    """Root mean square of density over proposal at draws of the posterior of log densities
+    `heights`: 1 where both are the same, else more.
+    """
     ratio = np.exp(np.minimum(heights - proposal.log_density(draws), 300.0))
     return float(np.sqrt(np.mean(ratio**2)))

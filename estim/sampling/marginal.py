@@ -1,16 +1,19 @@
 """Joint fits of many runs by the marginal of what they share.
 
-Which method to use: `sample_posterior` (a chain in all dimensions) for one run or a few; `sample_marginal` where the number of
-parameters grows with the number of runs.  Given the shared parameters the runs are independent, so only the shared ones are sampled:
-importance sampling with a Student-t density adapted to their marginal, each run integrated out (`estim.sampling.conditional`), the weights
-Pareto-smoothed; then every run's own parameters are drawn given the shared ones.
+Which method to use: `sample_posterior` (a chain in all dimensions) for one run or a few;
+`sample_marginal` where the number of parameters grows with the number of runs.  Given the shared
+parameters the runs are independent, so only the shared ones are sampled: importance sampling with a
+Student-t density adapted to their marginal, each run integrated out (`estim.sampling.conditional`),
+the weights Pareto-smoothed; then every run's own parameters are drawn given the shared ones.
 
-Two things can be wrong, and each is checked.  The proposal may miss the marginal: k-hat of its weights tells.  The runs' own
-parameters may not be normal given the shared ones: on some of the draws the weights in ALL dimensions are computed, in which
-nothing is approximated, and both sets of weights must give the same answer (a choice of several nodes removes most of a difference).
+Two things can be wrong, and each is checked.  The proposal may miss the marginal: k-hat of its
+weights tells.  The runs' own parameters may not be normal given the shared ones: on some of the
+draws the weights in ALL dimensions are computed, in which nothing is approximated, and both sets of
+weights must give the same answer (a choice of several nodes removes most of a difference).
 
-Priors with hard edges: sampled parameters are only checked against their support.  A run's own parameter that comes close
-to such an edge is no normal variable and is sampled with the shared ones.
+Priors with hard edges: sampled parameters are only checked against their support.  A run's own
+parameter that comes close to such an edge is no normal variable and is sampled with the shared
+ones.
 
 Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace approximations).
 """
@@ -29,7 +32,16 @@ from estim.fitting import Fit
 from estim.sampling.chain import Progress
 from estim.sampling.conditional import Expansion, expand, run_terms
 from estim.sampling.factors import lower_factor
-from estim.sampling.importance import K_HAT_LIMIT, difference, flattened, kish_size, pareto_smoothed, spread, systematic, u_log_mean
+from estim.sampling.importance import (
+    K_HAT_LIMIT,
+    difference,
+    flattened,
+    kish_size,
+    pareto_smoothed,
+    spread,
+    systematic,
+    u_log_mean,
+)
 from estim.sampling.marginal_density import Marginal
 from estim.sampling.proposal import Proposal
 from estim.words import tell
@@ -42,13 +54,17 @@ _CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is no
 _N_ADAPT = 1000
 _N_POINT = 200
 _MOST_ROUNDS = 8
-_UNEVEN = 0.1  # spread of a run's log weights above which its own parameters are no normal variables: a shift of 0.08 of their sd
+# spread of a run's log weights above which its own parameters are no normal variables: a shift of
+# 0.08 of their sd
+_UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
 class MarginalOptions:
-    """n_draw : draws of the marginal.  n_check : how many of them get exact weights in all dimensions.
-    n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5 leaves no visible error.
+    """n_draw : draws of the marginal.  n_check : how many of them get exact weights in all
+    dimensions.
+    n_node : Gauss-Hermite nodes along each own parameter of a run; 1 is Laplace's approximation, 5
+        leaves no visible error.
     """
 
     n_draw: int = 8000
@@ -56,7 +72,11 @@ class MarginalOptions:
     n_node: int = 1
 
     def __post_init__(self) -> None:
-        for name, value, least in (("n_draw", self.n_draw, 100), ("n_check", self.n_check, 100), ("n_node", self.n_node, 1)):
+        for name, value, least in (
+            ("n_draw", self.n_draw, 100),
+            ("n_check", self.n_check, 100),
+            ("n_node", self.n_node, 1),
+        ):
             if value < least:
                 raise InputError(f"must be >= {least}", field=name, value=value)
 
@@ -65,15 +85,23 @@ class MarginalOptions:
 class MarginalPosterior:
     """Weighted draws of a joint posterior.
 
-    names : (n_par,) of the problem.  sampled : names of the parameters drawn from the marginal, the others were drawn given these.
-    draws : (n_draw, n_par) in the problem's order.  log_weights : (n_draw,) Pareto-smoothed, their exponentials sum to 1.
-    k_hat, ess : of these weights.  log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
-    check_log_weights : (n_check,) weights in all dimensions for the sampled parameters of the first draws, smoothed;
+    names : (n_par,) of the problem.
+    sampled : names of the parameters drawn from the marginal, the others were drawn given these.
+    draws : (n_draw, n_par) in the problem's order.
+    log_weights : (n_draw,) Pareto-smoothed, their exponentials sum to 1.
+    k_hat, ess : of these weights.
+    log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
+    check_log_weights : (n_check,) weights in all dimensions for the sampled parameters of the first
+        draws, smoothed;
         k_hat_all, ess_all, log_evidence_all : theirs.
-    shift : largest difference between the means of a sampled parameter by the two sets of weights, posterior standard deviations.
-    refined : runs whose own parameters were not normal enough given the shared ones and were brought to their exact distribution.
-    u_shift : its Monte-Carlo error.  expansion_error : see `Expansion.error`, the worst run.
-    trusted : whether the draws may be used.  told : why or why not.
+    shift : largest difference between the means of a sampled parameter by the two sets of weights,
+        posterior standard deviations.
+    refined : runs whose own parameters were not normal enough given the shared ones and were
+        brought to their exact distribution.
+    u_shift : its Monte-Carlo error.
+    expansion_error : see `Expansion.error`, the worst run.
+    trusted : whether the draws may be used.
+    told : why or why not.
     """
 
     names: tuple[str, ...]
@@ -111,27 +139,39 @@ class MarginalPosterior:
         return np.asarray(np.sqrt(np.exp(self.log_weights) @ (self.draws - self.mean) ** 2))
 
     def resampled(self, n_draw: int, *, rng: np.random.Generator) -> FloatArray:
-        """(n_draw, n_par) draws of equal weight, by systematic resampling; more than `ess` of them repeat each other."""
+        """(n_draw, n_par) draws of equal weight, by systematic resampling; more than `ess` of them
+        repeat each other.
+        """
         return self.draws[systematic(np.exp(self.log_weights), n_draw, rng)]
 
 
 def sample_marginal(
-    fit: Fit, *, rng: np.random.Generator, options: MarginalOptions | None = None, progress: Progress | None = None
+    fit: Fit,
+    *,
+    rng: np.random.Generator,
+    options: MarginalOptions | None = None,
+    progress: Progress | None = None,
 ) -> MarginalPosterior:
     """Draws of the posterior of a joint fit, through the marginal of its shared parameters.
 
-    Raises InputError where a run's noise is not normal or too many parameters have to be sampled, and NumericalError where
-    the fit leaves a combination of parameters undetermined or the proposal finds no posterior mass.
+    Raises InputError where a run's noise is not normal or too many parameters have to be sampled,
+    and NumericalError where the fit leaves a combination of parameters undetermined or the proposal
+    finds no posterior mass.
     """
     options = options or MarginalOptions()
     if fit.singular:
-        raise NumericalError("the marginal over runs needs a fit that determines every parameter: state one more of them with an uncertainty")
+        raise NumericalError(
+            "the marginal over runs needs a fit that determines every parameter: state one "
+            "more of them with an uncertainty"
+        )
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
     target = Marginal(fit.problem, columns, terms, fit.sampled.measure)
     proposal, expansions = _adapt(fit, target, rng, progress)
     shared = proposal.draw(rng, options.n_draw)
-    log_beside, by_run = target.terms_at(shared, expansions, n_node=options.n_node, progress=progress)
+    log_beside, by_run = target.terms_at(
+        shared, expansions, n_node=options.n_node, progress=progress
+    )
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
@@ -142,7 +182,9 @@ def sample_marginal(
     raw_all = np.full(min(options.n_check, options.n_draw), -np.inf)
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
-    for number, (term, expansion, log_marginal) in enumerate(zip(terms, expansions, by_run, strict=True), start=1):
+    for number, (term, expansion, log_marginal) in enumerate(
+        zip(terms, expansions, by_run, strict=True), start=1
+    ):
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
@@ -157,41 +199,81 @@ def sample_marginal(
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
-    trusted, told = _judge(k_hat, ess, k_hat_all, ess_all, shift, u_shift, n_node=options.n_node, exact=columns.size == fit.problem.n_par)
+    trusted, told = _judge(
+        k_hat,
+        ess,
+        k_hat_all,
+        ess_all,
+        shift,
+        u_shift,
+        n_node=options.n_node,
+        exact=columns.size == fit.problem.n_par,
+    )
     return MarginalPosterior(
-        names=fit.names, sampled=tuple(fit.names[i] for i in columns), draws=draws, log_weights=log_weights, k_hat=k_hat, ess=ess,
-        log_evidence=log_evidence, u_log_evidence=u_log_mean(raw),
-        check_log_weights=check, k_hat_all=k_hat_all, ess_all=ess_all, log_evidence_all=log_evidence_all,
-        shift=shift, u_shift=u_shift, expansion_error=error, refined=tuple(refined), trusted=trusted, told=told,
+        names=fit.names,
+        sampled=tuple(fit.names[i] for i in columns),
+        draws=draws,
+        log_weights=log_weights,
+        k_hat=k_hat,
+        ess=ess,
+        log_evidence=log_evidence,
+        u_log_evidence=u_log_mean(raw),
+        check_log_weights=check,
+        k_hat_all=k_hat_all,
+        ess_all=ess_all,
+        log_evidence_all=log_evidence_all,
+        shift=shift,
+        u_shift=u_shift,
+        expansion_error=error,
+        refined=tuple(refined),
+        trusted=trusted,
+        told=told,
     )
 
 
 def sampled_columns(fit: Fit) -> IndexArray:
-    """Which parameters are sampled: those of several runs, those of none, all of a single run's, and those close to a hard edge.
+    """Which parameters are sampled: those of several runs, those of none, all of a single run's,
+    and those close to a hard edge.
 
     Raises InputError where they are too many.
     """
     problem = fit.problem
     users = Counter(name for run in problem.runs for name in run.parameters)
-    shared = [i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1]
+    shared = [
+        i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1
+    ]
     sds = np.sqrt(np.diag(fit.cov))
     edges, own = [], set(range(problem.n_par)).difference(shared)
-    for i, (parameter, value, sd) in enumerate(zip(problem.parameters, fit.values, sds, strict=True)):
+    for i, (parameter, value, sd) in enumerate(
+        zip(problem.parameters, fit.values, sds, strict=True)
+    ):
         prior = parameter.prior
         if i in own and min(value - prior.low, prior.high - value) < _CLOSE * sd:
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
-        near = f", {len(edges)} of them close to the edge of their range ({problem.names[edges[0]]}, ...)" if edges else ""
-        rule = f"are too many to sample at once ({len(shared) + len(edges)}, at most {_MOST_SAMPLED}){near}: use the sampler"
+        near = (
+            f", {len(edges)} of them close to the edge of their range "
+            f"({problem.names[edges[0]]}, ...)"
+            if edges
+            else ""
+        )
+        rule = (
+            f"are too many to sample at once ({len(shared) + len(edges)}, at most "
+            f"{_MOST_SAMPLED}){near}: use the sampler"
+        )
         raise InputError(rule, field="shared parameters")
     return np.array(sorted([*shared, *edges]), dtype=np.int64)
 
 
-def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progress | None) -> tuple[Proposal, list[Expansion]]:
-    """A proposal with mean and covariance of the marginal, and the expansions of the runs over its bulk.
+def _adapt(
+    fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progress | None
+) -> tuple[Proposal, list[Expansion]]:
+    """A proposal with mean and covariance of the marginal, and the expansions of the runs over its
+    bulk.
 
-    Starts from the Gaussian approximation of the fit (the Schur complement of its information).  While its weights are poor they
-    are flattened to w^b so that a tenth of the draws count; it settles when two rounds in a row needed no flattening.
+    Starts from the Gaussian approximation of the fit (the Schur complement of its information).
+    While its weights are poor they are flattened to w^b so that a tenth of the draws count; it
+    settles when two rounds in a row needed no flattening.
     """
     columns = target.columns
     mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
@@ -215,7 +297,8 @@ def _adapt(fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progr
         if settled == 2:
             break
         points = shared[systematic(weights, _n_point(columns.size), rng)]
-        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_factor(cov).T  # wider than the posterior, and no point twice
+        # wider than the posterior, and no point twice
+        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_factor(cov).T
         points = points[np.isfinite(target.log_prior(points))]
         expansions = _expand_all(fit, target, points, regression, None)
     return Proposal.single(mean, cov), expansions
@@ -226,21 +309,33 @@ def _n_point(n_sampled: int) -> int:
     return max(_N_POINT, 3 * (n_sampled + 1) * (n_sampled + 2))
 
 
-def _pilot_points(target: Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and `cov`."""
+def _pilot_points(
+    target: Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and
+    `cov`.
+    """
     points = np.empty((0, mean.size))
     for _ in range(100):
-        drawn = mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_factor(cov).T
+        drawn = (
+            mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_factor(cov).T
+        )
         points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
         if points.shape[0] >= _n_point(mean.size):
             return points[: _n_point(mean.size)]
-    raise NumericalError("the marginal over runs cannot start: hardly any point around the fit lies inside the priors")
+    raise NumericalError(
+        "the marginal over runs cannot start: hardly any point around the fit lies inside "
+        "the priors"
+    )
 
 
-def _expand_all(fit: Fit, target: Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None) -> list[Expansion]:
+def _expand_all(
+    fit: Fit, target: Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None
+) -> list[Expansion]:
     """The expansion of every run over the points (n_point, n_sampled).
 
-    around : density that the points came from; points that the run all but excludes are then given little weight.
+    around : density that the points came from; points that the run all but excludes are then given
+        little weight.
     """
     conditional = fit.values + (points - fit.values[target.columns]) @ regression.T
 
@@ -257,7 +352,15 @@ def _expand_all(fit: Fit, target: Marginal, points: FloatArray, regression: Floa
 
 
 def _judge(
-    k_hat: float, ess: float, k_hat_all: float, ess_all: float, shift: float, u_shift: float, *, n_node: int, exact: bool
+    k_hat: float,
+    ess: float,
+    k_hat_all: float,
+    ess_all: float,
+    shift: float,
+    u_shift: float,
+    *,
+    n_node: int,
+    exact: bool,
 ) -> tuple[bool, tuple[Finding, ...]]:
     """Whether the draws may be used, and why or why not."""
     wrong, notes = list[Finding](), list[Finding]()
@@ -270,9 +373,13 @@ def _judge(
     elif not k_hat_all < K_HAT_LIMIT:
         notes.append(Finding(Kind.WEIGHTS_UNEVEN, size=k_hat_all, numbers={"ess": ess_all}))
     elif shift > max(0.1, 4.0 * u_shift):
-        wrong.append(Finding(Kind.WEIGHTS_MOVE, size=shift, numbers={"u": u_shift, "nodes": n_node}))
+        wrong.append(
+            Finding(Kind.WEIGHTS_MOVE, size=shift, numbers={"u": u_shift, "nodes": n_node})
+        )
     else:
-        notes.append(Finding(Kind.WEIGHTS_AGREE, size=shift, numbers={"u": u_shift, "k_hat": k_hat_all}))
+        notes.append(
+            Finding(Kind.WEIGHTS_AGREE, size=shift, numbers={"u": u_shift, "k_hat": k_hat_all})
+        )
     if not wrong:
         notes.insert(0, Finding(Kind.MARGINAL_SAMPLED, size=ess, numbers={"k_hat": k_hat}))
     return not wrong, (*wrong, *notes)

@@ -19,7 +19,8 @@ IndexArray = NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class Marginal:
-    """Log density of the sampled parameters, the runs' own ones integrated out; `columns` (n_sampled,) of the problem.
+    """Log density of the sampled parameters, the runs' own ones integrated out; `columns`
+    (n_sampled,) of the problem.
 
     weight : the measure of readings, None where there is none.
     """
@@ -38,22 +39,38 @@ class Marginal:
         log_p = np.zeros(shared.shape[0])
         for i, column in enumerate(self.columns):
             log_p += self.problem.parameters[column].prior.log_density(shared[:, i])
-        return log_p if self.weight is None else log_p + self.weight.log(shared[:, np.searchsorted(self.columns, self.weight.columns)])
+        return (
+            log_p
+            if self.weight is None
+            else log_p
+            + self.weight.log(shared[:, np.searchsorted(self.columns, self.weight.columns)])
+        )
 
     def terms_at(
-        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int, progress: Progress | None = None
+        self,
+        shared: FloatArray,
+        expansions: Sequence[Expansion],
+        *,
+        n_node: int,
+        progress: Progress | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support, and the marginal (n_run, n_draw) of every run, 0 there."""
+        """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support, and the
+        marginal (n_run, n_draw) of every run, 0 there.
+        """
         log_p = self.log_prior(shared)
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
         for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
             if progress is not None:
                 progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
-            by_run[i, inside] = term.log_marginal(self.given(term, shared[inside]), expansion, n_node=n_node)
+            by_run[i, inside] = term.log_marginal(
+                self.given(term, shared[inside]), expansion, n_node=n_node
+            )
         return log_p, by_run
 
-    def log_density(self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int) -> FloatArray:
+    def log_density(
+        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int
+    ) -> FloatArray:
         """(n_draw,) log p(y, s); -inf outside the priors' support."""
         log_p, by_run = self.terms_at(shared, expansions, n_node=n_node)
         return np.asarray(log_p + np.sum(by_run, axis=0))

@@ -1,4 +1,6 @@
-"""The marginal over runs in the place of a chain: equally weighted draws, and its own check as the second opinion."""
+"""The marginal over runs in the place of a chain: equally weighted draws, and its own check as the
+second opinion.
+"""
 
 from __future__ import annotations
 
@@ -16,28 +18,44 @@ from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_m
 _N_CHAIN = 4  # parts that the independent draws are shown in
 
 
-def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator, progress: Progress | None = None) -> tuple[Chain, Agreement]:
-    """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights in all dimensions say of them.
+def marginal_chain(
+    fit: Fit, *, target: Target, rng: np.random.Generator, progress: Progress | None = None
+) -> tuple[Chain, Agreement]:
+    """Independent draws of a joint posterior by `estim.sampling.marginal`, and what exact weights
+    in all dimensions say of them.
 
     Where Laplace's approximation moves a parameter, the runs are integrated by 5 x 5 nodes.
 
-    Raises InputError where noise is not normal or too much is shared, NumericalError where the fit leaves something undetermined.
+    Raises InputError where noise is not normal or too much is shared, NumericalError where the fit
+    leaves something undetermined.
     """
     n_draw = int(max(8000, 2.5 * target.ess))
-    marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress)
+    marginal = sample_marginal(
+        fit, rng=rng, options=MarginalOptions(n_draw=n_draw), progress=progress
+    )
     if not marginal.trusted:
-        marginal = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=n_draw, n_node=5), progress=progress)
+        marginal = sample_marginal(
+            fit, rng=rng, options=MarginalOptions(n_draw=n_draw, n_node=5), progress=progress
+        )
     # no more draws than the weights are worth: their number then is their effective size
     n_kept = max(_N_CHAIN * 10, int(min(marginal.ess, n_draw)) // _N_CHAIN * _N_CHAIN)
-    draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(_N_CHAIN, -1, 1, len(fit.names))
+    draws = rng.permutation(marginal.resampled(n_kept, rng=rng)).reshape(
+        _N_CHAIN, -1, 1, len(fit.names)
+    )
     flat = draws.reshape(-1, draws.shape[-1])
     short = marginal.ess < target.ess
     told = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.told
     if short:
         told = (Finding(Kind.DRAWS_SHORT, size=marginal.ess, numbers={"limit": target.ess}), *told)
     convergence = Convergence(
-        n_step=draws.shape[1], rhat=float(np.max(r_hat(draws))), ess_bulk=marginal.ess, ess_tail=marginal.ess, tau=1.0, tau_moved=0.0,
-        met=marginal.trusted and not short, told=told,
+        n_step=draws.shape[1],
+        rhat=float(np.max(r_hat(draws))),
+        ess_bulk=marginal.ess,
+        ess_tail=marginal.ess,
+        tau=1.0,
+        tau_moved=0.0,
+        met=marginal.trusted and not short,
+        told=told,
     )
     log_density = fit.sampled.log_density(flat).reshape(draws.shape[:3])
     chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
@@ -45,7 +63,9 @@ def marginal_chain(fit: Fit, *, target: Target, rng: np.random.Generator, progre
 
 
 def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
-    """The exact weights in all dimensions as a comparison; "missing" where they are too uneven to tell."""
+    """The exact weights in all dimensions as a comparison; "missing" where they are too uneven to
+    tell.
+    """
     disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
     told = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
     verdict = "disagree" if disagree else "agree" if marginal.trusted and told else "missing"

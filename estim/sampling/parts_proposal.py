@@ -1,8 +1,9 @@
 """A proposal from normal distributions that a density is nearly made of, moved to where it is.
 
-A spike and wide parts beside it in twenty dimensions cannot be found by fitting mixtures to draws: a covariance rests on hundreds of them, and the
-parts are narrow in some directions alone.  Known from a linearised posterior, their widths are nearly right; what is not linear moves them
-together.  It shows in the heaviest part, which most draws belong to; its covariance is adapted too.
+A spike and wide parts beside it in twenty dimensions cannot be found by fitting mixtures to draws:
+a covariance rests on hundreds of them, and the parts are narrow in some directions alone.  Known
+from a linearised posterior, their widths are nearly right; what is not linear moves them together.
+It shows in the heaviest part, which most draws belong to; its covariance is adapted too.
 """
 
 from __future__ import annotations
@@ -19,17 +20,22 @@ from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 
 _DOF = 20  # of parts that are nearly normal
-_TAILS, _GUARD, _GUARD_FACTOR = 1.5, 0.03, 1.5  # more of the draws for the light parts; share and width of one around all
+# more of the draws for the light parts; share and width of one around all
+_TAILS, _GUARD, _GUARD_FACTOR = 1.5, 0.03, 1.5
 _DRAWS = (3000, 3000, 4000, 8000, 3000)  # in each round
 _LEAST = 0.05  # effective share of the draws of a proposal that is worth having
 
 
-def proposal_of_parts(density: Density, parts: NormalParts, *, rng: np.random.Generator) -> Proposal | None:
+def proposal_of_parts(
+    density: Density, parts: NormalParts, *, rng: np.random.Generator
+) -> Proposal | None:
     """The best of a few rounds of weighted draws; None where their weights stay uneven."""
     heaviest = int(np.argmax(parts.weights))
     weights = parts.weights * np.where(np.arange(parts.weights.size) == heaviest, 1.0, _TAILS)
     factors = lower_factor((_DOF - 2.0) / _DOF * np.asarray(parts.covs))
-    mixture, best, most = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF), None, _LEAST
+    mixture = Proposal(weights / weights.sum(), parts.means, factors, dof=_DOF)
+    best = None
+    most = _LEAST
     for n_draw in _DRAWS:
         proposal = mixture.guarded(_GUARD, _GUARD_FACTOR)
         draws = proposal.draw(rng, n_draw)
@@ -39,12 +45,16 @@ def proposal_of_parts(density: Density, parts: NormalParts, *, rng: np.random.Ge
             best, most = proposal, share
         if not share > 0.0:
             break
-        mixture = _adapted(mixture, heaviest, draws, flattened(log_ratio, least=20.0 * proposal.n_par)[0])
+        mixture = _adapted(
+            mixture, heaviest, draws, flattened(log_ratio, least=20.0 * proposal.n_par)[0]
+        )
     return best
 
 
 def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """All parts moved with the heaviest, whose moments are those of its share of weighted draws, as far as these are known."""
+    """All parts moved with the heaviest, whose moments are those of its share of weighted draws, as
+    far as these are known.
+    """
     mean, factor, n_par = mixture.means[heaviest], mixture.factors[heaviest], mixture.n_par
     distances = mixture.distances(draws)
     parts = mixture.log_parts(distances)
@@ -55,5 +65,7 @@ def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: Float
     off = draws - (mean + moved)
     known = size / (size + n_par**2)
     factors = mixture.factors.copy()
-    factors[heaviest] = lower_factor(known * (pull[:, None] * off).T @ off / np.sum(share) + (1.0 - known) * factor @ factor.T)
+    factors[heaviest] = lower_factor(
+        known * (pull[:, None] * off).T @ off / np.sum(share) + (1.0 - known) * factor @ factor.T
+    )
     return replace(mixture, means=mixture.means + moved, factors=factors)

@@ -1,11 +1,14 @@
-"""A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small mixture of them.
+"""A proposal adapted to a posterior: a Student-t distribution with 5 degrees of freedom, or a small
+mixture of them.
 
-It lives in the space of the parameters themselves.  A Student-t density is finite and positive at a hard edge, so that weights stay
-bounded there (transformed parameters would put the edge at infinity, where the tails of the transformed posterior decide).  Draws outside
-the support have weight 0.
+It lives in the space of the parameters themselves.  A Student-t density is finite and positive at a
+hard edge, so that weights stay bounded there (transformed parameters would put the edge at
+infinity, where the tails of the transformed posterior decide).  Draws outside the support have
+weight 0.
 
-`adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the round before: EM steps
-for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and Computing 18 (2008) 447, section 4).
+`adapt_proposal` starts from the fit and maximises sum_i w_i log q(x_i) over weighted draws of the
+round before: EM steps for Student-t mixtures (Cappe, Douc, Guillin, Marin, Robert, Statistics and
+Computing 18 (2008) 447, section 4).
 """
 
 from __future__ import annotations
@@ -24,9 +27,12 @@ from estim.sampling.importance import flattened, kish_size, pareto_smoothed
 from estim.sampling.protocol import Density, log_density_in_batches
 
 DOF = 5  # tails heavier than those of most posteriors
-_WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0  # share and width (in sds of the whole) of the component that guards a mixture
+# share and width (in sds of the whole) of the component that guards a mixture
+_WIDE_SHARE, _WIDE_FACTOR = 0.05, 2.0
 _FAR_SHARE, _FAR_FACTOR = 0.25, 3.0  # the same for `Proposal.widened`
-_TAIL_SHARE = 0.4  # of the draws from components that are told to be there: a rare wide part is seldom drawn, and then no chain leaves it soon
+# of the draws from components that are told to be there: a rare wide part is seldom drawn, and then
+# no chain leaves it soon
+_TAIL_SHARE = 0.4
 _GOOD_K_HAT = 0.5
 _EVEN_ENOUGH = 0.4  # effective share of the draws from which one Student-t will do
 _SURE = 0.7  # from which one more round costs more draws than it can save
@@ -38,8 +44,10 @@ _EM_STEPS = 25
 class Proposal:
     """sum_k weights_k t_dof(x; means_k, factors_k factors_k^T).
 
-    weights : (n_component,), sum 1.  means : (n_component, n_par).
-    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance = dof/(dof - 2) of it).
+    weights : (n_component,), sum 1.
+    means : (n_component, n_par).
+    factors : (n_component, n_par, n_par) lower Cholesky factors of the scale matrices (covariance =
+        dof/(dof - 2) of it).
     dof : degrees of freedom of all components.
     """
 
@@ -60,7 +68,11 @@ class Proposal:
     def _log_heights(self) -> FloatArray:
         """(n_component,) log of weight times density at the centre."""
         d = self.n_par
-        unit = math.lgamma(0.5 * (self.dof + d)) - math.lgamma(0.5 * self.dof) - 0.5 * d * math.log(self.dof * math.pi)
+        unit = (
+            math.lgamma(0.5 * (self.dof + d))
+            - math.lgamma(0.5 * self.dof)
+            - 0.5 * d * math.log(self.dof * math.pi)
+        )
         with np.errstate(divide="ignore"):  # a component may have no weight
             heights = np.log(self.weights)
         return heights + unit - np.sum(np.log(np.diagonal(self.factors, axis1=1, axis2=2)), axis=1)
@@ -73,8 +85,9 @@ class Proposal:
     def widened(self) -> Proposal:
         """A quarter of the draws from three times as far around.
 
-        A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width, say), and weights cannot
-        show what was never drawn.  Where the wide draws find something, k-hat and the effective size say so.
+        A proposal that was adapted to draws of itself may miss a long tail (of an outlier's width,
+        say), and weights cannot show what was never drawn.  Where the wide draws find something,
+        k-hat and the effective size say so.
         """
         return self.guarded(_FAR_SHARE, _FAR_FACTOR)
 
@@ -82,25 +95,39 @@ class Proposal:
         """A `share` of the draws from `factor` times as far around."""
         mean = self.weights @ self.means
         away = self.means - mean
-        scale = np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors) + (self.weights[:, None] * away).T @ away
+        scale = (
+            np.einsum("k,kij,klj->il", self.weights, self.factors, self.factors)
+            + (self.weights[:, None] * away).T @ away
+        )
         return self.beside(mean[None], factor * lower_factor(scale)[None], share)
 
     def beside(self, means: FloatArray, factors: FloatArray, share: float) -> Proposal:
         """A `share` of the draws from further components (n, n_par), (n, n_par, n_par)."""
         weights = np.append((1.0 - share) * self.weights, np.full(len(means), share / len(means)))
-        return replace(self, weights=weights, means=np.vstack([self.means, means]), factors=np.concatenate([self.factors, factors]))
+        return replace(
+            self,
+            weights=weights,
+            means=np.vstack([self.means, means]),
+            factors=np.concatenate([self.factors, factors]),
+        )
 
     def draw(self, rng: np.random.Generator, n: int) -> FloatArray:
         """(n, n_par) independent draws."""
-        normal = rng.standard_normal((n, self.n_par)) / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
+        normal = (
+            rng.standard_normal((n, self.n_par))
+            / np.sqrt(rng.chisquare(self.dof, n) / self.dof)[:, None]
+        )
         if self.weights.size == 1:
             return self.means[0] + normal @ self.factors[0].T
         which = rng.choice(self.weights.size, n, p=self.weights)
         return np.asarray(self.means[which] + np.einsum("nij,nj->ni", self.factors[which], normal))
 
     def distances(self, draws: FloatArray) -> FloatArray:
-        """(n_component, n_draw) squared distances from the centres in units of the scale matrices."""
-        columns, found = np.ascontiguousarray(draws.T), np.empty((self.weights.size, draws.shape[0]))
+        """(n_component, n_draw) squared distances from the centres in units of the scale
+        matrices.
+        """
+        columns = np.ascontiguousarray(draws.T)
+        found = np.empty((self.weights.size, draws.shape[0]))
         for mean, inverse, distance in zip(self.means, self._inverse_factors, found, strict=True):
             whitened = inverse @ (columns - mean[:, None])
             np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
@@ -108,7 +135,9 @@ class Proposal:
 
     def log_parts(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
-        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(distances / self.dof)
+        return self._log_heights[:, None] - 0.5 * (self.dof + self.n_par) * np.log1p(
+            distances / self.dof
+        )
 
     def log_density(self, draws: FloatArray) -> FloatArray:
         """(n_draw,) normalised log density at draws (n_draw, n_par)."""
@@ -117,15 +146,24 @@ class Proposal:
 
 
 def adapt_proposal(
-    density: Density, start: FloatArray, cov: FloatArray, *, rng: np.random.Generator, starts: Sequence[FloatArray] = (),
-    covs: Sequence[FloatArray] = (), n_round: int = 2000,
+    density: Density,
+    start: FloatArray,
+    cov: FloatArray,
+    *,
+    rng: np.random.Generator,
+    starts: Sequence[FloatArray] = (),
+    covs: Sequence[FloatArray] = (),
+    n_round: int = 2000,
 ) -> Proposal:
     """A proposal adapted to `density` from one component at each start.
 
-    start : (n_par,) the fit.  cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where they have no `covs`.
-    covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds make of the others.
-    n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven weights, mixtures of more are tried and
-    kept if better.
+    start : (n_par,) the fit.
+    cov : (n_par, n_par) the covariance there, used at the other `starts` (further modes) too where
+        they have no `covs`.
+    covs : those of `starts`, whose components then keep two fifths of the draws whatever the rounds
+        make of the others.
+    n_round : draws in each round, at least 500 for each start.  Where one Student-t gives uneven
+        weights, mixtures of more are tried and kept if better.
 
     Raises NumericalError where the density is nowhere finite around the fit.
     """
@@ -135,17 +173,24 @@ def adapt_proposal(
     mixture = Proposal(np.full(len(centres), 1.0 / len(centres)), centres, factors)
     best, quality, draws, weights = _settle(density, _shrunk(density, mixture, rng), rng, n_round)
     for n_component in (4, 8):
-        if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):  # the weights of normal densities are the less even the more parameters there are
+        # the weights of normal densities are the less even the more parameters there are
+        if quality > _EVEN_ENOUGH * min(1.0, 6.0 / mixture.n_par):
             break
         split = _split(draws, weights, max(n_component, len(centres) + 1), rng)
-        candidate, better, candidate_draws, candidate_weights = _settle(density, split, rng, 4 * n_round)
+        candidate, better, candidate_draws, candidate_weights = _settle(
+            density, split, rng, 4 * n_round
+        )
         if better > 1.15 * quality:
             best, quality, draws, weights = candidate, better, candidate_draws, candidate_weights
     return best.beside(centres[1:], factors[1:], _TAIL_SHARE) if covs else best
 
 
-def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int) -> tuple[Proposal, float, FloatArray, FloatArray]:
-    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its quality, its draws and weights."""
+def _settle(
+    density: Density, mixture: Proposal, rng: np.random.Generator, n_round: int
+) -> tuple[Proposal, float, FloatArray, FloatArray]:
+    """Rounds of (draw; weigh; fit) until weights get no more even: best proposal, its quality, its
+    draws and weights.
+    """
     proposal = mixture
     found: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
     for _ in range(_MAX_ROUND):
@@ -156,12 +201,17 @@ def _settle(density: Density, mixture: Proposal, rng: np.random.Generator, n_rou
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
         found.append((proposal, quality, draws, weights))
-        if (len(found) > 1 and quality > _SURE) or (len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])):
+        if (len(found) > 1 and quality > _SURE) or (
+            len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])
+        ):
             break
         mixture = _fit(mixture, draws, weights)
         proposal = _guarded(mixture, draws, weights)
     if not found:
-        raise NumericalError("importance sampling cannot start: the posterior density is zero or not finite everywhere around the fit")
+        raise NumericalError(
+            "importance sampling cannot start: the posterior density is zero or not finite "
+            "everywhere around the fit"
+        )
     return max(found, key=lambda f: f[1])
 
 
@@ -172,7 +222,9 @@ def _quality(log_ratio: FloatArray) -> float:
 
 
 def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """EM steps of a Student-t mixture towards weighted draws; components that explain next to nothing are dropped."""
+    """EM steps of a Student-t mixture towards weighted draws; components that explain next to
+    nothing are dropped.
+    """
     floor, d = 1e-8 * _covariance(draws, weights)[1], mixture.n_par
     used = weights > 0.0
     draws, weights = draws[used], weights[used]
@@ -194,15 +246,24 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
             means.append(mean)
             scales.append((pull[k][:, None] * deviation).T @ deviation / size[k] + floor)
         before = mixture
-        mixture = Proposal(size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales)))
-        settled = kept.size == before.weights.size and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
+        mixture = Proposal(
+            size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales))
+        )
+        settled = (
+            kept.size == before.weights.size
+            and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
+        )
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:
             break
     return mixture
 
 
-def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
-    """A mixture of equal components centred on draws that lie far from each other, each a part of the whole in width."""
+def _split(
+    draws: FloatArray, weights: FloatArray, n_component: int, rng: np.random.Generator
+) -> Proposal:
+    """A mixture of equal components centred on draws that lie far from each other, each a part of
+    the whole in width.
+    """
     mean, cov = _covariance(draws, weights)
     factor = lower_factor(cov)
     whitened = np.linalg.solve(factor, (draws - mean).T).T
@@ -214,12 +275,16 @@ def _split(draws: FloatArray, weights: FloatArray, n_component: int, rng: np.ran
             break
         centres.append(int(rng.choice(weights.size, p=chance / np.sum(chance))))
     n = len(centres)
-    start = Proposal(np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n))
+    start = Proposal(
+        np.full(n, 1.0 / n), draws[centres], np.stack([n ** (-1.0 / draws.shape[1]) * factor] * n)
+    )
     return _fit(start, draws, weights)
 
 
 def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """A mixture of several with a wide component added, so that no region between and around them is without draws."""
+    """A mixture of several with a wide component added, so that no region between and around them
+    is without draws.
+    """
     if mixture.weights.size == 1:
         return mixture
     mean, cov = _covariance(draws, weights)
@@ -227,7 +292,9 @@ def _guarded(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Propo
 
 
 def grown(draws: FloatArray, n_component: int, rng: np.random.Generator) -> Proposal:
-    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the component that guards it."""
+    """A mixture fitted to draws (n_draw, n_par) of equal weight that come from elsewhere, with the
+    component that guards it.
+    """
     weights = np.full(len(draws), 1.0 / len(draws))
     return _guarded(_split(draws, weights, n_component, rng), draws, weights)
 

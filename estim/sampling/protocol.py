@@ -26,13 +26,18 @@ class Density(Protocol):
 
 
 def log_density_in_batches(density: Density, draws: FloatArray) -> FloatArray:
-    """(n_draw,) log density at draws (n_draw, n_par), some thousand at a time so that memory is bounded.
+    """(n_draw,) log density at draws (n_draw, n_par), some thousand at a time so that memory is
+    bounded.
 
     Raises NumericalError where it is not a number or +inf.
     """
-    values = np.concatenate([density.log_density(draws[i : i + _BATCH]) for i in range(0, draws.shape[0], _BATCH)])
+    values = np.concatenate(
+        [density.log_density(draws[i : i + _BATCH]) for i in range(0, draws.shape[0], _BATCH)]
+    )
     if not np.all(values < np.inf):
         where = draws[np.flatnonzero(~(values < np.inf))[0]]
-        shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(density.names, where, strict=True))
+        shown = ", ".join(
+            f"{name} = {value:.4g}" for name, value in zip(density.names, where, strict=True)
+        )
         raise NumericalError("the posterior density is not a number or infinite", at=shown)
     return np.asarray(values)

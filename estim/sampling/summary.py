@@ -1,4 +1,6 @@
-"""The summary of one quantity's draws: mean, standard deviation, quantiles, as far as the status allows them."""
+"""The summary of one quantity's draws: mean, standard deviation, quantiles, as far as the status
+allows them.
+"""
 
 from __future__ import annotations
 
@@ -39,15 +41,23 @@ def number(value: float) -> float | None:
 def summarise(draws: FloatArray, *, unit: str, meaning: str) -> Summary:
     """Mean, sd and quantiles of draws (n_draw,)."""
     median, q025, q16, q84, q975 = _quantiles(draws)
-    return Summary(unit, meaning, number(draws.mean()), number(draws.std(ddof=1)), median, q025, q16, q84, q975)
+    return Summary(
+        unit, meaning, number(draws.mean()), number(draws.std(ddof=1)), median, q025, q16, q84, q975
+    )
 
 
 def summarise_parameter(fit: Fit, name: str, draws: FloatArray) -> Summary:
-    """The summary of a parameter's draws (n_draw,): a limit where it lies on an edge of its prior."""
+    """The summary of a parameter's draws (n_draw,): a limit where it lies on an edge of its
+    prior.
+    """
     parameter = fit.problem.parameters[fit.names.index(name)]
     summary = summarise(draws, unit=parameter.unit, meaning=parameter.meaning)
     limit = limit_of(fit, name, draws)
-    return summary if limit is None else msgspec.structs.replace(summary, mean=None, sd=None, limit=limit)
+    return (
+        summary
+        if limit is None
+        else msgspec.structs.replace(summary, mean=None, sd=None, limit=limit)
+    )
 
 
 def _quantiles(draws: FloatArray) -> list[float | None]:
@@ -59,7 +69,9 @@ def _quantiles(draws: FloatArray) -> list[float | None]:
 
 
 def trusted(summary: Summary, status: Status) -> Summary:
-    """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all where the draws mean nothing."""
+    """`summary` without what its status does not allow: no mean and sd unless ok, nothing at all
+    where the draws mean nothing.
+    """
     if status.ok:
         return summary
     if not status.draws_count:

@@ -1,4 +1,5 @@
-"""Bodies from their parts: values by linear propagation and by Monte Carlo, which of them to believe, correlations and budgets.
+"""Bodies from their parts: values by linear propagation and by Monte Carlo, which of them to
+believe, correlations and budgets.
 
 All bodies of a file are propagated together, so that what two of them share moves both.
 """
@@ -15,7 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 from estim.arrays import FloatArray
 from estim.campaign import CampaignFile, PartedBody, correlations, known_to, notes_of, parted_bodies
 from estim.common import InputError
-from estim.propagation import Budget, LinearResult, MonteCarloResult, Validation, budget, compare, propagate_linear, propagate_monte_carlo
+from estim.propagation import (
+    Budget,
+    LinearResult,
+    MonteCarloResult,
+    Validation,
+    budget,
+    compare,
+    propagate_linear,
+    propagate_monte_carlo,
+)
 
 _N_DRAW = 400_000
 _DIGITS = 1  # of the uncertainty, to which the linear interval is tested
@@ -25,7 +35,8 @@ _DIGITS = 1  # of the uncertainty, to which the linear interval is tested
 class BodyProperties:
     """What the parts of bodies say.
 
-    names : (body, output) of each of the (n_out,) outputs of `linear` and `sampled`.  budgets : (n_out,), of `linear`.
+    names : (body, output) of each of the (n_out,) outputs of `linear` and `sampled`.
+    budgets : (n_out,), of `linear`.
     notes : of the linear result, what a reader must know.
     """
 
@@ -54,10 +65,16 @@ class BodyProperties:
 
 
 def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
-    """The bodies of a file that give `parts`.  Raises InputError where there is none, or they are wrong."""
+    """The bodies of a file that give `parts`.  Raises InputError where there is none, or they are
+    wrong.
+    """
     bodies = parted_bodies(source)
     if not bodies:
-        raise InputError('must hold a body with parts = ["...", ...], each a table [parts.NAME]', field="bodies", file=source.path)
+        raise InputError(
+            'must hold a body with parts = ["...", ...], each a table [parts.NAME]',
+            field="bodies",
+            file=source.path,
+        )
     inputs = list({name: one for body in bodies for name, one in body.inputs.items()}.values())
 
     def values(q: Mapping[str, Any]) -> Sequence[ArrayLike]:
@@ -67,4 +84,12 @@ def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
     sampled = propagate_monte_carlo(values, inputs, rng=rng, n_draw=_N_DRAW)
     names = tuple((body.name, out) for body in bodies for out in body.outputs)
     budgets = tuple(budget(linear, output=i) for i in range(len(names)))
-    return BodyProperties(bodies, names, linear, sampled, compare(linear, sampled, n_digits=_DIGITS), budgets, notes_of(linear, values))
+    return BodyProperties(
+        bodies,
+        names,
+        linear,
+        sampled,
+        compare(linear, sampled, n_digits=_DIGITS),
+        budgets,
+        notes_of(linear, values),
+    )

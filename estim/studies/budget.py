@@ -1,19 +1,23 @@
-"""Where the uncertainty of a fit comes from: the part of each stated value, of each error in common, of what the curve lacks, and of the readings.
+"""Where the uncertainty of a fit comes from: the part of each stated value, of each error in
+common, of what the curve lacks, and of the readings.
 
 To first order the mode moves with what it was made of by
 
     dp = S [ sum_i P_i dm_i + J^T C^-1 dy ],    S = (P + J^T C^-1 J)^-1
 
-with P the information of the priors, J the derivatives of the curve, C the covariance of the readings.  A stated value m_i with standard
-uncertainty u_i = P_i^(-1/2) moves a quantity q with gradient g by (S g)_i / u_i; a part C_k of C = sum_k C_k contributes the variance
+with P the information of the priors, J the derivatives of the curve, C the covariance of the
+readings.  A stated value m_i with standard uncertainty u_i = P_i^(-1/2) moves a quantity q with
+gradient g by (S g)_i / u_i; a part C_k of C = sum_k C_k contributes the variance
 
     g^T S J^T C^-1 C_k C^-1 J S g.
 
-The squares add up to the variance g^T S g exactly.  This is the law of propagation (JCGM 100:2008, 5.1.2) for an estimate, and what Pinto et al.,
-Eur. Phys. J. C 84 (2024) 593, call the decomposition by shifts of the global observables: other than the customary difference of the squares of
-two fits, one with a source held fixed, it is additive, and no part takes the credit of another.
+The squares add up to the variance g^T S g exactly.  This is the law of propagation (JCGM 100:2008,
+5.1.2) for an estimate, and what Pinto et al., Eur. Phys. J. C 84 (2024) 593, call the decomposition
+by shifts of the global observables: other than the customary difference of the squares of two fits,
+one with a source held fixed, it is additive, and no part takes the credit of another.
 
-The draws check it without any linearity: for a normal prior the posterior mean moves by dE[q]/dm_i = Cov(q, p_i)/u_i^2, an identity.
+The draws check it without any linearity: for a normal prior the posterior mean moves by dE[q]/dm_i
+= Cov(q, p_i)/u_i^2, an identity.
 """
 
 from __future__ import annotations
@@ -30,15 +34,17 @@ from estim.fitting import Fit, linear_derived
 from estim.problem import DefaultError, Normal, Observations, Prior, Problem
 
 READINGS, STATED, PRIOR, COMMON = "readings", "stated", "prior", "common"
-_MOST = 150  # quantities of a kind: sources times quantities grow with the square of the number of runs
+# quantities of a kind: sources times quantities grow with the square of the number of runs
+_MOST = 150
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
     """name : of a parameter whose prior it is, or of a part of the errors of the readings.
 
-    kind : "stated" (a measured value), "prior" (any other prior), "common" (an error in common that no residual shows), "curve" (what the curve
-        lacks, and a start that is not exact), "readings".
+    kind : "stated" (a measured value), "prior" (any other prior), "common" (an error in common that
+        no residual shows), "curve" (what the curve lacks, and a start that is not exact),
+        "readings".
     """
 
     name: str
@@ -47,11 +53,14 @@ class Source:
 
 @dataclass(frozen=True, eq=False)
 class Budget:
-    """sources : rows.  names : of quantities, parameters first, then what follows from them (with "[run]" where runs differ).
+    """sources : rows.  names : of quantities, parameters first, then what follows from them (with
+    "[run]" where runs differ).
 
-    contributions : (n_source, n_quantity) standard uncertainties, in the unit of the quantity; signed for a stated value (how far q moves if it
-        was one standard uncertainty too low).  drawn : the same from draws, nan where draws do not tell.
-    sds : (n_quantity,) of the linear approximation; root of the sum of squares.  posterior : (n_quantity,) of the draws.
+    contributions : (n_source, n_quantity) standard uncertainties, in the unit of the quantity;
+        signed for a stated value (how far q moves if it was one standard uncertainty too low).
+        drawn : the same from draws, nan where draws do not tell.
+    sds : (n_quantity,) of the linear approximation; root of the sum of squares.
+    posterior : (n_quantity,) of the draws.
     """
 
     sources: tuple[Source, ...]
@@ -82,7 +91,8 @@ class _Quantity:
 
 
 def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
-    """What the standard deviation of each parameter of the curve, and of what was sought from them, is made of; None without a covariance.
+    """What the standard deviation of each parameter of the curve, and of what was sought from them,
+    is made of; None without a covariance.
 
     draws : (n_draw, n_par) of the posterior.
     """
@@ -96,7 +106,11 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     stated = along[told] * slopes[told, None]
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
-    rest = np.square(sds) - np.sum(stated**2, axis=0) - sum((part**2 for part in parts.values()), np.zeros(sds.size))
+    rest = (
+        np.square(sds)
+        - np.sum(stated**2, axis=0)
+        - sum((part**2 for part in parts.values()), np.zeros(sds.size))
+    )
     priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in told]
     further = [Source(name, "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
@@ -107,7 +121,8 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         names=tuple(q.name for q in quantities),
         contributions=np.vstack([*stated, *parts.values(), np.sqrt(np.maximum(rest, 0.0))]),
         drawn=np.vstack([drawn, *(nothing for _ in parts), nothing]),
-        sds=sds, posterior=values.std(axis=0, ddof=1),
+        sds=sds,
+        posterior=values.std(axis=0, ddof=1),
     )
 
 
@@ -118,19 +133,25 @@ def _kind_of(prior: Prior) -> str:
 
 
 def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> FloatArray:
-    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u; nan for another.  draws : (n_draw, n_prior)."""
+    """(n_prior, n_quantity) Cov(q, p)/u for a normal prior with standard deviation u; nan for
+    another.  draws : (n_draw, n_prior).
+    """
     sds = np.array([prior.sd if isinstance(prior, Normal) else np.nan for prior in priors])
     off = draws - draws.mean(axis=0)
     return np.asarray(off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None])
 
 
 def _quantities(fit: Fit) -> list[_Quantity]:
-    """The parameters of the curve, of many those that runs share first, and what was sought: once where it is the same for all runs."""
+    """The parameters of the curve, of many those that runs share first, and what was sought: once
+    where it is the same for all runs.
+    """
     problem, found = fit.problem, list[_Quantity]()
     noise = problem.noise_names
     for i in problem.foremost(_MOST):
         if fit.names[i] not in noise:
-            found.append(_Quantity(fit.names[i], np.eye(1, fit.values.size, i)[0], partial(_column, i)))
+            found.append(
+                _Quantity(fit.names[i], np.eye(1, fit.values.size, i)[0], partial(_column, i))
+            )
     by_name: dict[str, list[tuple[str, FloatArray, Callable[[FloatArray], FloatArray]]]] = {}
     for run in problem.runs:
         wanted = {one.name for one in run.sought}
@@ -140,7 +161,11 @@ def _quantities(fit: Fit) -> list[_Quantity]:
                 by_name.setdefault(one.name, []).append((run.name, one.gradient, of))
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient, _ in each)
-        shown = [("", *each[0][1:])] if same else [(f"[{run}]", gradient, of) for run, gradient, of in each[:_MOST]]
+        shown = (
+            [("", *each[0][1:])]
+            if same
+            else [(f"[{run}]", gradient, of) for run, gradient, of in each[:_MOST]]
+        )
         found += [_Quantity(name + level, gradient, of) for level, gradient, of in shown]
     return found
 

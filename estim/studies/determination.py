@@ -1,4 +1,6 @@
-"""A closer look at a finished analysis, for its report: profile intervals and the pull of the priors."""
+"""A closer look at a finished analysis, for its report: profile intervals and the pull of the
+priors.
+"""
 
 from __future__ import annotations
 
@@ -10,14 +12,17 @@ from estim.pipeline import Analysis
 
 _DRAWS = 4000
 _MOST_PROFILES = 24
-_MOST_PARAMETERS = 150  # beyond, each search over all the others takes too long, and their posterior is as good as normal
+# beyond, each search over all the others takes too long, and their posterior is as good as normal
+_MOST_PARAMETERS = 150
 
 
 @dataclass(frozen=True, eq=False)
 class Determination:
-    """Profile intervals, of those parameters that a report has room for, and prior sensitivity of every parameter.
+    """Profile intervals, of those parameters that a report has room for, and prior sensitivity of
+    every parameter.
 
-    intervals : in the order of the parameters; of many those that runs share and some more; of very many none, nor where none was asked for.
+    intervals : in the order of the parameters; of many those that runs share and some more; of very
+        many none, nor where none was asked for.
     """
 
     intervals: tuple[ProfileInterval, ...]
@@ -25,13 +30,18 @@ class Determination:
 
 
 def determine(analysis: Analysis, *, profiles: bool = True) -> Determination:
-    """What the data can tell about each parameter of an analysis.  profiles : whether by profile intervals too."""
+    """What the data can tell about each parameter of an analysis.  profiles : whether by profile
+    intervals too.
+    """
     draws = analysis.chain.thinned(_DRAWS)
     problem = analysis.problem
     few = problem.foremost(_MOST_PROFILES) if profiles and problem.n_par <= _MOST_PARAMETERS else []
-    intervals = profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
+    intervals = (
+        profile_intervals(analysis.fit, names=[problem.names[i] for i in few]) if few else ()
+    )
     symmetry, measure = analysis.fit.symmetry, analysis.fit.sampled.measure
-    if measure is None and (symmetry is None or symmetry.trivial):  # else what was sampled is more than likelihood and priors, or a sum over labels
+    # else what was sampled is more than likelihood and priors, or a sum over labels
+    if measure is None and (symmetry is None or symmetry.trivial):
         log_likelihood = analysis.chain.thinned_heights(_DRAWS) - problem.log_prior(draws)
     else:
         log_likelihood = analysis.fit.posterior.log_likelihood(draws)

@@ -1,14 +1,16 @@
 """The energy along a measured run: is it conserved, and if not, how fast is it lost?
 
-The speeds are those of the fit, freed of the truncation of their stencil.  The parameters (gamma, kappa, tilt, angle of
-release, rolling resistance) are drawn from the posterior of the phase-curve fit, which has the same data.  So the energies
-show what that fit makes of the loss: if the data do not narrow the rolling resistance, the loss is its prior over again,
-and if the fit holds it fixed, the energies can only agree with that.  `Drift` says which of these is the case, and tests
-for a loss properly: how much better do the data fit when energy may be lost?
+The speeds are those of the fit, freed of the truncation of their stencil.  The parameters (gamma,
+kappa, tilt, angle of release, rolling resistance) are drawn from the posterior of the phase-curve
+fit, which has the same data.  So the energies show what that fit makes of the loss: if the data do
+not narrow the rolling resistance, the loss is its prior over again, and if the fit holds it fixed,
+the energies can only agree with that.  `Drift` says which of these is the case, and tests for a
+loss properly: how much better do the data fit when energy may be lost?
 
-Errors of positions and speeds enter together: a position error moves the potential energy, and through the stencil the
-kinetic energy of its neighbours.  First order, taken at the speeds of the curve (at the noisy speeds, weights and errors
-would be correlated and the loss biased); the bias +D var(v)/2 of the square of a noisy speed is removed.
+Errors of positions and speeds enter together: a position error moves the potential energy, and
+through the stencil the kinetic energy of its neighbours.  First order, taken at the speeds of the
+curve (at the noisy speeds, weights and errors would be correlated and the loss biased); the bias +D
+var(v)/2 of the square of a noisy speed is removed.
 """
 
 from __future__ import annotations
@@ -50,11 +52,13 @@ class EnergyRecord:
     """Energies of one run, J/kg (per unit mass), all arrays (n_obs,).
 
     x, v, u_v : position (m) and speed (m/s) of the axle, also for a run measured in radians.
-    kinetic, potential, total : at the posterior mode of the parameters; u_* their standard uncertainties.
+    kinetic, potential, total : at the posterior mode of the parameters; u_* their standard
+        uncertainties.
     relative : (E - E0)/E0 as in the paper, E0 the energy at release; it depends on where V is zero.
     to_kinetic : (E - E0)/(largest kinetic energy), which does not.
     mean_*, extreme_* : average over the run, and the value where it is largest in size.
-    loss : energy lost per metre, J/(kg m).  loss_force : the same as a force in N, nan where the mass is unknown.
+    loss : energy lost per metre, J/(kg m).
+    loss_force : the same as a force in N, nan where the mass is unknown.
     """
 
     run: str
@@ -88,8 +92,10 @@ class Drift:
     free : whether the rolling resistance was a parameter at all.
     narrowing : its posterior sd / its prior sd; nan where it was not free.
     gain : fall of chi2 when a loss is allowed (flat prior, not negative) instead of none.
-    p_value : probability of such a gain or more if no energy were lost: half a chi-square of one degree of freedom.
-    limit : the rolling resistance is at most this with probability 95 % (of several the largest); nan where it was not free.
+    p_value : probability of such a gain or more if no energy were lost: half a chi-square of one
+        degree of freedom.
+    limit : the rolling resistance is at most this with probability 95 % (of several the largest);
+        nan where it was not free.
     """
 
     free: bool
@@ -110,8 +116,14 @@ class Drift:
 
 
 def energy_status(analysis: Analysis, drift: Drift) -> Status:
-    """The status of what is said of the energy: that of the fit, and not ok where its prior says how much is lost, not the data."""
-    return Status.NOT_IDENTIFIED if analysis.diagnosis.ok and not drift.determined else analysis.diagnosis.status
+    """The status of what is said of the energy: that of the fit, and not ok where its prior says
+    how much is lost, not the data.
+    """
+    return (
+        Status.NOT_IDENTIFIED
+        if analysis.diagnosis.ok and not drift.determined
+        else analysis.diagnosis.status
+    )
 
 
 def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
@@ -123,32 +135,60 @@ def drift_of(analysis: Analysis, *, rng: np.random.Generator) -> Drift:
     sds = analysis.chain.flat.std(axis=0)
     narrowing = float(np.mean([sds[i] / problem.parameters[i].prior.sd for i in losses]))
     names = {problem.parameters[i].name for i in losses}
-    free = Problem(tuple(replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p for p in problem.parameters), problem.runs, problem.shared)
-    held = tuple(
-        replace(run, arguments={a: 0.0 if source in names else source for a, source in run.arguments.items()}) for run in problem.runs
+    free = Problem(
+        tuple(
+            replace(p, prior=Uniform(0.0, 1.0)) if p.name in names else p
+            for p in problem.parameters
+        ),
+        problem.runs,
+        problem.shared,
     )
-    none = Problem(tuple(p for p in problem.parameters if p.name not in names), held, problem.shared)
+    held = tuple(
+        replace(
+            run,
+            arguments={
+                a: 0.0 if source in names else source for a, source in run.arguments.items()
+            },
+        )
+        for run in problem.runs
+    )
+    none = Problem(
+        tuple(p for p in problem.parameters if p.name not in names), held, problem.shared
+    )
     # the flat prior on [0, 1] has log density 0
     kept = [i for i in range(problem.n_par) if i not in losses]
     with_loss = fit_least_squares(free, rng=rng, n_start=1, start=analysis.fit.values)
     without = fit_least_squares(none, rng=rng, n_start=1, start=analysis.fit.values[kept])
     gain = 2.0 * (_best(with_loss) - _best(without))
     limit = float(np.max(np.quantile(analysis.chain.flat[:, losses], 0.95, axis=0)))
-    return Drift(True, narrowing, gain, 0.5 * float(chi2_tail(gain, 1)) if gain > 0.0 else 1.0, limit)
+    return Drift(
+        True, narrowing, gain, 0.5 * float(chi2_tail(gain, 1)) if gain > 0.0 else 1.0, limit
+    )
 
 
 def _best(fit: Fit) -> float:
     return float(fit.posterior.log_density(fit.values[None, :])[0])
 
 
-def energy_along(analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000) -> tuple[EnergyRecord, ...]:
+def energy_along(
+    analysis: Analysis, *, rng: np.random.Generator, n_draw: int = 4000
+) -> tuple[EnergyRecord, ...]:
     """One EnergyRecord for each run of a fit."""
     draws, posterior = analysis.chain.thinned(n_draw), analysis.fit.posterior
     speeds = posterior.by_run(likelihood.y for likelihood in posterior.likelihoods)
-    return tuple(_record(analysis, run, v, draws, rng) for run, v in zip(analysis.problem.runs, speeds, strict=True))
+    return tuple(
+        _record(analysis, run, v, draws, rng)
+        for run, v in zip(analysis.problem.runs, speeds, strict=True)
+    )
 
 
-def _record(analysis: Analysis, run: Observations, v: FloatArray, draws: FloatArray, rng: np.random.Generator) -> EnergyRecord:
+def _record(
+    analysis: Analysis,
+    run: Observations,
+    v: FloatArray,
+    draws: FloatArray,
+    rng: np.random.Generator,
+) -> EnergyRecord:
     """v : (n_obs,) speeds, freed of the truncation of their stencil."""
     problem = analysis.problem
     # the mode, not the mean: on a bent ridge the mean of the draws need not fit the data
@@ -168,24 +208,45 @@ def _record(analysis: Analysis, run: Observations, v: FloatArray, draws: FloatAr
     release = run.body.energies(np.zeros(1), np.zeros(1), at_draws)[1]
     start = np.ravel(np.broadcast_to(release, (draws.shape[0], 1)))
     largest = np.max(drawn_kinetic, axis=1)
-    relative, to_kinetic = ((measured - start[:, None]) / scale[:, None] for scale in (start, largest))
+    relative, to_kinetic = (
+        (measured - start[:, None]) / scale[:, None] for scale in (start, largest)
+    )
     metres = float(np.ravel(run.body.metres(at_mode))[0])
     to_line = _line_estimator(metres * run.x, noise)
     loss = -(measured @ to_line[1])
     mass = math.nan if run.body.mass is None else run.body.mass
     return EnergyRecord(
-        run=run.name, t=run.t, x=metres * run.x, v=metres * v, u_v=metres * u_v,
-        kinetic=kinetic, potential=potential, total=kinetic + potential, u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
-        u_potential=drawn_potential.std(axis=0), u_total=measured.std(axis=0), start=_estimate(start),
-        relative=relative.mean(axis=0), u_relative=relative.std(axis=0), to_kinetic=to_kinetic.mean(axis=0), u_to_kinetic=to_kinetic.std(axis=0),
-        mean_relative=_estimate(relative.mean(axis=1)), extreme_relative=_extreme(relative),
-        mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)), extreme_to_kinetic=_extreme(to_kinetic),
-        loss=_estimate(loss), loss_force=_estimate(loss * mass),
+        run=run.name,
+        t=run.t,
+        x=metres * run.x,
+        v=metres * v,
+        u_v=metres * u_v,
+        kinetic=kinetic,
+        potential=potential,
+        total=kinetic + potential,
+        u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
+        u_potential=drawn_potential.std(axis=0),
+        u_total=measured.std(axis=0),
+        start=_estimate(start),
+        relative=relative.mean(axis=0),
+        u_relative=relative.std(axis=0),
+        to_kinetic=to_kinetic.mean(axis=0),
+        u_to_kinetic=to_kinetic.std(axis=0),
+        mean_relative=_estimate(relative.mean(axis=1)),
+        extreme_relative=_extreme(relative),
+        mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)),
+        extreme_to_kinetic=_extreme(to_kinetic),
+        loss=_estimate(loss),
+        loss_force=_estimate(loss * mass),
     )
 
 
-def _noise(run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds and of the kinetic energy, its bias (n_obs,) each."""
+def _noise(
+    run: Observations, v: FloatArray, values: Mapping[str, ArrayLike]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """From reading errors: covariance (n_obs, n_obs) of the total energy; u of the speeds and of
+    the kinetic energy, its bias (n_obs,) each.
+    """
     arguments = run.bind(values)
     by_x = _difference(lambda h: _total(run, run.x + h, v, arguments))
     by_v = _difference(lambda h: _total(run, run.x, v + h, arguments))
@@ -204,20 +265,27 @@ def _difference(energy: Callable[[float], FloatArray]) -> FloatArray:
 
 
 def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
-    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of covariance `cov`; nan where they hold none."""
+    """(2, n_obs) that makes intercept and slope of the best straight line out of energies of
+    covariance `cov`; nan where they hold none.
+    """
     design = np.column_stack([np.ones_like(x), x])
     weighted = design.T @ np.linalg.pinv(cov, hermitian=True)
     normal = weighted @ design
-    if np.linalg.matrix_rank(normal, hermitian=True) < 2:  # the curve has come to rest before the second frame
+    # the curve has come to rest before the second frame
+    if np.linalg.matrix_rank(normal, hermitian=True) < 2:
         return np.full(weighted.shape, math.nan)
     return np.asarray(np.linalg.solve(normal, weighted))
 
 
 def _estimate(draws: FloatArray) -> EnergyEstimate:
-    low, high = np.quantile(draws, [0.025, 0.975]) if np.all(np.isfinite(draws)) else (math.nan, math.nan)
+    low, high = (
+        np.quantile(draws, [0.025, 0.975]) if np.all(np.isfinite(draws)) else (math.nan, math.nan)
+    )
     return EnergyEstimate(float(draws.mean()), float(draws.std(ddof=1)), float(low), float(high))
 
 
 def _extreme(values: FloatArray) -> EnergyEstimate:
-    """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is an outlier on purpose."""
+    """The frame whose mean value (n_draw, n_obs) is largest in size; of all frames the largest is
+    an outlier on purpose.
+    """
     return _estimate(values[:, int(np.argmax(np.abs(values.mean(axis=0))))])

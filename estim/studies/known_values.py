@@ -1,4 +1,6 @@
-"""What is known of bodies and runs, as draws: of what a campaign states, or of a fit that was kept."""
+"""What is known of bodies and runs, as draws: of what a campaign states, or of a fit that was
+kept.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,9 @@ from estim.problem import Observations, Parameter
 
 @dataclass(frozen=True, eq=False)
 class FittedValues:
-    """Parameters of a fit as a normal distribution: names, (n_par,) means, (n_par, n_par) covariance, and where it stands."""
+    """Parameters of a fit as a normal distribution: names, (n_par,) means, (n_par, n_par)
+    covariance, and where it stands.
+    """
 
     names: tuple[str, ...]
     mean: FloatArray
@@ -26,7 +30,8 @@ class FittedValues:
 
 @dataclass(frozen=True, eq=False)
 class KnownValues:
-    """Draws (n_draw, 1) of every parameter of the runs, by name; one name is one unknown, whichever runs depend on it.
+    """Draws (n_draw, 1) of every parameter of the runs, by name; one name is one unknown, whichever
+    runs depend on it.
 
     fitted : the fit that some of them come from, None where all are as stated.
     """
@@ -41,17 +46,30 @@ class KnownValues:
 
     def beside(self, runs: Sequence[Observations]) -> tuple[str, ...]:
         """Symbols of what the runs have beside weight and plain rolling resistance."""
-        return tuple(kind.notation.symbol for name, kind in EFFECTS.items() if any(name in run.arguments for run in runs))
+        return tuple(
+            kind.notation.symbol
+            for name, kind in EFFECTS.items()
+            if any(name in run.arguments for run in runs)
+        )
 
 
 def column(values: FloatArray) -> FloatArray:
     return np.asarray(values, dtype=float)[:, None]
 
 
-def known_values(campaign: Campaign, names: Sequence[str], *, n_draw: int, seed: int, fitted: FittedValues | None = None) -> KnownValues:
-    """Draws of the parameters of the runs `names`: from their priors, and from a fit for those that it has.
+def known_values(
+    campaign: Campaign,
+    names: Sequence[str],
+    *,
+    n_draw: int,
+    seed: int,
+    fitted: FittedValues | None = None,
+) -> KnownValues:
+    """Draws of the parameters of the runs `names`: from their priors, and from a fit for those that
+    it has.
 
-    A draw of the fit that a prior does not allow is drawn again.  Raises InputError where the fit has none of the parameters.
+    A draw of the fit that a prior does not allow is drawn again.  Raises InputError where the fit
+    has none of the parameters.
     """
     parameters: dict[str, Parameter] = {}
     for name in names:
@@ -59,24 +77,43 @@ def known_values(campaign: Campaign, names: Sequence[str], *, n_draw: int, seed:
         used = problem.runs[0].curve_parameters
         parameters.update({p.name: p for p in problem.parameters if p.name in used})
     rng = stream(seed, Stream.REGIMES)
-    draws = {name: column(parameter.prior.draw(rng, n_draw)) for name, parameter in parameters.items()}
+    draws = {
+        name: column(parameter.prior.draw(rng, n_draw)) for name, parameter in parameters.items()
+    }
     if fitted is None:
         return KnownValues(draws, n_draw)
     chosen = [i for i, name in enumerate(fitted.names) if name in parameters]
     if not chosen:
-        raise InputError("must be a fit of these runs: it has none of their parameters", field="--fit", value=fitted.place)
+        raise InputError(
+            "must be a fit of these runs: it has none of their parameters",
+            field="--fit",
+            value=fitted.place,
+        )
     found = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng, n_draw)
-    return KnownValues(draws | {fitted.names[i]: column(found[:, k]) for k, i in enumerate(chosen)}, n_draw, fitted)
+    return KnownValues(
+        draws | {fitted.names[i]: column(found[:, k]) for k, i in enumerate(chosen)}, n_draw, fitted
+    )
 
 
-def _allowed(fitted: FittedValues, chosen: list[int], parameters: list[Parameter], rng: np.random.Generator, n_draw: int) -> FloatArray:
+def _allowed(
+    fitted: FittedValues,
+    chosen: list[int],
+    parameters: list[Parameter],
+    rng: np.random.Generator,
+    n_draw: int,
+) -> FloatArray:
     """(n_draw, n_chosen) normal draws inside the priors' support."""
     mean, cov = fitted.mean[chosen], fitted.cov[np.ix_(chosen, chosen)]
-    low, high = np.array([p.prior.low for p in parameters]), np.array([p.prior.high for p in parameters])
+    low = np.array([p.prior.low for p in parameters])
+    high = np.array([p.prior.high for p in parameters])
     kept: list[FloatArray] = []
     for _ in range(200):
         some = rng.multivariate_normal(mean, cov, size=n_draw, method="eigh")
         kept.append(some[np.all((some >= low) & (some <= high), axis=1)])
         if sum(len(rows) for rows in kept) >= n_draw:
             return np.vstack(kept)[:n_draw]
-    raise InputError("must be a fit with these priors, under which its values are very improbable", field="--fit", value=fitted.place)
+    raise InputError(
+        "must be a fit with these priors, under which its values are very improbable",
+        field="--fit",
+        value=fitted.place,
+    )

@@ -1,8 +1,8 @@
 """What limits a result: how far an uncertainty would fall if something else were known exactly.
 
-Gaussian approximation at the fit: fixing a group of parameters removes their rows and columns from the information
-matrix.  The share that a group takes is 1 - (u with the group known)^2/u^2; shares of groups that act through one
-degeneracy overlap and need not add up to 1.
+Gaussian approximation at the fit: fixing a group of parameters removes their rows and columns from
+the information matrix.  The share that a group takes is 1 - (u with the group known)^2/u^2; shares
+of groups that act through one degeneracy overlap and need not add up to 1.
 """
 
 from __future__ import annotations
@@ -35,10 +35,13 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class Narrowing:
-    """Standard uncertainties (least squares) of shared parameters from the first n runs of a joint problem together.
+    """Standard uncertainties (least squares) of shared parameters from the first n runs of a joint
+    problem together.
 
-    names, labels : the parameters, and how they are shown.  runs : run names in the order they are added.  u : (n_run, n_name).
-    u_single : the same from each run alone.  u_prior : (n_name,) what was stated before, nan for a uniform prior.
+    names, labels : the parameters, and how they are shown.
+    runs : run names in the order they are added.  u : (n_run, n_name).
+    u_single : the same from each run alone.
+    u_prior : (n_name,) what was stated before, nan for a uniform prior.
     """
 
     names: tuple[str, ...]
@@ -50,7 +53,8 @@ class Narrowing:
 
 
 def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
-    """What each group of other parameters (all tilts, all angles of release, ...) costs `parameter`, largest share first.
+    """What each group of other parameters (all tilts, all angles of release, ...) costs
+    `parameter`, largest share first.
 
     Empty where the fit is singular: then nothing is limited by one thing alone.
     """
@@ -67,22 +71,42 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
     found = []
     for group, members in groups.items():
         kept = [i for i in range(len(names)) if i not in members]
-        known = float(np.sqrt(np.linalg.inv(matrix[np.ix_(kept, kept)])[kept.index(own), kept.index(own)]))
+        known = float(
+            np.sqrt(np.linalg.inv(matrix[np.ix_(kept, kept)])[kept.index(own), kept.index(own)])
+        )
         found.append(Limit(parameter, group, u, known))
     return tuple(sorted(found, key=lambda limit: -limit.share))
 
 
-def narrowing(joint: Fit, single_runs: Sequence[Analysis], names: Sequence[str], *, first_runs: Sequence[Fit]) -> Narrowing:
+def narrowing(
+    joint: Fit, single_runs: Sequence[Analysis], names: Sequence[str], *, first_runs: Sequence[Fit]
+) -> Narrowing:
     """How u of the shared parameters `names` falls as the runs of a joint fit are added one by one.
 
     first_runs : the fits of its first two, three, ... runs together, without that of all.
     """
     problem = joint.problem
     fits = [single_runs[0].fit, *first_runs, joint][-len(problem.runs) :]
-    rows = [[float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names] for fit in fits]
-    alone = [[float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)])) for name in names] for a in single_runs]
+    rows = [
+        [float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names]
+        for fit in fits
+    ]
+    alone = [
+        [
+            float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)]))
+            for name in names
+        ]
+        for a in single_runs
+    ]
     labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)
-    return Narrowing(tuple(names), labels, tuple(run.name for run in problem.runs), np.array(rows), np.array(alone), _prior_sds(problem, names))
+    return Narrowing(
+        tuple(names),
+        labels,
+        tuple(run.name for run in problem.runs),
+        np.array(rows),
+        np.array(alone),
+        _prior_sds(problem, names),
+    )
 
 
 def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:

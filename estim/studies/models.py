@@ -1,13 +1,18 @@
-"""The same runs with several models of the body, side by side (`estim compare-models`): which one the data favour, and what each makes of the result.
+"""The same runs with several models of the body, side by side (`estim compare-models`): which one
+the data favour, and what each makes of the result.
 
-Log evidences (of the second computation, so with a Monte-Carlo error) and leave-one-out predictions are compared between models of the same
-points under noise with the same room.  An evidence depends on the width of the priors of what a model adds: each is made half and twice as wide.
-The room for the start, whose width is a convention, costs some units of log evidence a run; what it costs is known and held against no model.
+Log evidences (of the second computation, so with a Monte-Carlo error) and leave-one-out predictions
+are compared between models of the same points under noise with the same room.  An evidence depends
+on the width of the priors of what a model adds: each is made half and twice as wide.  The room for
+the start, whose width is a convention, costs some units of log evidence a run; what it costs is
+known and held against no model.
 
-A model is told apart from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).  The default,
-with an unmodelled force and a free start, is left only for a model of something that it does not contain and that is told apart from all that do
-not have it.  A simpler model that the default contains is no reason to leave it: that no room was needed does not show that nothing is missing,
-and an interval of a model chosen by its own data is too narrow.
+A model is told apart from another by odds of 20 (log evidence by 3: "strong", Kass and Raftery, J.
+Am. Stat. Assoc. 90 (1995) 773).  The default, with an unmodelled force and a free start, is left
+only for a model of something that it does not contain and that is told apart from all that do not
+have it.  A simpler model that the default contains is no reason to leave it: that no room was
+needed does not show that nothing is missing, and an interval of a model chosen by its own data is
+too narrow.
 """
 
 from __future__ import annotations
@@ -31,9 +36,11 @@ from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
 
 APART = 3.0  # of log evidence
-BEHIND, SES = 4.0, 2.0  # of elpd: less, or less than so many of its standard errors, decides nothing
+# of elpd: less, or less than so many of its standard errors, decides nothing
+BEHIND, SES = 4.0, 2.0
 FACTORS = (0.5, 2.0)  # of the width of a prior
-FORCE, START = later("the force"), later("the free start")  # what the default adds beside parameters
+# what the default adds beside parameters
+FORCE, START = later("the force"), later("the free start")
 _OF_START = ("release_energy", "release_speed")
 _LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
 
@@ -42,7 +49,8 @@ class Ground(StrEnum):
     """Why a model is recommended."""
 
     ROOM = "room"  # the default: nothing that it does not contain has more evidence
-    UNDECIDED = "undecided"  # the default: something that it does not contain has more evidence, and is not told apart
+    # the default: something that it does not contain has more evidence, and is not told apart
+    UNDECIDED = "undecided"
     SHOWN = "shown"  # something that the default does not contain
     BEST = "best"  # there is no default to fall back on
     NONE = "none"  # no model is ok
@@ -59,7 +67,9 @@ class NoEvidence(StrEnum):
 
 @dataclass(frozen=True)
 class Width:
-    """By how much the log evidence grows where the prior of one thing (a parameter, `FORCE`, `START`) is `factor` times as wide; 0: exact."""
+    """By how much the log evidence grows where the prior of one thing (a parameter, `FORCE`,
+    `START`) is `factor` times as wide; 0: exact.
+    """
 
     of: str
     factor: float
@@ -72,8 +82,10 @@ class ComparedModel:
     """A model with its analysis.
 
     log_evidence, u_log_evidence : nan where there is none to compare, and then `lack` says why.
-    odds : log evidence below that of the best row; behind, behind_se : elpd below that of the best row, with its standard error.
-    widths : of everything that it adds.  predicted : of every run.
+    odds : log evidence below that of the best row; behind, behind_se : elpd below that of the best
+        row, with its standard error.
+    widths : of everything that it adds.
+    predicted : of every run.
     """
 
     model: CurveModel
@@ -94,13 +106,24 @@ class ComparedModel:
 
     @property
     def price_of_start(self) -> float:
-        """What its free start costs in log evidence, where exact starts would have more; 0 for a model without."""
-        return max((one.change for one in self.widths if one.of == START and one.factor == 0.0 and one.change > 0.0), default=0.0)
+        """What its free start costs in log evidence, where exact starts would have more; 0 for a
+        model without.
+        """
+        return max(
+            (
+                one.change
+                for one in self.widths
+                if one.of == START and one.factor == 0.0 and one.change > 0.0
+            ),
+            default=0.0,
+        )
 
 
 @dataclass(frozen=True, eq=False)
 class ModelComparison:
-    """rows : as `Campaign.curve_models` has them.  recommended : name, "" where none is.  ground : why.  by_evidence : else by elpd."""
+    """rows : as `Campaign.curve_models` has them.  recommended : name, "" where none is.  ground :
+    why.  by_evidence : else by elpd.
+    """
 
     rows: tuple[ComparedModel, ...]
     recommended: str
@@ -109,48 +132,83 @@ class ModelComparison:
 
 
 def compare_models(
-    campaign: Campaign, runs: Sequence[str], *, seed: int, target: Target | None = None, chosen: Sequence[str] = (),
-    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None, store: PieceStore | None = None,
+    campaign: Campaign,
+    runs: Sequence[str],
+    *,
+    seed: int,
+    target: Target | None = None,
+    chosen: Sequence[str] = (),
+    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None,
+    store: PieceStore | None = None,
 ) -> ModelComparison:
-    """Every model of `runs`, fit jointly.  chosen : names of models, for those alone; empty for all.
+    """Every model of `runs`, fit jointly.  chosen : names of models, for those alone; empty for
+    all.
 
-    store : keeps the draws of each model (`analyse`).  Raises InputError where there is nothing to compare, or models would not have the same points.
+    store : keeps the draws of each model (`analyse`).  Raises InputError where there is nothing to
+        compare, or models would not have the same points.
     """
     every = campaign.curve_models(runs)
     for name in chosen:
         if name not in [model.name for model in every]:
-            raise InputError(f"must name one of the models ({', '.join(model.name for model in every)})", field="--model", value=name)
+            raise InputError(
+                f"must name one of the models ({', '.join(model.name for model in every)})",
+                field="--model",
+                value=name,
+            )
     models = [model for model in every if not chosen or model.name in chosen]
     if len(models) < 2:
         raise InputError("must name two models or more", field="--model", value=", ".join(chosen))
     check_same_points(models)
     bad: Mapping[str, BadFrames] = {}
     done: dict[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]] = {}
-    for model in sorted(models, key=lambda model: not model.forced):  # it shows the bad frames that all have
+    # it shows the bad frames that all have
+    for model in sorted(models, key=lambda model: not model.forced):
         with nullcontext() if progress_of is None else progress_of(model.name) as progress:
             if progress is not None:
                 progress(0, phrase("fit"))
             fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
-            bad = {found.run: found.bad for found in fit.forces if len(runs) == 1} if model.forced else bad
+            bad = (
+                {found.run: found.bad for found in fit.forces if len(runs) == 1}
+                if model.forced
+                else bad
+            )
             kept = None if store is None else store.given(campaign.digests(runs), model.name)
             analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
             analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
             loo = leave_one_out(fit.posterior, analysis.chain.thinned(_LOO_DRAWS))
-            done[model.name] = analysis, loo, predictive_checks(fit.posterior, analysis.chain.thinned(_LOO_DRAWS), rng=stream(seed, Stream.AGAIN))
+            done[model.name] = (
+                analysis,
+                loo,
+                predictive_checks(
+                    fit.posterior,
+                    analysis.chain.thinned(_LOO_DRAWS),
+                    rng=stream(seed, Stream.AGAIN),
+                ),
+            )
     return _compared(models, done, seed)
 
 
 def check_same_points(models: Sequence[CurveModel]) -> None:
-    """Raises InputError where a model has other points than the first one: densities of different data cannot be compared."""
+    """Raises InputError where a model has other points than the first one: densities of different
+    data cannot be compared.
+    """
     first = models[0].problem.runs
     for model in models[1:]:
         for run, other in zip(model.problem.runs, first, strict=True):
-            if run.positions != other.positions or not (np.array_equal(run.x, other.x) and np.array_equal(run.y, other.y)):
-                raise InputError(f"has other points than {models[0].name}, and cannot be compared with it", field="model", value=model.name)
+            if run.positions != other.positions or not (
+                np.array_equal(run.x, other.x) and np.array_equal(run.y, other.y)
+            ):
+                raise InputError(
+                    f"has other points than {models[0].name}, and cannot be compared with it",
+                    field="model",
+                    value=model.name,
+                )
 
 
 def _compared(
-    models: Sequence[CurveModel], done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]], seed: int
+    models: Sequence[CurveModel],
+    done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]],
+    seed: int,
 ) -> ModelComparison:
     found = {model.name: _evidence(done[model.name][0], model) for model in models}
     highest = max((value for value, _, lack in found.values() if lack is None), default=math.nan)
@@ -160,8 +218,14 @@ def _compared(
         analysis, loo, predicted = done[model.name]
         value, u, lack = found[model.name]
         behind, se = (0.0, 0.0) if loo is best else difference(best, loo)
-        widths = () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
-        rows.append(ComparedModel(model, analysis, loo, value, u, lack, highest - value, behind, se, widths, predicted))
+        widths = (
+            () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
+        )
+        rows.append(
+            ComparedModel(
+                model, analysis, loo, value, u, lack, highest - value, behind, se, widths, predicted
+            )
+        )
     by_evidence = all(row.lack is None for row in rows if row.ok)
     return ModelComparison(tuple(rows), *recommend(rows, by_evidence=by_evidence), by_evidence)
 
@@ -173,36 +237,51 @@ def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str,
         return "", Ground.NONE
     default = next((row for row in good if row.model.forced), None)
     if default is None:
-        return min(good, key=lambda row: row.odds if by_evidence else row.behind).model.name, Ground.BEST
+        return min(
+            good, key=lambda row: row.odds if by_evidence else row.behind
+        ).model.name, Ground.BEST
     rival = rival_of(good, by_evidence=by_evidence)
     if rival is None:
         return default.model.name, Ground.ROOM
-    if all(_apart(rival, row, by_evidence=by_evidence) for row in good if row is default or contains(default, row)):
+    if all(
+        _apart(rival, row, by_evidence=by_evidence)
+        for row in good
+        if row is default or contains(default, row)
+    ):
         return rival.model.name, Ground.SHOWN
     return default.model.name, Ground.UNDECIDED
 
 
 def rival_of(rows: Sequence[ComparedModel], *, by_evidence: bool) -> ComparedModel | None:
-    """The best of the models that are ok and have something that the default does not contain; None where none is better than the default."""
+    """The best of the models that are ok and have something that the default does not contain; None
+    where none is better than the default.
+    """
     good = [row for row in rows if row.ok]
     default = next((row for row in good if row.model.forced), None)
     if default is None:
         return None
     leads = {
         row.model.name: log_odds(row, default) if by_evidence else default.behind - row.behind
-        for row in good if row is not default and not contains(default, row)
+        for row in good
+        if row is not default and not contains(default, row)
     }
     best = max(leads, key=leads.__getitem__, default=None)
-    return next((row for row in good if row.model.name == best and leads[row.model.name] > 0.0), None)
+    return next(
+        (row for row in good if row.model.name == best and leads[row.model.name] > 0.0), None
+    )
 
 
 def log_odds(row: ComparedModel, other: ComparedModel) -> float:
-    """Log evidence of `row` less that of `other`; what the free start of one costs is left out where the other starts exactly at rest."""
+    """Log evidence of `row` less that of `other`; what the free start of one costs is left out
+    where the other starts exactly at rest.
+    """
     return other.odds - row.odds + _held_against_none(row, other) - _held_against_none(other, row)
 
 
 def _held_against_none(row: ComparedModel, other: ComparedModel) -> float:
-    at_rest = not other.model.forced and not any(name.startswith(_OF_START) for name in other.model.own)
+    at_rest = not other.model.forced and not any(
+        name.startswith(_OF_START) for name in other.model.own
+    )
     return row.price_of_start if at_rest else 0.0
 
 
@@ -224,7 +303,9 @@ def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, NoEv
     lack = None
     if any(not math.isfinite(p.prior.sd) for p in analysis.problem.parameters):
         lack = NoEvidence.IMPROPER
-    elif model.roomy and not all(isinstance(likelihood, MixtureErrors) for likelihood in likelihoods):
+    elif model.roomy and not all(
+        isinstance(likelihood, MixtureErrors) for likelihood in likelihoods
+    ):
         lack = NoEvidence.OTHER_NOISE
     elif certificate is None:
         lack = NoEvidence.MANY
@@ -235,8 +316,12 @@ def _evidence(analysis: Analysis, model: CurveModel) -> tuple[float, float, NoEv
     return certificate.log_evidence, certificate.u_log_evidence, None
 
 
-def _widths(model: CurveModel, analysis: Analysis, *, rng: np.random.Generator) -> tuple[Width, ...]:
-    """From the draws: the posterior mean of new over old prior; by a computation of its own where too few draws tell."""
+def _widths(
+    model: CurveModel, analysis: Analysis, *, rng: np.random.Generator
+) -> tuple[Width, ...]:
+    """From the draws: the posterior mean of new over old prior; by a computation of its own where
+    too few draws tell.
+    """
     fit, draws, found = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
     for name in model.own:
         i = fit.names.index(name)
@@ -245,20 +330,35 @@ def _widths(model: CurveModel, analysis: Analysis, *, rng: np.random.Generator) 
             wider = prior.widened(factor)
             if wider is prior:
                 continue
-            width = _width(name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i]))
-            found.append(width if math.isfinite(width.change) else Width(name, factor, *_again(analysis, name, wider, rng)))
+            width = _width(
+                name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i])
+            )
+            found.append(
+                width
+                if math.isfinite(width.change)
+                else Width(name, factor, *_again(analysis, name, wider, rng))
+            )
     if model.forced:
         found += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
-        found += [_width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)]
+        found += [
+            _width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)
+        ]
     return tuple(found)
 
 
 def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
-    """From the posterior mean of new over old likelihood or prior (n_draw,); nan where too few draws tell."""
+    """From the posterior mean of new over old likelihood or prior (n_draw,); nan where too few
+    draws tell.
+    """
     log_weights, k_hat, change = pareto_smoothed(log_ratio)
     if k_hat > K_HAT_LIMIT:
         return Width(of, factor, math.nan, math.nan)
-    return Width(of, factor, change, math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0)))
+    return Width(
+        of,
+        factor,
+        change,
+        math.sqrt(max(float(np.sum(np.exp(2.0 * log_weights))) - 1.0 / log_weights.size, 0.0)),
+    )
 
 
 def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
@@ -274,12 +374,18 @@ def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
     return ratio
 
 
-def _again(analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator) -> tuple[float, float]:
+def _again(
+    analysis: Analysis, name: str, prior: Prior, rng: np.random.Generator
+) -> tuple[float, float]:
     fit, certificate = analysis.fit, analysis.certificate
     assert certificate is not None, "asked before"
-    parameters = tuple(replace(p, prior=prior) if p.name == name else p for p in fit.problem.parameters)
+    parameters = tuple(
+        replace(p, prior=prior) if p.name == name else p for p in fit.problem.parameters
+    )
     density = replace(fit.sampled, problem=replace(fit.problem, parameters=parameters))
     once_more = certify(density, adapt_proposal(density, fit.values, fit.cov, rng=rng), rng=rng)
     if not once_more.reliable:
         return math.nan, math.nan
-    return once_more.log_evidence - certificate.log_evidence, math.hypot(once_more.u_log_evidence, certificate.u_log_evidence)
+    return once_more.log_evidence - certificate.log_evidence, math.hypot(
+        once_more.u_log_evidence, certificate.u_log_evidence
+    )

@@ -1,8 +1,11 @@
-"""The paper's error band: stated uncertainties of the inputs propagated through the curve, without looking at the speeds.
+"""The paper's error band: stated uncertainties of the inputs propagated through the curve, without
+looking at the speeds.
 
-Inputs are the parameters that were measured (a normal prior).  The others are what was published of them, as the paper holds kappa and takes no
-rolling resistance: then the band is the paper's.  Where nothing was published they are held at their fitted values, and the band is not the paper's,
-nor made without looking at the speeds.  Linear (GUM) and by Monte Carlo (GUM Supplement 1), with the budget along the curve.
+Inputs are the parameters that were measured (a normal prior).  The others are what was published of
+them, as the paper holds kappa and takes no rolling resistance: then the band is the paper's.  Where
+nothing was published they are held at their fitted values, and the band is not the paper's, nor
+made without looking at the speeds.  Linear (GUM) and by Monte Carlo (GUM Supplement 1), with the
+budget along the curve.
 """
 
 from __future__ import annotations
@@ -17,7 +20,13 @@ from estim.arrays import FloatArray
 from estim.common import split_level
 from estim.pipeline import Analysis
 from estim.problem import Parameter
-from estim.propagation import BudgetAlong, Input, budget_along, propagate_linear, propagate_monte_carlo
+from estim.propagation import (
+    BudgetAlong,
+    Input,
+    budget_along,
+    propagate_linear,
+    propagate_monte_carlo,
+)
 from estim.sampling import Bands, central_intervals, curve_draws
 from estim.studies.published import PublishedNumber
 
@@ -32,15 +41,19 @@ class PropagatedBand:
     """Band of one run at x (n_x,).
 
     value, u : curve at the stated values and its standard uncertainty, linear.
-    mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo; the band that is drawn.
-    published : parameters that were not measured here, at their published values.  held : the others, at their fitted values.
-    budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of the stated values the
-        linear law has no meaning (the speed ends with a vertical slope) and u, mc_* are nan.
-    posterior_half : (n_x,) half-width of the posterior 68 % band.  ratio : posterior half-width /
-        Monte-Carlo half-width; nan where the lower end of either band is at rest: from there on a band narrows only because it cannot
-        reach below zero.
+    mc_low, mc_high : ends of the probabilistically symmetric 68 % interval by Monte Carlo; the band
+        that is drawn.
+    published : parameters that were not measured here, at their published values.
+    held : the others, at their fitted values.
+    budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of
+        the stated values the linear law has no meaning (the speed ends with a vertical slope) and
+        u, mc_* are nan.
+    posterior_half : (n_x,) half-width of the posterior 68 % band.
+    ratio : posterior half-width / Monte-Carlo half-width; nan where the lower end of either band is
+        at rest: from there on a band narrows only because it cannot reach below zero.
     linear_off : (n_x,) |linear half-width / Monte-Carlo half-width - 1|.
-    inside : probability -> share of x at which the posterior band of that probability lies within the propagated one.
+    inside : probability -> share of x at which the posterior band of that probability lies within
+        the propagated one.
     """
 
     run: str
@@ -71,15 +84,25 @@ def propagated_bands(
 
 
 def _band(
-    analysis: Analysis, i: int, bands: Bands, rng: np.random.Generator, published: Sequence[PublishedNumber]
+    analysis: Analysis,
+    i: int,
+    bands: Bands,
+    rng: np.random.Generator,
+    published: Sequence[PublishedNumber],
 ) -> PropagatedBand | None:
     problem, run = analysis.problem, analysis.problem.runs[i]
     of_curve = [p for p in problem.parameters if p.name in run.curve_parameters]
     measured = {p.name: (p.prior.centre, p.prior.sd) for p in of_curve if p.prior.measured}
-    found = {p.name: number for p in of_curve if p.name not in measured and (number := _number_of(p, published)) is not None}
+    found = {
+        p.name: number
+        for p in of_curve
+        if p.name not in measured and (number := _number_of(p, published)) is not None
+    }
     stated = measured | {name: (number.value, number.u or 0.0) for name, number in found.items()}
     inputs = [Input(name, value, u) for name, (value, u) in stated.items() if u > 0.0]
-    centre = problem.named(analysis.fit.values) | {name: np.asarray(value) for name, (value, _) in stated.items()}
+    centre = problem.named(analysis.fit.values) | {
+        name: np.asarray(value) for name, (value, _) in stated.items()
+    }
     end = float(np.ravel(run.end(run.bind(centre)))[0])
     used = (bands.x > 0.0) & (bands.x < _CLOSE_TO_END * end)
     x = bands.x[used]
@@ -108,19 +131,30 @@ def _band(
     moving = (low > 0.0) & (mc_low > 0.0)
     value, _ = curve_draws(problem, run, bands.x, _row(analysis, stated))
     return PropagatedBand(
-        run=run.name, x=bands.x, value=value[0], u=u, mc_low=mc_low, mc_high=on_grid(drawn.symmetric.high),
-        published={name: number.value for name, number in found.items()}, held=tuple(sorted(run.curve_parameters - set(stated))),
-        budget=budget_along(linear, x), posterior_half=half,
+        run=run.name,
+        x=bands.x,
+        value=value[0],
+        u=u,
+        mc_low=mc_low,
+        mc_high=on_grid(drawn.symmetric.high),
+        published={name: number.value for name, number in found.items()},
+        held=tuple(sorted(run.curve_parameters - set(stated))),
+        budget=budget_along(linear, x),
+        posterior_half=half,
         ratio=np.where(moving, half / on_grid(mc_half), np.nan),
         linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),
         inside={p: _inside(band[:, used], mc_bands[p]) for p, band in bands.credible.items()},
     )
 
 
-def _number_of(parameter: Parameter, published: Sequence[PublishedNumber]) -> PublishedNumber | None:
+def _number_of(
+    parameter: Parameter, published: Sequence[PublishedNumber]
+) -> PublishedNumber | None:
     """What was published of a parameter: of its body, else of all."""
     base, level = split_level(parameter.name)
-    same = [number for number in published if number.parameter == base and number.unit == parameter.unit]
+    same = [
+        number for number in published if number.parameter == base and number.unit == parameter.unit
+    ]
     of_body = [number for number in same if number.body is not None and f"[{number.body}]" == level]
     return next(iter(of_body + [number for number in same if number.body is None]), None)
 

@@ -15,7 +15,9 @@ from estim.reading import TOML_BYTES, parse_toml, read_text
 
 
 class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """A number that a paper prints.  parameter, body : what a campaign calls it.  u : None where the paper states none."""
+    """A number that a paper prints.  parameter, body : what a campaign calls it.  u : None where
+    the paper states none.
+    """
 
     name: str
     parameter: str
@@ -52,12 +54,25 @@ def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
     return paper.paper, tuple(paper.number)
 
 
-def compare_published(numbers: Sequence[PublishedNumber], found: Sequence[tuple[str, str | None, Quantity, str]]) -> tuple[PublishedValue, ...]:
-    """Every published number that `found` (parameter, body or None, value, how) speaks of, in the order published."""
+def compare_published(
+    numbers: Sequence[PublishedNumber], found: Sequence[tuple[str, str | None, Quantity, str]]
+) -> tuple[PublishedValue, ...]:
+    """Every published number that `found` (parameter, body or None, value, how) speaks of, in the
+    order published.
+    """
     rows = []
     for number in numbers:
         for parameter, body, value, how in found:
-            if parameter == number.parameter and (number.body is None or body is None or body == number.body):
+            if parameter == number.parameter and (
+                number.body is None or body is None or body == number.body
+            ):
                 u = 0.0 if number.u is None else number.u
-                rows.append(PublishedValue(number, value, how, e_n(value, Quantity(number.value, u)) if value.u > 0.0 else math.nan))
+                rows.append(
+                    PublishedValue(
+                        number,
+                        value,
+                        how,
+                        e_n(value, Quantity(number.value, u)) if value.u > 0.0 else math.nan,
+                    )
+                )
     return tuple(rows)

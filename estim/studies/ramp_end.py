@@ -1,4 +1,6 @@
-"""The distance from the release to the end of the ramp: from the command line, from the campaign, or the longest recording."""
+"""The distance from the release to the end of the ramp: from the command line, from the campaign,
+or the longest recording.
+"""
 
 from __future__ import annotations
 
@@ -22,23 +24,33 @@ class RampEnd:
         return "recorded way" if self.origin == "recorded" else "ramp"
 
 
-def ramp_end_of(source: CampaignFile, body: str, recorded: float, *, asked: float | None) -> RampEnd:
+def ramp_end_of(
+    source: CampaignFile, body: str, recorded: float, *, asked: float | None
+) -> RampEnd:
     """The end of the ramp for a body.
 
-    asked : m, in place of all else.  Then `ramp_length_m` less `ramp_start_m` at the body or under [shared], then the longest recording (m).
-    Raises InputError where it is not positive.
+    asked : m, in place of all else.  Then `ramp_length_m` less `ramp_start_m` at the body or under
+        [shared], then the longest recording (m).  Raises InputError where it is not positive.
     """
     if asked is not None:
         if not (math.isfinite(asked) and asked > 0.0):
-            raise InputError("must be > 0 (m, from the release to the end of the ramp)", field="--ramp-length", value=asked)
+            raise InputError(
+                "must be > 0 (m, from the release to the end of the ramp)",
+                field="--ramp-length",
+                value=asked,
+            )
         return RampEnd(asked, "asked")
     levels = body_levels(source, body)
     level = next((level for level in levels if level.table.ramp_length_m is not None), None)
     if level is None or level.table.ramp_length_m is None:
         return RampEnd(recorded, "recorded")
-    start = next((one.table.ramp_start_m for one in levels if one.table.ramp_start_m is not None), 0.0)
+    start = next(
+        (one.table.ramp_start_m for one in levels if one.table.ramp_start_m is not None), 0.0
+    )
     length = level.table.ramp_length_m - start
     if not (math.isfinite(length) and length > 0.0):
         rule = "must be more than 'ramp_start_m', where the release is"
-        raise source.places.error(rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m)
+        raise source.places.error(
+            rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m
+        )
     return RampEnd(length, "stated")

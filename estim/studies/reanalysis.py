@@ -1,6 +1,8 @@
-"""A whole campaign reanalysed: the line, each run by itself, the runs of each body together, energies, the paper's bands.
+"""A whole campaign reanalysed: the line, each run by itself, the runs of each body together,
+energies, the paper's bands.
 
-The page to read for `estim reanalyse`; every stage is one of `pipeline.py`'s or stands in the file of its verb.
+The page to read for `estim reanalyse`; every stage is one of `pipeline.py`'s or stands in the file
+of its verb.
 """
 
 from __future__ import annotations
@@ -21,7 +23,12 @@ from estim.sampling import Progress, Target
 from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Limit, Narrowing, limits, narrowing
 from estim.studies.paper_band import PropagatedBand, propagated_bands
-from estim.studies.published import PublishedNumber, PublishedValue, compare_published, read_published
+from estim.studies.published import (
+    PublishedNumber,
+    PublishedValue,
+    compare_published,
+    read_published,
+)
 
 ProgressOf = Callable[[str], AbstractContextManager[Progress]]
 """Given what is being sampled, a context in which its progress is shown."""
@@ -34,8 +41,10 @@ _COMMAND = "estim reanalyse"
 class BodyAnalysis:
     """The runs of one body.
 
-    gamma_masses : gamma as stated, None where it was not measured.  joint : all its runs together.
-    energies, propagated : one for each run, with the joint posterior.  drift : whether the data show a loss of energy.
+    gamma_masses : gamma as stated, None where it was not measured.
+    joint : all its runs together.
+    energies, propagated : one for each run, with the joint posterior.
+    drift : whether the data show a loss of energy.
     narrowing, limits : what more runs bring, what limits.
     """
 
@@ -64,14 +73,18 @@ class Reanalysis:
     @property
     def statuses(self) -> dict[str, Status]:
         """What was analysed -> its status."""
-        found = {f"run {name}": analysis.diagnosis.status for name, analysis in self.single_runs.items()}
+        found = {
+            f"run {name}": analysis.diagnosis.status for name, analysis in self.single_runs.items()
+        }
         found |= {f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies}
         return found | ({} if self.line is None else {"line": self.line.status})
 
 
 @dataclass(frozen=True, eq=False)
 class _JointResult:
-    """Of the runs of a body, what needs no other fit.  first_runs : the first two, three, ... of them, without all."""
+    """Of the runs of a body, what needs no other fit.  first_runs : the first two, three, ... of
+    them, without all.
+    """
 
     joint: Analysis
     energies: tuple[EnergyRecord, ...]
@@ -99,29 +112,60 @@ class _TaskRunner:
     def pieces(self) -> tuple[_TaskKey, ...]:
         bodies = dict.fromkeys(run.body for run in self.campaign.source.runs)
         runs = tuple(("run", name) for name in self.campaign.run_names)
-        return (*((("line", ""),) if self.series is not None else ()), *runs, *(("body", body) for body in bodies))
+        return (
+            *((("line", ""),) if self.series is not None else ()),
+            *runs,
+            *(("body", body) for body in bodies),
+        )
 
     def runs_of(self, body: str) -> list[str]:
         return [run.name for run in self.campaign.source.runs if run.body == body]
 
-    def __call__(self, piece: _TaskKey, progress: Progress | None = None) -> LineAnalysis | Analysis | _JointResult:
+    def __call__(
+        self, piece: _TaskKey, progress: Progress | None = None
+    ) -> LineAnalysis | Analysis | _JointResult:
         kind, name = piece
         if kind == "line":
             assert self.series is not None
             gamma = gamma_of_body(self.campaign.source, self.series.body)
-            return analyse_line(self.series, gamma_masses=gamma, seed=self.seed, target=self.target, progress=progress)
+            return analyse_line(
+                self.series,
+                gamma_masses=gamma,
+                seed=self.seed,
+                target=self.target,
+                progress=progress,
+            )
         if kind == "run":
-            alone = analyse(self.campaign, [name], seed=self.seed, target=self.target, progress=progress, store=self.store)
-            _ = alone.bands, alone.ends  # kept with it: the report asks for them, one run after the other
+            alone = analyse(
+                self.campaign,
+                [name],
+                seed=self.seed,
+                target=self.target,
+                progress=progress,
+                store=self.store,
+            )
+            # kept with it: the report asks for them, one run after the other
+            _ = alone.bands, alone.ends
             return alone
         return self._together(self.runs_of(name), progress)
 
     def _together(self, runs: Sequence[str], progress: Progress | None) -> _JointResult:
-        joint = analyse(self.campaign, runs, seed=self.seed, target=self.target, progress=progress, store=self.store)
+        joint = analyse(
+            self.campaign,
+            runs,
+            seed=self.seed,
+            target=self.target,
+            progress=progress,
+            store=self.store,
+        )
         first_runs = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _JointResult(
-            joint, energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)), drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
-            propagated=propagated_bands(joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published),
+            joint,
+            energies=energy_along(joint, rng=stream(self.seed, Stream.ENERGY)),
+            drift=drift_of(joint, rng=stream(self.seed, Stream.DRIFT)),
+            propagated=propagated_bands(
+                joint, rng=stream(self.seed, Stream.PROPAGATED_BANDS), published=self.published
+            ),
             first_runs=tuple(first_runs),
         )
 
@@ -129,14 +173,26 @@ class _TaskRunner:
         """The fit of some runs, near that of more of them."""
         problem = self.campaign.problem(runs)
         known = dict(zip(together.names, together.values, strict=True))
-        near = np.array([known.get(name, value) for name, value in zip(problem.names, problem.start(), strict=True)])
+        near = np.array(
+            [
+                known.get(name, value)
+                for name, value in zip(problem.names, problem.start(), strict=True)
+            ]
+        )
         return self.campaign.fit(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
 
 
 def reanalyse(
-    campaign: Campaign, *, seed: int, target: Target, progress_of: ProgressOf, jobs: int = 1, store: PieceStore | None = None
+    campaign: Campaign,
+    *,
+    seed: int,
+    target: Target,
+    progress_of: ProgressOf,
+    jobs: int = 1,
+    store: PieceStore | None = None,
 ) -> Reanalysis:
-    """The reanalysis of a campaign by `jobs` processes; the same seed gives the same numbers, however many there are.
+    """The reanalysis of a campaign by `jobs` processes; the same seed gives the same numbers,
+    however many there are.
 
     store : keeps the draws of each run, and of each body's together (`analyse`).
 
@@ -144,14 +200,31 @@ def reanalyse(
     """
     campaign.study.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
-    work = _TaskRunner(campaign, None if campaign.source.line is None else read_theta_min(campaign.source), numbers, seed, target, store)
+    work = _TaskRunner(
+        campaign,
+        None if campaign.source.line is None else read_theta_min(campaign.source),
+        numbers,
+        seed,
+        target,
+        store,
+    )
     done = _serially(work, progress_of) if jobs == 1 else _in_parallel(work, progress_of, jobs)
     line = done.get(("line", ""))
     single_runs = {name: done["run", name] for kind, name in work.pieces if kind == "run"}
     bodies = [
-        _body(campaign, name, done[kind, name], [single_runs[run] for run in work.runs_of(name)]) for kind, name in work.pieces if kind == "body"
+        _body(campaign, name, done[kind, name], [single_runs[run] for run in work.runs_of(name)])
+        for kind, name in work.pieces
+        if kind == "body"
     ]
-    return Reanalysis(campaign, line, single_runs, tuple(bodies), paper, compare_published(numbers, _found(campaign, line, bodies)), seed)
+    return Reanalysis(
+        campaign,
+        line,
+        single_runs,
+        tuple(bodies),
+        paper,
+        compare_published(numbers, _found(campaign, line, bodies)),
+        seed,
+    )
 
 
 def _serially(work: _TaskRunner, progress_of: ProgressOf) -> dict[_TaskKey, Any]:
@@ -165,7 +238,9 @@ def _serially(work: _TaskRunner, progress_of: ProgressOf) -> dict[_TaskKey, Any]
 def _in_parallel(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[_TaskKey, Any]:
     """Those that take longest first: the runs that are many together."""
     pieces = sorted(work.pieces, key=lambda piece: -len(work.runs_of(piece[1])))
-    with progress_of(phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))) as progress:
+    with progress_of(
+        phrase("{n} fits, {jobs} at once", n=len(pieces), jobs=min(jobs, len(pieces)))
+    ) as progress:
         n_done = 0
 
         def tell(piece: _TaskKey) -> None:
@@ -179,7 +254,9 @@ def _in_parallel(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[
 
 def _shown(piece: _TaskKey) -> str:
     kind, name = piece
-    return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[kind]
+    return {"line": phrase("line"), "run": name, "body": phrase("{name}, all runs", name=name)}[
+        kind
+    ]
 
 
 def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
@@ -190,40 +267,85 @@ def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
         return read_published(campaign.published)
 
 
-def _body(campaign: Campaign, body: str, together: _JointResult, single_runs: Sequence[Analysis]) -> BodyAnalysis:
+def _body(
+    campaign: Campaign, body: str, together: _JointResult, single_runs: Sequence[Analysis]
+) -> BodyAnalysis:
     joint = together.joint
     # a quantity stated for each run has no common value to narrow
-    shared = [n for n in joint.problem.names if n.partition("[")[0] in _OF_BODY and all(n in single.problem.names for single in single_runs)]
+    shared = [
+        n
+        for n in joint.problem.names
+        if n.partition("[")[0] in _OF_BODY
+        and all(n in single.problem.names for single in single_runs)
+    ]
     return BodyAnalysis(
-        body=body, gamma_masses=gamma_of_body(campaign.source, body), joint=joint, energies=together.energies, drift=together.drift,
-        propagated=together.propagated, narrowing=narrowing(joint.fit, single_runs, shared, first_runs=together.first_runs),
+        body=body,
+        gamma_masses=gamma_of_body(campaign.source, body),
+        joint=joint,
+        energies=together.energies,
+        drift=together.drift,
+        propagated=together.propagated,
+        narrowing=narrowing(joint.fit, single_runs, shared, first_runs=together.first_runs),
         limits=tuple(limit for name in shared for limit in limits(joint.fit, name)),
     )
 
 
-def _found(campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnalysis]) -> list[tuple[str, str | None, Quantity, str]]:
-    """What the reanalysis has to say on published numbers: parameter, body, value, how it was found."""
+def _found(
+    campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnalysis]
+) -> list[tuple[str, str | None, Quantity, str]]:
+    """What the reanalysis has to say on published numbers: parameter, body, value, how it was
+    found.
+    """
     found: list[tuple[str, str | None, Quantity, str]] = []
     for b in bodies:
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            found.append(("gamma", b.body, b.gamma_masses, phrase("{origin} in this campaign", origin=gamma_origin(campaign.source, b.body))))
-        for i, (name, estimate) in enumerate(zip(b.joint.problem.names, b.joint.estimates, strict=False)):
+            found.append(
+                (
+                    "gamma",
+                    b.body,
+                    b.gamma_masses,
+                    phrase(
+                        "{origin} in this campaign", origin=gamma_origin(campaign.source, b.body)
+                    ),
+                )
+            )
+        for i, (name, estimate) in enumerate(
+            zip(b.joint.problem.names, b.joint.estimates, strict=False)
+        ):
             base = name.partition("[")[0]
-            if base in ("gamma", "kappa", "radius") and estimate.measured:  # what the data leave as it was stated is no second opinion
+            # what the data leave as it was stated is no second opinion
+            if base in ("gamma", "kappa", "radius") and estimate.measured:
                 value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
                 how = phrase("joint fit of {n} runs of {body}", n=len(b.energies), body=b.body)
                 if b.joint.problem.parameters[i].prior.informative:
-                    how = phrase("joint fit of {n} runs of {body}, stated value as prior", n=len(b.energies), body=b.body)
+                    how = phrase(
+                        "joint fit of {n} runs of {body}, stated value as prior",
+                        n=len(b.energies),
+                        body=b.body,
+                    )
                 found.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
-            mean, u = float(np.mean([abs(m.value) for m in means])), float(np.mean([m.u for m in means]))
-            over, most = phrase("mean magnitude over the runs of {body}", body=b.body), phrase("largest over the runs of {body}", body=b.body)
+            mean = float(np.mean([abs(m.value) for m in means]))
+            u = float(np.mean([m.u for m in means]))
+            over = phrase("mean magnitude over the runs of {body}", body=b.body)
+            most = phrase("largest over the runs of {body}", body=b.body)
             found.append(("energy_change_mean", b.body, Quantity(mean, u), over))
-            found.append(("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most))
+            found.append(
+                ("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most)
+            )
     if line is not None and line.status == "ok":
-        found.append(("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line")))
-        found.append(("gamma_line", line.series.body, line.readings["posterior"].gamma, phrase("Bayesian line")))
+        found.append(
+            ("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line"))
+        )
+        found.append(
+            (
+                "gamma_line",
+                line.series.body,
+                line.readings["posterior"].gamma,
+                phrase("Bayesian line"),
+            )
+        )
     return found

@@ -1,7 +1,9 @@
-"""The map of what a body does from rest: does it climb, how far, does it turn on the ramp or roll over the top.
+"""The map of what a body does from rest: does it climb, how far, does it turn on the ramp or roll
+over the top.
 
-Over the plane of true tilt and angle of release; the uncertainty of a border is that of what is known of the body, that of a run also of where it
-lies.  All of it comes from draws of what was stated, or of a fit.
+Over the plane of true tilt and angle of release; the uncertainty of a border is that of what is
+known of the body, that of a run also of where it lies.  All of it comes from draws of what was
+stated, or of a fit.
 """
 
 from __future__ import annotations
@@ -23,9 +25,11 @@ from estim.studies.ramp_end import RampEnd, ramp_end_of
 from estim.studies.run_places import LEVELS, RunPlace, farthest_recorded, place_of
 
 _N_DRAW, _N_PHI = 2000, 361
-_STEPS, _CONTOURS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0), 10  # m between contours, and how many at most
+# m between contours, and how many at most
+_STEPS, _CONTOURS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0), 10
 _FAR_DRAWS, _FAR_EVERY = 300, 2  # of how far it gets, and every so many tilts
-_BEYOND, _SDS = 1.2, 3.5  # how far a map reaches: of the steepest tilt that is climbed, and beyond the runs
+# how far a map reaches: of the steepest tilt that is climbed, and beyond the runs
+_BEYOND, _SDS = 1.2, 3.5
 _LEAST = math.radians(1.0)
 _STEEPEST = math.radians(80.0)
 
@@ -34,14 +38,19 @@ _STEEPEST = math.radians(80.0)
 class BodyMap:
     """The map of one body.
 
-    phi : (n_phi,) rad.  theta0_range : rad.
-    lowest, highest, rolls_on, passes : (5, n_phi) quantiles (`LEVELS`) of the borders (`estim.curves.Borders`).
-    stops : (n_stop,) m.  contours : (n_stop, n_phi) rad, the release from which the body turns after so far, at the medians of what is known of it;
-        nan where from none.
+    phi : (n_phi,) rad.
+    theta0_range : rad.
+    lowest, highest, rolls_on, passes : (5, n_phi) quantiles (`LEVELS`) of the borders
+        (`estim.curves.Borders`).
+    stops : (n_stop,) m.
+    contours : (n_stop, n_phi) rad, the release from which the body turns after so far, at the
+        medians of what is known of it; nan where from none.
     steepest : (5,) quantiles of the steepest tilt that the body climbs, rad.
-    farthest : (5, n) quantiles of how far it gets from the best release, m, at the tilts far_phi (n,) rad.
+    farthest : (5, n) quantiles of how far it gets from the best release, m, at the tilts far_phi
+        (n,) rad.
     uphill, downhill : whether the map shows these tilts.
-    left_out : symbols of what the campaign states beside, which the map leaves out.  known : what the draws come from.
+    left_out : symbols of what the campaign states beside, which the map leaves out.
+    known : what the draws come from.
     """
 
     body: str
@@ -72,47 +81,107 @@ class BodyMap:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What contradicts a recording; nothing where the values were fitted to it."""
-        return () if self.known.fitted else tuple(finding for place in self.runs for finding in place.findings)
+        return (
+            ()
+            if self.known.fitted
+            else tuple(finding for place in self.runs for finding in place.findings)
+        )
 
 
 def map_bodies(
-    campaign: Campaign, bodies: Sequence[str] = (), *, ramp_length: float | None = None, fitted: FittedValues | None = None, seed: int,
+    campaign: Campaign,
+    bodies: Sequence[str] = (),
+    *,
+    ramp_length: float | None = None,
+    fitted: FittedValues | None = None,
+    seed: int,
 ) -> tuple[BodyMap, ...]:
     """The maps of `bodies`, or of every body of a campaign that has runs.
 
-    ramp_length (m from the release) : in place of what the campaign says.  fitted : a fit, in place of what was stated.  Raises InputError.
+    ramp_length (m from the release) : in place of what the campaign says.
+    fitted : a fit, in place of what was stated.  Raises InputError.
     """
     of_run = {name: campaign.study.body_of(name) for name in campaign.run_names}
-    chosen = tuple(dict.fromkeys(bodies)) or tuple(dict.fromkeys(body for body in of_run.values() if body is not None))
+    chosen = tuple(dict.fromkeys(bodies)) or tuple(
+        dict.fromkeys(body for body in of_run.values() if body is not None)
+    )
     for body in chosen:
         if body not in campaign.source.bodies:
-            raise InputError(f"must name one of the bodies ({', '.join(campaign.source.bodies)})", field="--body", value=body, file=campaign.path)
+            raise InputError(
+                f"must name one of the bodies ({', '.join(campaign.source.bodies)})",
+                field="--body",
+                value=body,
+                file=campaign.path,
+            )
         if body not in of_run.values():
-            raise InputError("has no [[runs]], and a map needs the tilt and the angle of one", field="--body", value=body, file=campaign.path)
+            raise InputError(
+                "has no [[runs]], and a map needs the tilt and the angle of one",
+                field="--body",
+                value=body,
+                file=campaign.path,
+            )
     names = [name for name, body in of_run.items() if body in chosen]
     known = known_values(campaign, names, n_draw=_N_DRAW, seed=seed, fitted=fitted)
-    return tuple(_map_body(campaign, body, [name for name in names if of_run[name] == body], known, ramp_length=ramp_length) for body in chosen)
+    return tuple(
+        _map_body(
+            campaign,
+            body,
+            [name for name in names if of_run[name] == body],
+            known,
+            ramp_length=ramp_length,
+        )
+        for body in chosen
+    )
 
 
-def _map_body(campaign: Campaign, body: str, names: Sequence[str], known: KnownValues, *, ramp_length: float | None) -> BodyMap:
+def _map_body(
+    campaign: Campaign,
+    body: str,
+    names: Sequence[str],
+    known: KnownValues,
+    *,
+    ramp_length: float | None,
+) -> BodyMap:
     runs = [campaign.problem([name]).runs[0] for name in names]
     arguments = {run.name: known.arguments(run) for run in runs}
     first = arguments[names[0]]
-    recorded = {run.name: farthest_recorded(campaign, run) * float(np.median(_metres(run, arguments[run.name]))) for run in runs}
+    recorded = {
+        run.name: farthest_recorded(campaign, run)
+        * float(np.median(_metres(run, arguments[run.name])))
+        for run in runs
+    }
     end = ramp_end_of(campaign.source, body, max(recorded.values()), asked=ramp_length)
-    places = tuple(place_of(run, arguments[run.name], farthest=recorded[run.name], n_draw=known.n_draw) for run in runs)
+    places = tuple(
+        place_of(run, arguments[run.name], farthest=recorded[run.name], n_draw=known.n_draw)
+        for run in runs
+    )
     steepest = steepest_tilt(first)
     phi, theta0_range = _extent(places, float(np.median(steepest)))
     borders = borders_of(first, phi, ramp_end=end.length)
     far_phi = phi[::_FAR_EVERY]
     farthest = farthest_stop(_first(first, _FAR_DRAWS), far_phi)
     stops = _steps(float(np.max(farthest[np.isfinite(farthest)], initial=0.0)))
-    lowest, highest, rolls_on, passes = (np.quantile(b, LEVELS, axis=0) for b in (borders.lowest, borders.highest, borders.rolls_on, borders.passes))
+    lowest, highest, rolls_on, passes = (
+        np.quantile(b, LEVELS, axis=0)
+        for b in (borders.lowest, borders.highest, borders.rolls_on, borders.passes)
+    )
     return BodyMap(
-        body=body, phi=phi, theta0_range=theta0_range, lowest=lowest, highest=highest, rolls_on=rolls_on, passes=passes,
-        stops=stops, contours=turning_contours(_central(first), phi, stops)[0], steepest=np.quantile(steepest, LEVELS),
-        far_phi=far_phi, farthest=np.quantile(farthest, LEVELS, axis=0, method="higher"),
-        runs=places, end=end, left_out=known.beside(runs), known=known,
+        body=body,
+        phi=phi,
+        theta0_range=theta0_range,
+        lowest=lowest,
+        highest=highest,
+        rolls_on=rolls_on,
+        passes=passes,
+        stops=stops,
+        contours=turning_contours(_central(first), phi, stops)[0],
+        steepest=np.quantile(steepest, LEVELS),
+        far_phi=far_phi,
+        farthest=np.quantile(farthest, LEVELS, axis=0, method="higher"),
+        runs=places,
+        end=end,
+        left_out=known.beside(runs),
+        known=known,
     )
 
 
@@ -122,7 +191,10 @@ def _metres(run: Observations, arguments: Mapping[str, ArrayLike]) -> FloatArray
 
 
 def _first(arguments: Mapping[str, ArrayLike], n_draw: int) -> dict[str, ArrayLike]:
-    return {name: value if np.ndim(value) == 0 else np.asarray(value)[:n_draw] for name, value in arguments.items()}
+    return {
+        name: value if np.ndim(value) == 0 else np.asarray(value)[:n_draw]
+        for name, value in arguments.items()
+    }
 
 
 def _steps(farthest: float) -> FloatArray:
@@ -134,7 +206,10 @@ def _steps(farthest: float) -> FloatArray:
 def _central(arguments: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
     """The median of each argument, (1, 1)."""
     columns = {name: np.asarray(value, dtype=float) for name, value in arguments.items()}
-    return {name: value if value.ndim == 0 else np.full((1, 1), np.median(value)) for name, value in columns.items()}
+    return {
+        name: value if value.ndim == 0 else np.full((1, 1), np.median(value))
+        for name, value in columns.items()
+    }
 
 
 def _extent(places: Sequence[RunPlace], steepest: float) -> tuple[FloatArray, tuple[float, float]]:
@@ -148,4 +223,7 @@ def _extent(places: Sequence[RunPlace], steepest: float) -> tuple[FloatArray, tu
     if low == high:  # level
         low, high = -max(reach, _LEAST), max(reach, _LEAST)
     inside = all(0.0 <= place.theta0[0] <= np.pi for place in places)
-    return np.linspace(max(low, -_STEEPEST), min(high, _STEEPEST), _N_PHI), (0.0, np.pi) if low == 0.0 and inside else (-0.5 * np.pi, 1.5 * np.pi)
+    return np.linspace(max(low, -_STEEPEST), min(high, _STEEPEST), _N_PHI), (
+        0.0,
+        np.pi,
+    ) if low == 0.0 and inside else (-0.5 * np.pi, 1.5 * np.pi)

@@ -1,4 +1,6 @@
-"""Where the runs of a campaign lie on the map of motions: how far each should get, and how far its recording shows it."""
+"""Where the runs of a campaign lie on the map of motions: how far each should get, and how far its
+recording shows it.
+"""
 
 from __future__ import annotations
 
@@ -25,8 +27,10 @@ class RunPlace:
 
     phi, theta0 : true tilt and angle of release, (value, standard uncertainty), rad.
     sets_off : probability that it sets off.
-    stop : (5,) quantiles (`LEVELS`) of the distance to the turning point among the draws that set off and turn, m; nan where half of them do not.
-    farthest : m, how far the recording shows it.  turned : whether it turns there.
+    stop : (5,) quantiles (`LEVELS`) of the distance to the turning point among the draws that set
+        off and turn, m; nan where half of them do not.
+    farthest : m, how far the recording shows it.
+    turned : whether it turns there.
     agrees : probability of the draws to get as far as that, two-sided where it turned.
     """
 
@@ -44,11 +48,17 @@ class RunPlace:
         """What contradicts the recording."""
         if self.agrees >= _SURELY_NOT:
             return ()
-        numbers = {"farthest": self.farthest, "expected": float(self.stop[2]), "sets_off": self.sets_off}
+        numbers = {
+            "farthest": self.farthest,
+            "expected": float(self.stop[2]),
+            "sets_off": self.sets_off,
+        }
         return (Finding(Kind.RUN_OFF_MAP, run=self.run, p=self.agrees, numbers=numbers),)
 
 
-def place_of(run: Observations, arguments: Mapping[str, ArrayLike], *, farthest: float, n_draw: int) -> RunPlace:
+def place_of(
+    run: Observations, arguments: Mapping[str, ArrayLike], *, farthest: float, n_draw: int
+) -> RunPlace:
     """Where a run lies and what follows.
 
     arguments : of its curve, scalars or (n_draw, 1).  farthest : m from the release.
@@ -59,21 +69,33 @@ def place_of(run: Observations, arguments: Mapping[str, ArrayLike], *, farthest:
     turns, turned = (stop > 0.0) & np.isfinite(stop), _turned(run)
     beyond, before = float(np.mean(stop >= farthest)), float(np.mean(stop <= farthest))
     return RunPlace(
-        run.name, (float(np.mean(phi)), float(np.std(phi))), _angle(theta0), float(np.mean(stop > 0.0)),
+        run.name,
+        (float(np.mean(phi)), float(np.std(phi))),
+        _angle(theta0),
+        float(np.mean(stop > 0.0)),
         np.quantile(stop[turns], LEVELS) if np.mean(turns) > 0.5 else np.full(len(LEVELS), np.nan),
-        farthest, turned, min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
+        farthest,
+        turned,
+        min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
     )
 
 
 def _angle(theta0: FloatArray) -> tuple[float, float]:
     """Mean and standard deviation of angles that may lie on either side of the cut."""
     mean = float(np.angle(np.mean(np.exp(1j * theta0))))
-    return float(np.mod(mean + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi), float(np.std(np.mod(theta0 - mean + np.pi, 2.0 * np.pi)))
+    return float(np.mod(mean + 0.5 * np.pi, 2.0 * np.pi) - 0.5 * np.pi), float(
+        np.std(np.mod(theta0 - mean + np.pi, 2.0 * np.pi))
+    )
 
 
 def farthest_recorded(campaign: Campaign, run: Observations) -> float:
-    """How far the recording of a run goes, in its unit: as far as it is fit where a window was stated."""
-    if any(finding.kind in (Kind.OUTSIDE_POSITIONS, Kind.OUTSIDE_TIMES, Kind.OUTSIDE_WINDOW) for finding in run.excluded):
+    """How far the recording of a run goes, in its unit: as far as it is fit where a window was
+    stated.
+    """
+    if any(
+        finding.kind in (Kind.OUTSIDE_POSITIONS, Kind.OUTSIDE_TIMES, Kind.OUTSIDE_WINDOW)
+        for finding in run.excluded
+    ):
         return way_of(run)
     table = campaign.tables[run.name]
     return float(np.max(table.columns[table.coordinate]))

@@ -36,9 +36,11 @@ class Moved:
 
 @dataclass(frozen=True)
 class ResultPair:
-    """inputs : words on what went into one and not into the other, or differs, and on the status.  estimates : of both, those that moved most first.
+    """inputs : words on what went into one and not into the other, or differs, and on the status.
+    estimates : of both, those that moved most first.
 
-    others : where else they differ, in notes and tests, say.  lost, gained : estimates that only the first or only the second has.
+    others : where else they differ, in notes and tests, say.
+    lost, gained : estimates that only the first or only the second has.
     """
 
     inputs: tuple[str, ...]
@@ -49,7 +51,9 @@ class ResultPair:
 
     @property
     def same(self) -> bool:
-        return not (self.inputs or self.others or self.lost or self.gained) and all(one.first == one.second for one in self.estimates)
+        return not (self.inputs or self.others or self.lost or self.gained) and all(
+            one.first == one.second for one in self.estimates
+        )
 
 
 def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> ResultPair:
@@ -57,9 +61,14 @@ def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> Resu
     a, b = ({one.name: one for one in _estimates("", "", "", record)} for record in (first, second))
     both = [Moved(name, a[name].unit, a[name].value, b[name].value) for name in a if name in b]
     both.sort(key=lambda one: -abs(one.shift) if math.isfinite(one.shift) else 0.0)
-    gained, lost = tuple(name for name in b if name not in a), tuple(name for name in a if name not in b)
+    gained = tuple(name for name in b if name not in a)
+    lost = tuple(name for name in a if name not in b)
     told = [one.place for one in (*a.values(), *b.values())]
-    others = [where for where in different_values(first, second) if _root(where) not in _TOLD and not _within(where, told)]
+    others = [
+        where
+        for where in different_values(first, second)
+        if _root(where) not in _TOLD and not _within(where, told)
+    ]
     return ResultPair(tuple(_inputs(first, second)), tuple(both), tuple(others), lost, gained)
 
 
@@ -73,7 +82,9 @@ def _within(where: str, places: Sequence[str]) -> bool:
 
 @dataclass(frozen=True)
 class _Estimate:
-    """name : for people.  place : where it stands in the record.  value : with its standard deviation or standard uncertainty."""
+    """name : for people.  place : where it stands in the record.  value : with its standard
+    deviation or standard uncertainty.
+    """
 
     name: str
     place: str
@@ -123,7 +134,12 @@ def _table(record: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _data(provenance: Mapping[str, Any]) -> dict[str, Any]:
-    """Digests of the data by the names of the files, which may lie elsewhere now; by their paths where two have one name."""
+    """Digests of the data by the names of the files, which may lie elsewhere now; by their paths
+    where two have one name.
+    """
     digests = _table(provenance, "data_sha256")
     count = Counter(PurePath(path).name for path in digests)
-    return {path if count[PurePath(path).name] > 1 else PurePath(path).name: digest for path, digest in digests.items()}
+    return {
+        path if count[PurePath(path).name] > 1 else PurePath(path).name: digest
+        for path, digest in digests.items()
+    }

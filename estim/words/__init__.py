@@ -1,6 +1,8 @@
-"""Sentences: the only room that makes words of findings, for a person at the command line or in Python.  One file a subject.
+"""Sentences: the only room that makes words of findings, for a person at the command line or in
+Python.  One file a subject.
 
-Read `telling` first.  It lies this low because records say what they found when they are printed."""
+Read `telling` first.  It lies this low because records say what they found when they are printed.
+"""
 
 from estim.words.agreement import common_error
 from estim.words.first_steps import first_step

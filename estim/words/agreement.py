@@ -9,7 +9,17 @@ from estim.common import Finding, Kind, format_p, later, phrase, split_level
 from estim.words.parameters import symbol, value_words
 from estim.words.table import Table
 
-_KEY_UNITS = MappingProxyType({"°": "_deg", "m": "_m", "1/s": "_per_s", "1/m": "_per_m", "°/m": "_deg_m", "N m": "_n_m", "m/s": "_m_s"})
+_KEY_UNITS = MappingProxyType(
+    {
+        "°": "_deg",
+        "m": "_m",
+        "1/s": "_per_s",
+        "1/m": "_per_m",
+        "°/m": "_deg_m",
+        "N m": "_n_m",
+        "m/s": "_m_s",
+    }
+)
 
 
 _DISAGREE = later("the data disagree with the values stated beforehand ({p})")
@@ -17,7 +27,11 @@ _DISAGREE = later("the data disagree with the values stated beforehand ({p})")
 
 def _stated(verdict: str, f: Finding) -> str:
     parts = [_pull(part) for part in f.parts]
-    one_of = phrase("; any of these values, or the scale of the data, may be wrong") if len(parts) > 1 else ""
+    one_of = (
+        phrase("; any of these values, or the scale of the data, may be wrong")
+        if len(parts) > 1
+        else ""
+    )
     return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
@@ -25,15 +39,26 @@ def _pull(f: Finding) -> str:
     (stated,) = f.parameters
     said = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
     if f.size > 0.0:
-        return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations below what the rest implies", **said)
-    return phrase("{symbol} was stated as {value}, {size:.1f} standard deviations above what the rest implies", **said)
+        return phrase(
+            "{symbol} was stated as {value}, {size:.1f} standard deviations below what the "
+            "rest implies",
+            **said,
+        )
+    return phrase(
+        "{symbol} was stated as {value}, {size:.1f} standard deviations above what the "
+        "rest implies",
+        **said,
+    )
 
 
 def _tied(f: Finding) -> str:
     named = phrase("{names} and {last}", names=", ".join(f.names[:-1]), last=f.names[-1])
     tied = phrase(
-        "the runs disagree about the quantities they share ({p}), and these data cannot show which of these is "
-        "wrong: {named}", p=format_p(f.p), named=named
+        "the runs disagree about the quantities they share ({p}), and these data cannot "
+        "show which of these is "
+        "wrong: {named}",
+        p=format_p(f.p),
+        named=named,
     )
     return tied + _let_it_vary(f)
 
@@ -49,29 +74,43 @@ def _let_it_vary(f: Finding) -> str:
     where = f"[bodies.{level[1:-1]}]" if level else "[shared]"
     line = f"between_runs = {{{key} = {apart.value * factor:.2g}}}"
     return phrase(
-        "; if the runs differ genuinely rather than by mistake, let {symbol} vary from run to run: {line}, under {where}",
-        symbol=symbol(apart), line=line, where=where,
+        "; if the runs differ genuinely rather than by mistake, let {symbol} vary from run "
+        "to run: {line}, under {where}",
+        symbol=symbol(apart),
+        line=line,
+        where=where,
     )
 
 
 _SHARE, _MM, _DEGREES = 100.0, 1e3, 180.0 / math.pi
 _COMMON = MappingProxyType(
     {
-        "clock": (_SHARE, later("{size} % error in the clock rate")), "length": (_SHARE, later("{size} % error in the length scale")),
-        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")), "scale_x": (_SHARE, later("{size} % error in the scale of x")),
-        "scale_y": (_SHARE, later("{size} % error in the scale of y")), "radius": (_SHARE, later("{size} % error in the radius")),
-        "g": (_SHARE, later("{size} % error in g")), "gamma": (_SHARE, later("{size} % error in gamma")),
+        "clock": (_SHARE, later("{size} % error in the clock rate")),
+        "length": (_SHARE, later("{size} % error in the length scale")),
+        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")),
+        "scale_x": (_SHARE, later("{size} % error in the scale of x")),
+        "scale_y": (_SHARE, later("{size} % error in the scale of y")),
+        "radius": (_SHARE, later("{size} % error in the radius")),
+        "g": (_SHARE, later("{size} % error in g")),
+        "gamma": (_SHARE, later("{size} % error in gamma")),
         "kappa": (_SHARE, later("{size} % error in kappa")),
-        "phi": (_DEGREES, later("{size}° error in the tilt")), "theta0": (_DEGREES, later("{size}° error in the angle at release")),
+        "phi": (_DEGREES, later("{size}° error in the tilt")),
+        "theta0": (_DEGREES, later("{size}° error in the angle at release")),
     }
 )
 
 
 def common_error(name: str, size: float, along: float | None) -> str:
-    """'1 % of the clock'; size in SI units, or as a share.  along : m, length of a ramp that sags, None where there are several or none."""
+    """'1 % of the clock'; size in SI units, or as a share.  along : m, length of a ramp that sags,
+    None where there are several or none.
+    """
     factor, words = _COMMON[name]
     said = f"{size * factor:.3g}"
-    return phrase(words, size=said) if along is None else phrase("{size} mm of sag on a {length:.3g} m ramp", size=said, length=along)
+    return (
+        phrase(words, size=said)
+        if along is None
+        else phrase("{size} mm of sag on a {length:.3g} m ramp", size=said, length=along)
+    )
 
 
 def _common(f: Finding) -> str:
@@ -79,34 +118,69 @@ def _common(f: Finding) -> str:
     if not f.parameters:
         return phrase("{error}: no fit that allows for it converges", error=error)
     (moved,) = f.parameters
-    return phrase("{error}: {symbol} shifts by {value:.1f}", error=error, symbol=symbol(moved), value=moved.value)
+    return phrase(
+        "{error}: {symbol} shifts by {value:.1f}",
+        error=error,
+        symbol=symbol(moved),
+        value=moved.value,
+    )
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.STATED_UNCOMPARED: later("the data hardly constrain the quantities that were stated beforehand, so there is nothing to compare"),
-        Kind.STATED_AGREE: lambda f: phrase("the data agree with the values stated beforehand ({p})", p=format_p(f.p)),
-        Kind.STATED_HARDLY: lambda f: _stated(later("the data agree only marginally with the values stated beforehand ({p})"), f),
+        Kind.STATED_UNCOMPARED: later(
+            "the data hardly constrain the quantities that were stated beforehand, so "
+            "there is nothing to compare"
+        ),
+        Kind.STATED_AGREE: lambda f: phrase(
+            "the data agree with the values stated beforehand ({p})", p=format_p(f.p)
+        ),
+        Kind.STATED_HARDLY: lambda f: _stated(
+            later("the data agree only marginally with the values stated beforehand ({p})"), f
+        ),
         Kind.STATED_DISAGREE: lambda f: _stated(_DISAGREE, f),
-        Kind.STATED_AND_CURVE: lambda f: _stated(_DISAGREE, f) + phrase("; but other values do not make the curve fit the data either"),
+        Kind.STATED_AND_CURVE: lambda f: (
+            _stated(_DISAGREE, f)
+            + phrase("; but other values do not make the curve fit the data either")
+        ),
         Kind.PULL: _pull,
         Kind.COMMON_ERROR: _common,
         Kind.COMMON_ERRORS: lambda f: phrase(
-            "errors that leave no trace in the residuals would shift the result, in posterior standard deviations: {errors}",
+            "errors that leave no trace in the residuals would shift the result, in "
+            "posterior standard deviations: {errors}",
             errors="; ".join(map(_common, f.parts)),
         ),
-        Kind.RUNS_UNCOMPARED: later("no shared quantity is determined by two of the runs, so there is nothing to compare"),
-        Kind.RUNS_AGREE: lambda f: phrase("the {n:.0f} runs agree about the quantities they share ({p})", n=f.size, p=format_p(f.p)),
-        Kind.RUNS_AGAINST_STATED: lambda f: phrase(
-            "the runs agree with each other but not with the stated values of the quantities they share ({p})", p=format_p(f.p)
+        Kind.RUNS_UNCOMPARED: later(
+            "no shared quantity is determined by two of the runs, so there is nothing to compare"
         ),
-        Kind.RUN_DISAGREES: lambda f: phrase(
-            "run {run} disagrees with the others about the quantities they share; without it the others agree ({p} "
-            "with it)", run=f.run, p=format_p(f.p)
-        ) + _let_it_vary(f),
+        Kind.RUNS_AGREE: lambda f: phrase(
+            "the {n:.0f} runs agree about the quantities they share ({p})",
+            n=f.size,
+            p=format_p(f.p),
+        ),
+        Kind.RUNS_AGAINST_STATED: lambda f: phrase(
+            "the runs agree with each other but not with the stated values of the "
+            "quantities they share ({p})",
+            p=format_p(f.p),
+        ),
+        Kind.RUN_DISAGREES: lambda f: (
+            phrase(
+                "run {run} disagrees with the others about the quantities they share; "
+                "without it the others agree ({p} "
+                "with it)",
+                run=f.run,
+                p=format_p(f.p),
+            )
+            + _let_it_vary(f)
+        ),
         Kind.RUNS_TIED: _tied,
-        Kind.RUNS_DISAGREE: lambda f: phrase(
-            "the runs disagree about the quantities they share ({p}), and leaving out any single run does not resolve this", p=format_p(f.p)
-        ) + _let_it_vary(f),
+        Kind.RUNS_DISAGREE: lambda f: (
+            phrase(
+                "the runs disagree about the quantities they share ({p}), and leaving out "
+                "any single run does not resolve this",
+                p=format_p(f.p),
+            )
+            + _let_it_vary(f)
+        ),
     }
 )

@@ -1,4 +1,6 @@
-"""What a user's own curve lacks, in words: whether there is something, how large it is, over what distance it changes."""
+"""What a user's own curve lacks, in words: whether there is something, how large it is, over what
+distance it changes.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +11,21 @@ from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table
 
 _READ_AS: Mapping[str, str] = MappingProxyType(
-    {"smooth": later("a smooth deviation from the curve"), "correlated": later("correlated errors of successive readings")}
+    {
+        "smooth": later("a smooth deviation from the curve"),
+        "correlated": later("correlated errors of successive readings"),
+    }
 )
 _SLOW: Mapping[str, str] = MappingProxyType(
     {
         "smooth": later(
-            "the discrepancy between curve and data is a trend: with probability {p:.2g} the correlation length of the deviation exceeds "
+            "the discrepancy between curve and data is a trend: with probability {p:.2g} "
+            "the correlation length of the deviation exceeds "
             "a quarter of the range of x, as happens when the curve is wrong"
         ),
         "correlated": later(
-            "the discrepancy between curve and data is a trend: with probability {p:.2g} the errors would remain correlated over more "
+            "the discrepancy between curve and data is a trend: with probability {p:.2g} "
+            "the errors would remain correlated over more "
             "than a third of the recording, as happens when the curve is wrong"
         ),
     }
@@ -39,46 +46,83 @@ def _how(f: Finding) -> str:
     ways = [way for way in _READ_AS if way in n]
     probable = max(ways, key=lambda way: n[way])
     along = _unit(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
-    size, length, short, long = (n[f"{probable}_{what}"] for what in ("size", "length", "short", "long"))
+    size, length, short, long = (
+        n[f"{probable}_{what}"] for what in ("size", "length", "short", "long")
+    )
     other = phrase(_READ_AS[next(w for w in ways if w != probable)]) if len(ways) > 1 else ""
     return phrase(
-        "{what}{share} with standard deviation {size:.2g}{unit} and correlation length about {length:.2g}{along} ({short:.2g} to {long:.2g})",
-        what=phrase(_READ_AS[probable]), share=phrase(" (probability {p:.2g}; the alternative is "
-                                                      "{other})", p=n[probable], other=other) if other else "",
-        size=size, unit=_unit(f.names[1]), length=length, along=along, short=short, long=long,
+        "{what}{share} with standard deviation {size:.2g}{unit} and correlation length "
+        "about {length:.2g}{along} ({short:.2g} to {long:.2g})",
+        what=phrase(_READ_AS[probable]),
+        share=phrase(
+            " (probability {p:.2g}; the alternative is {other})", p=n[probable], other=other
+        )
+        if other
+        else "",
+        size=size,
+        unit=_unit(f.names[1]),
+        length=length,
+        along=along,
+        short=short,
+        long=long,
     )
 
 
 def _found(f: Finding) -> str:
     n = f.numbers
     return _of_run(f) + phrase(
-        "the residuals about the curve are not white noise; they are interpreted as {how}; the part that no parameter values can "
-        "reproduce is {typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {p:.3f}",
-        how=_how(f), typical=n["typical"], unit=_unit(f.names[1]), most=n["most"], p=f.p,
+        "the residuals about the curve are not white noise; they are interpreted as {how}; "
+        "the part that no parameter values can "
+        "reproduce is {typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), "
+        "P(amplitude > 0) = {p:.3f}",
+        how=_how(f),
+        typical=n["typical"],
+        unit=_unit(f.names[1]),
+        most=n["most"],
+        p=f.p,
     )
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
-        Kind.DEVIATION_UNDECIDED: lambda f: _of_run(f) + phrase(
-            "it cannot be decided whether the curve deviates from the data, P(amplitude > 0) = {p:.2f}; the intervals allow for an "
-            "irregular deviation, but not for a different curve",
-            p=f.p,
+        Kind.DEVIATION_UNDECIDED: lambda f: (
+            _of_run(f)
+            + phrase(
+                "it cannot be decided whether the curve deviates from the data, "
+                "P(amplitude > 0) = {p:.2f}; the intervals allow for an "
+                "irregular deviation, but not for a different curve",
+                p=f.p,
+            )
         ),
-        Kind.DEVIATION_UNLIKELY: lambda f: _of_run(f) + phrase(
-            "there is no evidence of a deviation from the curve, P(amplitude > 0) = {p:.2f}", p=f.p
+        Kind.DEVIATION_UNLIKELY: lambda f: (
+            _of_run(f)
+            + phrase(
+                "there is no evidence of a deviation from the curve, P(amplitude > 0) = {p:.2f}",
+                p=f.p,
+            )
         ),
-        Kind.DEVIATION_UNASKED: lambda f: _of_run(f) + phrase(
-            "the curve is assumed to be complete: the intervals do not allow for a smooth deviation from it; a deviation about as large "
-            "as the error of one reading has probability {p:.2f} (0.5 before the data)",
-            p=f.p,
+        Kind.DEVIATION_UNASKED: lambda f: (
+            _of_run(f)
+            + phrase(
+                "the curve is assumed to be complete: the intervals do not allow for a "
+                "smooth deviation from it; a deviation about as large "
+                "as the error of one reading has probability {p:.2f} (0.5 before the data)",
+                p=f.p,
+            )
         ),
-        Kind.DEVIATION_TOO_LARGE: lambda f: _of_run(f) + phrase(
-            "the deviation from the curve would have to be {times:.2g} times its stated size (a half-normal prior of this scale exceeds "
-            "2.5 once in 80 cases): either the curve or the stated size of the deviation is wrong",
-            times=f.size,
+        Kind.DEVIATION_TOO_LARGE: lambda f: (
+            _of_run(f)
+            + phrase(
+                "the deviation from the curve would have to be {times:.2g} times its "
+                "stated size (a half-normal prior of this scale exceeds "
+                "2.5 once in 80 cases): either the curve or the stated size of the "
+                "deviation is wrong",
+                times=f.size,
+            )
         ),
-        Kind.DEVIATION_TOO_SLOW: lambda f: _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p),
+        Kind.DEVIATION_TOO_SLOW: lambda f: (
+            _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p)
+        ),
     }
 )

@@ -1,4 +1,6 @@
-"""The one thing to do first about a result that is not ok, in short; `telling.advice` says all there is to do."""
+"""The one thing to do first about a result that is not ok, in short; `telling.advice` says all
+there is to do.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +12,44 @@ from estim.words.telling import Voice, advice
 
 def _short() -> dict[Kind, str]:
     """What to do first where all that could be done takes longer to say."""
-    look = phrase("look at the residuals: a bad reading, a wrong window, or an effect that the curve does not model")
+    look = phrase(
+        "look at the residuals: a bad reading, a wrong window, or an effect that the curve "
+        "does not model"
+    )
     another = phrase("try another curve: if the curve is wrong, none of the intervals is reliable")
     return {
-        Kind.SEVERAL_SOLUTIONS: phrase("choose between the solutions by a prior or by a further measurement, and fit again"),
-        Kind.RESIDUALS_TOO_LARGE: phrase("check the file for a reason why the errors are larger than stated"),
+        Kind.SEVERAL_SOLUTIONS: phrase(
+            "choose between the solutions by a prior or by a further measurement, and fit again"
+        ),
+        Kind.RESIDUALS_TOO_LARGE: phrase(
+            "check the file for a reason why the errors are larger than stated"
+        ),
         Kind.RESIDUALS_NOT_RANDOM: look,
         Kind.CURVE_LACKS: look,
         Kind.STATED_AND_CURVE: look,
         Kind.DEVIATION_TOO_LARGE: another,
         Kind.DEVIATION_TOO_SLOW: another,
-        Kind.FORCE_NOT_LINEAR: phrase("fit a shorter section of the motion, or speeds in place of positions"),
-        Kind.COUNTS_SCATTER: phrase("look at the pulls: possible causes are a wrong curve, a bin that is too wide for it, dead time, or "
-                                    "events that come in bursts"),
-        Kind.FORCE_TOO_LARGE: phrase("look at the figure of the force: the stated values of body, tilt and start may be wrong"),
+        Kind.FORCE_NOT_LINEAR: phrase(
+            "fit a shorter section of the motion, or speeds in place of positions"
+        ),
+        Kind.COUNTS_SCATTER: phrase(
+            "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
+            "for it, dead time, or "
+            "events that come in bursts"
+        ),
+        Kind.FORCE_TOO_LARGE: phrase(
+            "look at the figure of the force: the stated values of body, tilt and start "
+            "may be wrong"
+        ),
         Kind.NOISE_TOO_LARGE: phrase("look for readings that jump, and exclude them by a window"),
-        Kind.STATED_DISAGREE: phrase("check the stated values: unit and uncertainty of each, and the scale and zero of the data"),
-        Kind.PRESSED_EDGE: phrase("if values beyond the edge are possible, widen the prior; if not, look for what is wrong"),
+        Kind.STATED_DISAGREE: phrase(
+            "check the stated values: unit and uncertainty of each, and the scale and zero "
+            "of the data"
+        ),
+        Kind.PRESSED_EDGE: phrase(
+            "if values beyond the edge are possible, widen the prior; if not, look for "
+            "what is wrong"
+        ),
     }
 
 
@@ -34,7 +57,9 @@ def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
     """What to do first about `findings`, gravest first; "" where there are none."""
     if not findings:
         return ""
-    tests = {one.test for one in findings if one.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)}
+    tests = {
+        one.test for one in findings if one.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)
+    }
     if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
         return phrase("look at the outlying reading")
     if findings[0].test in tests <= {"uneven", "repeated"}:

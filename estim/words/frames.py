@@ -16,33 +16,51 @@ def _where(f: Finding) -> str:
 
 
 def _shift(f: Finding) -> str:
-    counts = phrase(", {counts:+.1f} counts of the encoder", counts=f.numbers["counts"]) if f.numbers["counts"] else ""
+    counts = (
+        phrase(", {counts:+.1f} counts of the encoder", counts=f.numbers["counts"])
+        if f.numbers["counts"]
+        else ""
+    )
     sign = "+" if f.size > 0.0 else ""
     return f"{sign}{format_quantity(f.size, f.numbers['sd'])} {f.names[0]}{counts} (P = {f.p:.3f})"
 
 
 def _frame(f: Finding) -> str:
     off = phrase(
-        "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: the frame stays in the fit, and its "
+        "run {run}: the frame at {where} is displaced by {shift}; the data are not "
+        "altered: the frame stays in the fit, and its "
         "displacement is an additional unknown",
-        run=f.run, where=_where(f), shift=_shift(f),
+        run=f.run,
+        where=_where(f),
+        shift=_shift(f),
     )
     t = f.numbers["t"]
-    return off if math.isnan(t) else off + phrase("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run", t=t)
+    return (
+        off
+        if math.isnan(t)
+        else off
+        + phrase("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run", t=t)
+    )
 
 
 def _windows(f: Finding) -> str:
     return phrase(
-        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = {t:.6g}}} those after it",
-        before=f.numbers["before"], t=f.numbers["t"],
+        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
+        "{t:.6g}}} those after it",
+        before=f.numbers["before"],
+        t=f.numbers["t"],
     )
 
 
 def _step(f: Finding) -> str:
     return phrase(
-        "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; the data are not altered: the displacement "
+        "run {run}: from the frame at {where} onwards all readings are displaced by "
+        "{shift}; the data are not altered: the displacement "
         "is an additional unknown; {windows}",
-        run=f.run, where=_where(f), shift=_shift(f), windows=_windows(f),
+        run=f.run,
+        where=_where(f),
+        shift=_shift(f),
+        windows=_windows(f),
     )
 
 
@@ -50,20 +68,34 @@ def _lost(f: Finding) -> str:
     frames, sd = f.numbers["frames"], f.numbers["sd_frames"]
     n = format_quantity(abs(frames), sd)
     return phrase(
-        "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P = {p:.3f}); the data are not altered: the "
+        "run {run}: before the frame at {where} {what}, but the time stamps do not show it "
+        "(P = {p:.3f}); the data are not altered: the "
         "time offset is an additional unknown; {windows}",
-        run=f.run, where=_where(f), p=f.p, windows=_windows(f),
-        what=phrase("{n} frames were lost", n=n) if frames > 0.0 else phrase("{n} frames were counted twice", n=n),
+        run=f.run,
+        where=_where(f),
+        p=f.p,
+        windows=_windows(f),
+        what=phrase("{n} frames were lost", n=n)
+        if frames > 0.0
+        else phrase("{n} frames were counted twice", n=n),
     )
 
 
 def _crowd(f: Finding) -> str:
     return phrase(
-        "run {run}: more than {n:.0f} frames are displaced: these are not isolated errors; the readings scatter more than "
-        "stated", run=f.run, n=f.size
+        "run {run}: more than {n:.0f} frames are displaced: these are not isolated errors; "
+        "the readings scatter more than "
+        "stated",
+        run=f.run,
+        n=f.size,
     )
 
 
 WORDS: Table = MappingProxyType(
-    {Kind.FRAME_OFF: _frame, Kind.STEP_STAYS: _step, Kind.FRAMES_LOST: _lost, Kind.FRAMES_CROWD: _crowd}
+    {
+        Kind.FRAME_OFF: _frame,
+        Kind.STEP_STAYS: _step,
+        Kind.FRAMES_LOST: _lost,
+        Kind.FRAMES_CROWD: _crowd,
+    }
 )

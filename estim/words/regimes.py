@@ -1,4 +1,6 @@
-"""The place of a run on the map of motions in words: what it should do, and what its recording shows."""
+"""The place of a run on the map of motions in words: what it should do, and what its recording
+shows.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,15 @@ from estim.words.table import Table
 
 def sure(p: float) -> str:
     """A probability in words: 'P > 0.999', 'P = 0.87'."""
-    return "P > 0.999" if p > 0.999 else "P < 0.001" if p < 0.001 else f"P = {p:.3f}" if p > 0.99 or p < 0.01 else f"P = {p:.2f}"
+    return (
+        "P > 0.999"
+        if p > 0.999
+        else "P < 0.001"
+        if p < 0.001
+        else f"P = {p:.3f}"
+        if p > 0.99 or p < 0.01
+        else f"P = {p:.2f}"
+    )
 
 
 def _off(f: Finding) -> str:
@@ -19,13 +29,21 @@ def _off(f: Finding) -> str:
     said = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
     if n["sets_off"] < 0.5:
         return phrase(
-            "run {run}: with these values it should not start in this direction, but its recording extends to {farthest:.3g} m ({sure})", **said
+            "run {run}: with these values it should not start in this direction, but its "
+            "recording extends to {farthest:.3g} m ({sure})",
+            **said,
         )
     if math.isnan(n["expected"]):
-        return phrase("run {run}: with these values it should keep rolling, but its recording extends only to {farthest:.3g} m ({sure})", **said)
+        return phrase(
+            "run {run}: with these values it should keep rolling, but its recording "
+            "extends only to {farthest:.3g} m ({sure})",
+            **said,
+        )
     return phrase(
-        "run {run}: with these values it should turn back at {expected:.3g} m, but its recording extends to {farthest:.3g} m ({sure})",
-        expected=n["expected"], **said,
+        "run {run}: with these values it should turn back at {expected:.3g} m, but its "
+        "recording extends to {farthest:.3g} m ({sure})",
+        expected=n["expected"],
+        **said,
     )
 
 

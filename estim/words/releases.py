@@ -13,34 +13,54 @@ _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
 
 def _silent(f: Finding) -> str:
     n = int(f.numbers["n_trial"])
-    outcome = phrase("none of {n}", n=n) if f.size == 0 else phrase("all of {n}", n=n) if f.size == n else phrase("{k:.0f} of {n}", k=f.size, n=n)
+    outcome = (
+        phrase("none of {n}", n=n)
+        if f.size == 0
+        else phrase("all of {n}", n=n)
+        if f.size == n
+        else phrase("{k:.0f} of {n}", k=f.size, n=n)
+    )
     return phrase(
-        "the trials do not determine gamma: {outcome} climbed, and the standard deviation of gamma is still {share:.0f} % of its prior value",
-        outcome=outcome, share=100 * f.numbers["share"],
+        "the trials do not determine gamma: {outcome} climbed, and the standard deviation "
+        "of gamma is still {share:.0f} % of its prior value",
+        outcome=outcome,
+        share=100 * f.numbers["share"],
     )
 
 
 def _scatter(f: Finding) -> str:
     return phrase(
-        "the trials scatter by {size:.2g}°, more than {factor:g} times the stated {stated:.2g}°: no line separates the trials that "
+        "the trials scatter by {size:.2g}°, more than {factor:g} times the stated "
+        "{stated:.2g}°: no line separates the trials that "
         "climbed from those that did not",
-        size=f.size, factor=f.numbers["factor"], stated=f.numbers["stated"],
+        size=f.size,
+        factor=f.numbers["factor"],
+        stated=f.numbers["stated"],
     )
 
 
 def _trials(f: Finding) -> str:
-    found, stated = (format_quantity(f.numbers[which], f.numbers[f"u_{which}"]) for which in ("trials", "stated"))
+    found, stated = (
+        format_quantity(f.numbers[which], f.numbers[f"u_{which}"]) for which in ("trials", "stated")
+    )
     return phrase(
-        "γ of the trials, {found}, and γ as stated, {stated}, disagree: E_n = {e_n:+.1f}; the trials do not use the stated value",
-        found=found, stated=stated, e_n=f.size,
+        "γ of the trials, {found}, and γ as stated, {stated}, disagree: E_n = {e_n:+.1f}; "
+        "the trials do not use the stated value",
+        found=found,
+        stated=stated,
+        e_n=f.size,
     )
 
 
 def _ends(f: Finding) -> str:
     return phrase(
-        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = {e_n:+.1f}): a zero error of the angle (the "
-        "plumb line), or an effect of the release on the angle that differs at θ_max, would explain it",
-        apart=format_quantity(f.numbers["apart"], f.numbers["u_apart"]), sds=f.numbers["sds"], e_n=f.size,
+        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
+        "{e_n:+.1f}): a zero error of the angle (the "
+        "plumb line), or an effect of the release on the angle that differs at θ_max, "
+        "would explain it",
+        apart=format_quantity(f.numbers["apart"], f.numbers["u_apart"]),
+        sds=f.numbers["sds"],
+        e_n=f.size,
     )
 
 
@@ -49,12 +69,24 @@ _SHARES = MappingProxyType(
         "rolling_resistance": (
             later("c_rr is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
             later("c_rr depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
-            later("c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
+            later(
+                "c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % "
+                "of the prior's)"
+            ),
         ),
         "release": (
-            later("the effect of the release is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
-            later("the effect of the release depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
-            later("the effect of the release is hardly constrained beyond its prior (posterior sd {share:.0f} % of the prior's)"),
+            later(
+                "the effect of the release is constrained by the trials (posterior sd "
+                "{share:.0f} % of the prior's)"
+            ),
+            later(
+                "the effect of the release depends partly on its prior (posterior sd "
+                "{share:.0f} % of the prior's)"
+            ),
+            later(
+                "the effect of the release is hardly constrained beyond its prior "
+                "(posterior sd {share:.0f} % of the prior's)"
+            ),
         ),
     }
 )
@@ -63,25 +95,49 @@ _SHARES = MappingProxyType(
 def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
     """What trials say of c_rr and of the release, each by itself: sentences.
 
-    shares : posterior over prior standard deviation, of "rolling_resistance" and "release" where they are free.
+    shares : posterior over prior standard deviation, of "rolling_resistance" and "release" where
+        they are free.
     correlation : of the two in the posterior; nan where one of them is not free.
     """
     said, shown = [], signed(f"{correlation:+.2f}")
     for name, share in shares.items():
         if name in _SHARES:
-            said.append(phrase(_SHARES[name][(share >= _LEARNT) + (share >= _SILENT)], share=100 * share))
+            said.append(
+                phrase(_SHARES[name][(share >= _LEARNT) + (share >= _SILENT)], share=100 * share)
+            )
     if math.isnan(correlation):
-        said.append(phrase("only one of c_rr and the release is free here, so it absorbs everything that raises the angles, whatever the cause"))
+        said.append(
+            phrase(
+                "only one of c_rr and the release is free here, so it absorbs everything "
+                "that raises the angles, whatever the cause"
+            )
+        )
     elif correlation < -_LEARNT:
-        said.append(phrase("the two are strongly correlated ({r}), so only their sum is well determined", r=shown))
+        said.append(
+            phrase(
+                "the two are strongly correlated ({r}), so only their sum is well determined",
+                r=shown,
+            )
+        )
     elif max(shares.get(name, 0.0) for name in _SHARES) > _LEARNT:
-        said.append(phrase("the two are only weakly correlated ({r}), but because their priors constrain them, not because the trials "
-                           "distinguish them", r=shown))
+        said.append(
+            phrase(
+                "the two are only weakly correlated ({r}), but because their priors "
+                "constrain them, not because the trials "
+                "distinguish them",
+                r=shown,
+            )
+        )
     else:
         said.append(phrase("the trials distinguish the two (correlation {r})", r=shown))
     return said
 
 
 WORDS: Table = MappingProxyType(
-    {Kind.TRIALS_SILENT: _silent, Kind.TRIALS_SCATTER: _scatter, Kind.TRIALS_DISAGREE: _trials, Kind.ENDS_DISAGREE: _ends}
+    {
+        Kind.TRIALS_SILENT: _silent,
+        Kind.TRIALS_SCATTER: _scatter,
+        Kind.TRIALS_DISAGREE: _trials,
+        Kind.ENDS_DISAGREE: _ends,
+    }
 )

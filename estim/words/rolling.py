@@ -13,39 +13,58 @@ def _needs(f: Finding) -> str:
     n = f.numbers
     said = {"where": n["where"], "unit": f.names[0]}
     if math.isinf(n["typical"]):
-        return phrase("near {where:.2g} {unit} no friction is sufficient: the ramp would have to pull on the body", **said)
+        return phrase(
+            "near {where:.2g} {unit} no friction is sufficient: the ramp would have to "
+            "pull on the body",
+            **said,
+        )
     if math.isinf(n["enough"]):
         return phrase(
-            "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} {unit} along the path; no friction "
+            "rolling requires a friction coefficient of about {typical:.2g}, near "
+            "{where:.2g} {unit} along the path; no friction "
             "coefficient is sufficient with probability 95 %",
-            typical=n["typical"], **said,
+            typical=n["typical"],
+            **said,
         )
     return phrase(
-        "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} {unit} along the path; {enough:.2g} is "
+        "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
+        "{unit} along the path; {enough:.2g} is "
         "sufficient with probability 95 %",
-        typical=n["typical"], enough=n["enough"], **said,
+        typical=n["typical"],
+        enough=n["enough"],
+        **said,
     )
 
 
 def _sure(p: float) -> str:
-    return phrase("above 0.995") if p > 0.995 else f"{p:.2f}" if p >= 0.005 else phrase("below 0.005")
+    return (
+        phrase("above 0.995") if p > 0.995 else f"{p:.2f}" if p >= 0.005 else phrase("below 0.005")
+    )
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.FRICTION_NEEDED: lambda f: phrase("run {run}: {needs}", run=f.run, needs=_needs(f)),
         Kind.ROLLING_SURE: lambda f: phrase(
-            "run {run}: with the stated friction, the probability of rolling without slipping is {p}; {needs}",
-            run=f.run, p=_sure(f.p), needs=_needs(f),
+            "run {run}: with the stated friction, the probability of rolling without "
+            "slipping is {p}; {needs}",
+            run=f.run,
+            p=_sure(f.p),
+            needs=_needs(f),
         ),
         Kind.ROLLING_DOUBTFUL: lambda f: phrase(
-            "run {run}: with the stated friction, the probability of rolling without slipping is only {p}, while the curve assumes "
+            "run {run}: with the stated friction, the probability of rolling without "
+            "slipping is only {p}, while the curve assumes "
             "rolling without slipping; {needs}",
-            run=f.run, p=_sure(f.p), needs=_needs(f),
+            run=f.run,
+            p=_sure(f.p),
+            needs=_needs(f),
         ),
         Kind.ROLLING_HOPS: lambda f: phrase(
-            "run {run}: on the fitted curve the body would leave the ramp with probability {p:.2f}, while the curve assumes that it does not",
-            run=f.run, p=f.numbers["hops"],
+            "run {run}: on the fitted curve the body would leave the ramp with probability "
+            "{p:.2f}, while the curve assumes that it does not",
+            run=f.run,
+            p=f.numbers["hops"],
         ),
     }
 )

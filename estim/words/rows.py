@@ -14,15 +14,22 @@ _WHY = MappingProxyType(
         Kind.OUTSIDE_WINDOW: later("{n:.0f} outside the stated window"),
         Kind.LEFT_OUT: later("{n:.0f} excluded by leave_out_s"),
         Kind.WAY_BACK: later("{n:.0f} after the farthest point (the way back is another motion)"),
-        Kind.BESIDE_RELEASE: later("{n:.0f} less than five standard deviations of a reading away from the release"),
-        Kind.BESIDE_TURNING: later("{n:.0f} less than five standard deviations of a reading away from the turning point"),
+        Kind.BESIDE_RELEASE: later(
+            "{n:.0f} less than five standard deviations of a reading away from the release"
+        ),
+        Kind.BESIDE_TURNING: later(
+            "{n:.0f} less than five standard deviations of a reading away from the turning point"
+        ),
     }
 )
 
 
 def _without_speed(f: Finding) -> str:
     return phrase(
-        "{n:.0f} at the ends or next to a missing frame, where the {stencil} derivative cannot be computed", n=f.size, stencil=phrase(f.test)
+        "{n:.0f} at the ends or next to a missing frame, where the {stencil} derivative "
+        "cannot be computed",
+        n=f.size,
+        stencil=phrase(f.test),
     )
 
 
@@ -31,7 +38,15 @@ def _left_out(f: Finding) -> str:
 
 
 def _between(f: Finding) -> str:
-    return phrase("{n:.0f} in between: one in every {every:.0f} is fitted", n=f.size, every=f.numbers["every"])
+    return phrase(
+        "{n:.0f} in between: one in every {every:.0f} is fitted", n=f.size, every=f.numbers["every"]
+    )
 
 
-WORDS: Table = MappingProxyType({Kind.NO_DERIVATIVE: _without_speed, Kind.ROWS_BETWEEN: _between, **dict.fromkeys(_WHY, _left_out)})
+WORDS: Table = MappingProxyType(
+    {
+        Kind.NO_DERIVATIVE: _without_speed,
+        Kind.ROWS_BETWEEN: _between,
+        **dict.fromkeys(_WHY, _left_out),
+    }
+)

@@ -6,15 +6,32 @@ from estim.common import PhraseTable, Status, later
 
 STATUS_WORDS = PhraseTable(
     {
-        Status.CONTRADICTION: later("the data contradict the stated values: no number below is a valid result"),
-        Status.NOT_CONVERGED: later("the computation was not completed: no number below is a valid result"),
-        Status.METHODS_DISAGREE: later("two methods that should agree do not: no number below is a valid result"),
-        Status.MULTIMODAL: later("several separate solutions fit the data: no single number below is a valid result"),
-        Status.NOT_IDENTIFIED: later("data and priors do not determine the parameters: no number below is a valid result"),
-        Status.POOR_FIT: later("the curve does not fit the data: no number below is a valid result"),
-        Status.AT_BOUND: later("the data push a parameter against the edge of its range by more than chance would explain: no number "
-                               "below is a valid result"),
-        Status.NOT_CALIBRATED: later("the intervals do not have their nominal coverage of simulated true values"),
+        Status.CONTRADICTION: later(
+            "the data contradict the stated values: no number below is a valid result"
+        ),
+        Status.NOT_CONVERGED: later(
+            "the computation was not completed: no number below is a valid result"
+        ),
+        Status.METHODS_DISAGREE: later(
+            "two methods that should agree do not: no number below is a valid result"
+        ),
+        Status.MULTIMODAL: later(
+            "several separate solutions fit the data: no single number below is a valid result"
+        ),
+        Status.NOT_IDENTIFIED: later(
+            "data and priors do not determine the parameters: no number below is a valid result"
+        ),
+        Status.POOR_FIT: later(
+            "the curve does not fit the data: no number below is a valid result"
+        ),
+        Status.AT_BOUND: later(
+            "the data push a parameter against the edge of its range by more than chance "
+            "would explain: no number "
+            "below is a valid result"
+        ),
+        Status.NOT_CALIBRATED: later(
+            "the intervals do not have their nominal coverage of simulated true values"
+        ),
         Status.OK: later("the result can be used as it stands"),
     }
 )

@@ -1,6 +1,7 @@
 """A finding as a sentence, and what to do about it.
 
-Advice that names a choice of the reader speaks of options at the command line and of arguments in Python (`Voice`).
+Advice that names a choice of the reader speaks of options at the command line and of arguments in
+Python (`Voice`).
 """
 
 from __future__ import annotations
@@ -10,36 +11,64 @@ from enum import StrEnum, auto
 from types import MappingProxyType
 
 from estim.common import Finding, Kind, later, phrase
-from estim.words import agreement, causes, deviations, draws, forces, frames, lines, parameters, regimes, releases, residuals, rolling, rows, trials
+from estim.words import (
+    agreement,
+    causes,
+    deviations,
+    draws,
+    forces,
+    frames,
+    lines,
+    parameters,
+    regimes,
+    releases,
+    residuals,
+    rolling,
+    rows,
+    trials,
+)
 from estim.words.table import Table, filled
 
-_NOT_RANDOM = later("look at the residuals: a bad frame, a wrong window, or an effect that the curve does not model; the uncertainties "
-                    "assume random errors")
-_ONE_RUN = later("fit the disagreeing run alone, and check its file and its stated values; leave it out only for a reason found there")
+_NOT_RANDOM = later(
+    "look at the residuals: a bad frame, a wrong window, or an effect that the curve does "
+    "not model; the uncertainties "
+    "assume random errors"
+)
+_ONE_RUN = later(
+    "fit the disagreeing run alone, and check its file and its stated values; leave it out "
+    "only for a reason found there"
+)
 _SEED, _STEPS, _CORRELATED, _ROBUST = "{seed}", "{steps}", "{correlated}", "{robust}"
 _ANOTHER = later(
-    "try another curve: in simulations with a wrong curve, intervals that allow for a deviation seldom contained the true value"
+    "try another curve: in simulations with a wrong curve, intervals that allow for a "
+    "deviation seldom contained the true value"
 )
 _ONE_FAR_OFF = later(
-    "look at the outlying reading; if single readings may be blunders, allow for outliers ({robust}): each is named and has hardly any weight"
+    "look at the outlying reading; if single readings may be blunders, allow for outliers "
+    "({robust}): each is named and has hardly any weight"
 )
 _OF_TEST: Mapping[str, str] = MappingProxyType(
     {
         "largest": _ONE_FAR_OFF,
         "uneven": later(
-            "state the standard deviation of each reading (a column of u_y), for example as a fraction of the reading; if it is "
+            "state the standard deviation of each reading (a column of u_y), for example "
+            "as a fraction of the reading; if it is "
             "proportional to y, fitting the logarithm of y makes it uniform"
         ),
         "repeated": later(
-            "readings at the same x share an error, or the curve is wrong: if the curve is known to be right, fit the mean of the "
-            "readings at each x without u_y, so that the scatter of the means about the curve determines the size of their errors"
+            "readings at the same x share an error, or the curve is wrong: if the curve is "
+            "known to be right, fit the mean of the "
+            "readings at each x without u_y, so that the scatter of the means about the "
+            "curve determines the size of their errors"
         ),
     }
 )  # what to do about a curve whose residuals fail one test
 
 
 class Voice(StrEnum):
-    """To whom advice is given: `COMMANDS`, a person at the command line; `PYTHON`, one who calls functions."""
+    """To whom advice is given: `COMMANDS`, a person at the command line; `PYTHON`, one who calls
+    functions.
+    """
 
     COMMANDS = auto()
     PYTHON = auto()
@@ -48,114 +77,191 @@ class Voice(StrEnum):
 _CHOICES = MappingProxyType(
     {
         Voice.COMMANDS: {
-            _SEED: "--seed", _STEPS: "--max-steps", _CORRELATED: later("correlated = true in [curve]"),
+            _SEED: "--seed",
+            _STEPS: "--max-steps",
+            _CORRELATED: later("correlated = true in [curve]"),
             _ROBUST: later('robust = "mixture" in [curve]'),
         },
-        Voice.PYTHON: {_SEED: "seed=", _STEPS: "target=Target(max_step=...)", _CORRELATED: "correlated=True", _ROBUST: 'robust="mixture"'},
+        Voice.PYTHON: {
+            _SEED: "seed=",
+            _STEPS: "target=Target(max_step=...)",
+            _CORRELATED: "correlated=True",
+            _ROBUST: 'robust="mixture"',
+        },
     }
 )
 
 WORDS: Table = MappingProxyType(
     {
-        **parameters.WORDS, **draws.WORDS, **residuals.WORDS, **forces.WORDS, **deviations.WORDS, **causes.WORDS, **frames.WORDS,
-        **agreement.WORDS, **lines.WORDS, **trials.WORDS, **rows.WORDS, **rolling.WORDS, **regimes.WORDS, **releases.WORDS,
+        **parameters.WORDS,
+        **draws.WORDS,
+        **residuals.WORDS,
+        **forces.WORDS,
+        **deviations.WORDS,
+        **causes.WORDS,
+        **frames.WORDS,
+        **agreement.WORDS,
+        **lines.WORDS,
+        **trials.WORDS,
+        **rows.WORDS,
+        **rolling.WORDS,
+        **regimes.WORDS,
+        **releases.WORDS,
     }
 )
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
-        Kind.FIT_UNSETTLED: later("check the starting values and the priors; a parameter that still changes may need a limit"),
+        Kind.FIT_UNSETTLED: later(
+            "check the starting values and the priors; a parameter that still changes may "
+            "need a limit"
+        ),
         Kind.STEP_UNSETTLED: later("give it limits, or try other starting values"),
         Kind.ROUNDING: later(
-            "set limits on parameters that became far too large, or write the formula in x - x0, with x0 in the middle of the data"
+            "set limits on parameters that became far too large, or write the formula in x "
+            "- x0, with x0 in the middle of the data"
         ),
         Kind.VALUE_OUTSIDE: later("try other starting values"),
         Kind.CHAIN_SHORT: later(
-            "increase {steps}; if that does not help, look at the trace plots: a parameter that drifts needs a tighter prior or more data"
+            "increase {steps}; if that does not help, look at the trace plots: a parameter "
+            "that drifts needs a tighter prior or more data"
         ),
         Kind.WALKERS_STUCK: later("repeat with another {seed}, and look at the trace plots"),
         Kind.METHODS_DIFFER: later(
-            "try another {seed} and a higher {steps}; if they still differ, report it as a bug: one of two computations of the same "
+            "try another {seed} and a higher {steps}; if they still differ, report it as a "
+            "bug: one of two computations of the same "
             "quantity is wrong"
         ),
-        Kind.SLOPES_DIFFER: later("the priors of the Bayesian line influence the result: take more points"),
-        Kind.SEVERAL_SOLUTIONS: later(
-            "choose between the solutions by a prior (a range that contains one of them) or by a further measurement, and fit again"
+        Kind.SLOPES_DIFFER: later(
+            "the priors of the Bayesian line influence the result: take more points"
         ),
-        Kind.DIRECTION_FLAT: later("state one of these parameters as a measured value with its uncertainty (a uniform range does not count)"),
-        Kind.SINGULAR: later("state at least one of the parameters with an uncertainty; the table of correlations shows which are correlated"),
+        Kind.SEVERAL_SOLUTIONS: later(
+            "choose between the solutions by a prior (a range that contains one of them) "
+            "or by a further measurement, and fit again"
+        ),
+        Kind.DIRECTION_FLAT: later(
+            "state one of these parameters as a measured value with its uncertainty (a "
+            "uniform range does not count)"
+        ),
+        Kind.SINGULAR: later(
+            "state at least one of the parameters with an uncertainty; the table of "
+            "correlations shows which are correlated"
+        ),
         Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
         Kind.HARDLY_HELD: later("give it limits, or a prior"),
-        Kind.OPEN_SIDE: later("state its value with an uncertainty, or a limit; or fit a simpler curve without the term that the data do not show"),
-        Kind.LINE_NOT_RISING: later("gamma = 1/slope requires a slope that is definitely positive: measure at more tilts and at steeper ones"),
+        Kind.OPEN_SIDE: later(
+            "state its value with an uncertainty, or a limit; or fit a simpler curve "
+            "without the term that the data do not show"
+        ),
+        Kind.LINE_NOT_RISING: later(
+            "gamma = 1/slope requires a slope that is definitely positive: measure at more "
+            "tilts and at steeper ones"
+        ),
         Kind.RESIDUALS_ZERO: later(
-            "use the readings themselves, not numbers computed or smoothed from the curve; simulated data need simulated errors added"
+            "use the readings themselves, not numbers computed or smoothed from the curve; "
+            "simulated data need simulated errors added"
         ),
         Kind.RESIDUALS_TOO_LARGE: later(
-            "the residuals look random, but larger than stated: if nothing in the file explains this, let the data determine the size of "
-            "the errors, by a prior in place of the number, for example sigma_x_m = {prior = \"log-normal\", median = 0.001, log_sd = "
+            "the residuals look random, but larger than stated: if nothing in the file "
+            "explains this, let the data determine the size of "
+            "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
+            '= "log-normal", median = 0.001, log_sd = '
             "1.0} (in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
         Kind.CURVE_LACKS: later(
-            "look at the residuals for a bad reading or a wrong window; otherwise try another curve, because this one does not fit. Keep "
-            "it only if the formula is known to be right: if successive readings are correlated, use {correlated}; if something "
-            "irregular disturbs y and its size is known from elsewhere, not from these residuals, state that size (deviation)"
+            "look at the residuals for a bad reading or a wrong window; otherwise try "
+            "another curve, because this one does not fit. Keep "
+            "it only if the formula is known to be right: if successive readings are "
+            "correlated, use {correlated}; if something "
+            "irregular disturbs y and its size is known from elsewhere, not from these "
+            "residuals, state that size (deviation)"
         ),
         Kind.DEVIATION_TOO_LARGE: _ANOTHER,
         Kind.DEVIATION_TOO_SLOW: _ANOTHER,
         Kind.FORCE_NOT_LINEAR: later(
-            "fit a shorter section of the motion (a window that ends at the turning point), or speeds in place of positions, and look "
+            "fit a shorter section of the motion (a window that ends at the turning "
+            "point), or speeds in place of positions, and look "
             "for a defect of the ramp: the figure of the force shows where"
         ),
         Kind.FRAMES_CROWD: later(
-            "check the file and the window for a section that belongs to another motion, or for a stated reading error that is too small"
+            "check the file and the window for a section that belongs to another motion, "
+            "or for a stated reading error that is too small"
         ),
-        Kind.CHI2_TOO_LARGE: later("look at the residuals; if they are random, leave u_y out, and their size determines how large the errors are"),
+        Kind.CHI2_TOO_LARGE: later(
+            "look at the residuals; if they are random, leave u_y out, and their size "
+            "determines how large the errors are"
+        ),
         Kind.COUNTS_SCATTER: later(
-            "look at the pulls: possible causes are a wrong curve, a bin that is too wide for it, dead time, or events that come in "
-            "bursts; if none of these can be remedied, fit the counts as readings without u_y, and their scatter determines how large "
+            "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
+            "for it, dead time, or events that come in "
+            "bursts; if none of these can be remedied, fit the counts as readings without "
+            "u_y, and their scatter determines how large "
             "the errors are"
         ),
-        Kind.SCATTER_TOO_LARGE: later("the curve does not describe this motion, or the stated resolution of the instrument is much too optimistic"),
+        Kind.SCATTER_TOO_LARGE: later(
+            "the curve does not describe this motion, or the stated resolution of the "
+            "instrument is much too optimistic"
+        ),
         Kind.FORCE_TOO_LARGE: later(
-            "look at the figure of the force: the stated values of body, tilt and start may be wrong, or something drives the body; if "
+            "look at the figure of the force: the stated values of body, tilt and start "
+            "may be wrong, or something drives the body; if "
             "so large a force is plausible, state it by unmodelled_force"
         ),
         Kind.NOISE_TOO_LARGE: later(
-            "look for readings that jump (lost counts, a mark mistaken for another) and exclude them by a window; otherwise state the "
+            "look for readings that jump (lost counts, a mark mistaken for another) and "
+            "exclude them by a window; otherwise state the "
             "actual error of a reading"
         ),
-        Kind.OUTLIERS_CROWD: later("exclude by a window the frames that do not belong to the motion; robust noise is meant for a "
-                                   "minority of bad frames"),
+        Kind.OUTLIERS_CROWD: later(
+            "exclude by a window the frames that do not belong to the motion; robust noise "
+            "is meant for a "
+            "minority of bad frames"
+        ),
         Kind.RUNS_DISAGREE: _ONE_RUN,
         Kind.RUN_DISAGREES: _ONE_RUN,
         Kind.RUNS_TIED: _ONE_RUN,
         Kind.RUNS_AGAINST_STATED: _ONE_RUN,
         Kind.STATED_DISAGREE: later(
-            "check the stated value: its unit, its uncertainty, and the scale and zero of the data; a compromise between two values that "
+            "check the stated value: its unit, its uncertainty, and the scale and zero of "
+            "the data; a compromise between two values that "
             "disagree is neither of them"
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
         Kind.RUN_OFF_MAP: later(
-            "check its tilt (including the sign), its angle of release (the direction in which it is measured) and gamma; a fit of the "
+            "check its tilt (including the sign), its angle of release (the direction in "
+            "which it is measured) and gamma; a fit of the "
             "run shows which of them is wrong"
         ),
-        Kind.GAMMA_TOO_LARGE: later("are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?"),
-        Kind.TRIALS_SILENT: later("choose angles on both sides of the threshold of climbing: some trials must climb and some must not, "
-                                  "at two or more tilts"),
+        Kind.GAMMA_TOO_LARGE: later(
+            "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of "
+            "them wrong?"
+        ),
+        Kind.TRIALS_SILENT: later(
+            "choose angles on both sides of the threshold of climbing: some trials must "
+            "climb and some must not, "
+            "at two or more tilts"
+        ),
         Kind.TRIALS_SCATTER: later(
-            "look for a trial whose outcome or angle was recorded wrongly, and for a tilt that was read wrongly; otherwise state a "
+            "look for a trial whose outcome or angle was recorded wrongly, and for a tilt "
+            "that was read wrongly; otherwise state a "
             "larger u_theta_deg"
         ),
         Kind.POINTS_SCATTER: later("check the uncertainties and look for a bad point"),
         Kind.PRESSED_EDGE: later(
-            "if values beyond the edge are possible, widen the prior; if not, something else is wrong: a stated value, a scale or the curve"
+            "if values beyond the edge are possible, widen the prior; if not, something "
+            "else is wrong: a stated value, a scale or the curve"
         ),
         Kind.PRESSED_LIMIT: later("is the limit right?"),
-        Kind.RANKS_UNEVEN: later("do not quote this interval: the priors, the noise or the curve are not those of the simulated data"),
+        Kind.RANKS_UNEVEN: later(
+            "do not quote this interval: the priors, the noise or the curve are not those "
+            "of the simulated data"
+        ),
         Kind.COVERAGE_OFF: later("do not quote this interval with its nominal probability"),
-        Kind.TRIALS_FAILED: later("state narrower priors: where they allow values for which the curve cannot be computed, there is no posterior"),
+        Kind.TRIALS_FAILED: later(
+            "state narrower priors: where they allow values for which the curve cannot be "
+            "computed, there is no posterior"
+        ),
     }
 )
 

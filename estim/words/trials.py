@@ -26,24 +26,44 @@ def direction_words(direction: str) -> str:
 
 def _uneven(f: Finding) -> str:
     return phrase(
-        "{name}: {how} (ranks not uniform, {p})", name=f.parameters[0].name, how=direction_words(f.test) or phrase("uneven"), p=format_p(f.p)
+        "{name}: {how} (ranks not uniform, {p})",
+        name=f.parameters[0].name,
+        how=direction_words(f.test) or phrase("uneven"),
+        p=format_p(f.p),
     )
 
 
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
-    said = {"name": f.parameters[0].name, "how": direction_words(f.test), "p": 100 * p, "held": 100 * held, "errors": f.numbers["errors"]}
+    said = {
+        "name": f.parameters[0].name,
+        "how": direction_words(f.test),
+        "p": 100 * p,
+        "held": 100 * held,
+        "errors": f.numbers["errors"],
+    }
     if held < p:
         return phrase(
-            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo standard deviations too few)", **said
+            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
+            "Monte-Carlo standard deviations too few)",
+            **said,
         )
-    return phrase("{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo standard deviations too many)", **said)
+    return phrase(
+        "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
+        "Monte-Carlo standard deviations too many)",
+        **said,
+    )
 
 
 def _failed(f: Finding) -> str:
     return phrase(
-        "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {why}", n=f.size, trials=f.numbers["trials"], why=f.names[0]
+        "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {why}",
+        n=f.size,
+        trials=f.numbers["trials"],
+        why=f.names[0],
     )
 
 
-WORDS: Table = MappingProxyType({Kind.RANKS_UNEVEN: _uneven, Kind.COVERAGE_OFF: _coverage, Kind.TRIALS_FAILED: _failed})
+WORDS: Table = MappingProxyType(
+    {Kind.RANKS_UNEVEN: _uneven, Kind.COVERAGE_OFF: _coverage, Kind.TRIALS_FAILED: _failed}
+)

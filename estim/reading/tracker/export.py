@@ -1,8 +1,10 @@
-"""Text exports of the program Tracker: tables of t, x, y, ... with or without a line of track names, in every dialect.
+"""Text exports of the program Tracker: tables of t, x, y, ... with or without a line of track
+names, in every dialect.
 
-Tabs, semicolons, commas, bars or blanks separate the cells; decimals have a point or a comma, never both.  Columns may come
-in any order; v and a are magnitudes and are not used as speeds.  An export does not say its unit of length unless the
-column's name does (`x (cm)`).  A file that another program has changed is refused with the first sign of it.
+Tabs, semicolons, commas, bars or blanks separate the cells; decimals have a point or a comma, never
+both.  Columns may come in any order; v and a are magnitudes and are not used as speeds.  An export
+does not say its unit of length unless the column's name does (`x (cm)`).  A file that another
+program has changed is refused with the first sign of it.
 """
 
 from __future__ import annotations
@@ -29,18 +31,25 @@ Lines = list[tuple[int, str]]
 
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
-_DATE = re.compile(r"\d{1,4}[./-](\d{1,2}|[^\W\d_]{3,9})\.?([./-]\d{1,4})?|[^\W\d_]{3,9}[./-]\d{2,4}|\d{1,2}\.\s?[^\W\d_]{3,9}\.?")
+_DATE = re.compile(
+    r"\d{1,4}[./-](\d{1,2}|[^\W\d_]{3,9})\.?([./-]\d{1,4})?|[^\W\d_]{3,9}[./-]\d{2,4}|\d{1,2}\.\s?[^\W\d_]{3,9}\.?"
+)
 _DAYS = (36526.0, 54789.0)  # day numbers of a spreadsheet, years 2000 to 2049
 _COLUMNS = ("t", "x", "y", "v", "frame")
 _SECONDS: Mapping[str, float] = {"s": 1.0, "ms": 1e-3}
 _SEARCHED = 10  # lines in which the names of the columns stand
 _LIMIT = 1e6  # m and s
-_SPREADSHEET = "a spreadsheet has changed this file: export the table from Tracker again and do not save it in a spreadsheet"
+_SPREADSHEET = (
+    "a spreadsheet has changed this file: export the table from Tracker again and do "
+    "not save it in a spreadsheet"
+)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """line : number of the line of names.  width : columns.  places : column of t, x, y, v, frame.  units : of t, x, y, as named."""
+    """line : number of the line of names.  width : columns.  places : column of t, x, y, v, frame.
+    units : of t, x, y, as named.
+    """
 
     line: int
     delimiter: str
@@ -51,14 +60,26 @@ class _Layout:
 
 
 def is_export(text: str) -> bool:
-    """Whether a text begins like an export: a line of names with `t` and `x` or `y` among its first lines."""
-    lines = [line for line in lines_of(text[:20_000]) if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    """Whether a text begins like an export: a line of names with `t` and `x` or `y` among its first
+    lines.
+    """
+    lines = [
+        line
+        for line in lines_of(text[:20_000])
+        if line.strip() and not line.lstrip().startswith(("#", "%"))
+    ]
     return any(_is_header(line) for line in lines[:_SEARCHED])
 
 
 def bare_header(text: str) -> tuple[int, str] | None:
-    """Number and text of the line of names of an export with one coordinate and no name of a track above it, as any table may begin; else None."""
-    lines = [(n, line) for n, line in enumerate(lines_of(text[:20_000]), start=1) if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    """Number and text of the line of names of an export with one coordinate and no name of a track
+    above it, as any table may begin; else None.
+    """
+    lines = [
+        (n, line)
+        for n, line in enumerate(lines_of(text[:20_000]), start=1)
+        if line.strip() and not line.lstrip().startswith(("#", "%"))
+    ]
     for i, (number, line) in enumerate(lines[:_SEARCHED]):
         if _is_header(line):
             names = [_named(cell)[0] for cell in _split(line, _delimiter(line))]
@@ -68,12 +89,18 @@ def bare_header(text: str) -> tuple[int, str] | None:
 
 
 def read_export(
-    path: Path, *, track: str | None = None, unit: str | None = None, drop_duplicates: bool = False, shown_as: str | None = None
+    path: Path,
+    *,
+    track: str | None = None,
+    unit: str | None = None,
+    drop_duplicates: bool = False,
+    shown_as: str | None = None,
 ) -> Track:
     """The track in the text export at `path`; `track` chooses where there are several.
 
-    unit : of x and y; metres if neither it nor the column's name says otherwise.  drop_duplicates : leave out rows that
-    are exact copies of the row before.  Raises InputError with file, line, field, rule and value.
+    unit : of x and y; metres if neither it nor the column's name says otherwise.
+    drop_duplicates : leave out rows that are exact copies of the row before.  Raises InputError
+        with file, line, field, rule and value.
     """
     file = shown_as or str(path)
     text, digest = read_text(path, shown_as=file)
@@ -82,24 +109,53 @@ def read_export(
     factor, unit_fact = _length_unit(layout, unit, file)
     data = [(n, line) for n, line in lines if n > layout.line]
     numbers, rows, blank = _rows(data, layout, file)
-    if layout.delimiter == "," and layout.width > len(layout.places) and rows and may_be_decimal_commas(line for _, line in data):
+    if (
+        layout.delimiter == ","
+        and layout.width > len(layout.places)
+        and rows
+        and may_be_decimal_commas(line for _, line in data)
+    ):
         raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], file=file, line=data[0][0])
     copies = 0
     if drop_duplicates:
         numbers, rows, copies = _without_copies(numbers, rows)
-    table = dict(zip(layout.places, np.array(rows, dtype=np.float64).reshape(-1, len(layout.places)).T, strict=True))
+    table = dict(
+        zip(
+            layout.places,
+            np.array(rows, dtype=np.float64).reshape(-1, len(layout.places)).T,
+            strict=True,
+        )
+    )
     scales = {"t": _SECONDS[layout.units.get("t", "s")], "x": factor, "y": factor, "v": factor}
     scaled = {name: column * scales[name] for name, column in table.items() if name in scales}
     _check_size(scaled, np.array(numbers), file)
     frames = table.get("frame")
-    whole = frames is not None and bool(np.all(np.abs(frames) < 1e9)) and bool(np.all(frames == np.rint(frames)))
-    dropped = phrase("1 row that copies the previous one was dropped") if copies == 1 else phrase("{n} rows that copy the previous one were "
-                                                                                            "dropped", n=copies)
+    whole = (
+        frames is not None
+        and bool(np.all(np.abs(frames) < 1e9))
+        and bool(np.all(frames == np.rint(frames)))
+    )
+    dropped = (
+        phrase("1 row that copies the previous one was dropped")
+        if copies == 1
+        else phrase("{n} rows that copy the previous one were dropped", n=copies)
+    )
     warnings = (dropped,) if copies else ()
     return Track(
-        file=file, sha256=digest, name=layout.track, t=scaled["t"], x=scaled.get("x"), y=scaled.get("y"),
-        frames=frames.astype(np.int64) if frames is not None and whole else None, lines=np.array(numbers, dtype=np.int64), speed=scaled.get("v"),
-        calibration=(unit_fact, *([phrase("{n} rows without a position were excluded", n=blank)] if blank else [])), warnings=warnings,
+        file=file,
+        sha256=digest,
+        name=layout.track,
+        t=scaled["t"],
+        x=scaled.get("x"),
+        y=scaled.get("y"),
+        frames=frames.astype(np.int64) if frames is not None and whole else None,
+        lines=np.array(numbers, dtype=np.int64),
+        speed=scaled.get("v"),
+        calibration=(
+            unit_fact,
+            *([phrase("{n} rows without a position were excluded", n=blank)] if blank else []),
+        ),
+        warnings=warnings,
     )
 
 
@@ -111,7 +167,9 @@ def _rows(lines: Lines, layout: _Layout, file: str) -> tuple[list[int], list[lis
     for number, line in lines:
         cells = _cells(line, layout, file, number)
         mark = _decimal_mark(cells, mark, file, number)
-        values = {name: _value(cells[place], name, file, number) for name, place in layout.places.items()}
+        values = {
+            name: _value(cells[place], name, file, number) for name, place in layout.places.items()
+        }
         if any(math.isnan(values[name]) for name in ("x", "y") if name in values):
             blank += 1
             continue
@@ -122,7 +180,9 @@ def _rows(lines: Lines, layout: _Layout, file: str) -> tuple[list[int], list[lis
     return numbers, rows, blank
 
 
-def _without_copies(numbers: list[int], rows: list[list[float]]) -> tuple[list[int], list[list[float]], int]:
+def _without_copies(
+    numbers: list[int], rows: list[list[float]]
+) -> tuple[list[int], list[list[float]], int]:
     """Rows that are no exact copy of the row before (a blank copies a blank)."""
     kept = [0] if rows else []
     for i in range(1, len(rows)):
@@ -182,52 +242,100 @@ def _layout(lines: Lines, wanted: str | None, file: str) -> _Layout:
     if "t" not in places:
         places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
     if not {"x", "y"} & set(places):
-        raise InputError("must have a column x or y", field=f"track {track}", file=file, line=number)
+        raise InputError(
+            "must have a column x or y", field=f"track {track}", file=file, line=number
+        )
     units = {name: columns[i][1] for name, i in places.items() if columns[i][1]}
     for name, known in (("t", tuple(_SECONDS)), ("x", tuple(METRES)), ("y", tuple(METRES))):
         if name in units and units[name] not in known:
-            raise InputError(f"must be in one of {', '.join(known)}", field=name, value=units[name], file=file, line=number)
+            raise InputError(
+                f"must be in one of {', '.join(known)}",
+                field=name,
+                value=units[name],
+                file=file,
+                line=number,
+            )
     return _Layout(number, delimiter, len(cells), places, units, track)
 
 
 def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
-    """Names of the tracks and the column where each begins, from the line above the header; one without a name if there is none."""
+    """Names of the tracks and the column where each begins, from the line above the header; one
+    without a name if there is none.
+    """
     if not lines:
         return [("unnamed", 0)]
     cells = lines[-1][1].split(delimiter) if delimiter != " " else [lines[-1][1]]
-    names = [(" ".join(cell.split())[:100], i) for i, cell in enumerate(cells[:width]) if cell.strip()]
+    names = [
+        (" ".join(cell.split())[:100], i) for i, cell in enumerate(cells[:width]) if cell.strip()
+    ]
     if not names:
         return [("unnamed", 0)]
     return [(names[0][0], 0)] if len(names) == 1 else names
 
 
-def _chosen(starts: list[tuple[str, int]], width: int, wanted: str | None, file: str, line: int) -> tuple[str, int, int]:
+def _chosen(
+    starts: list[tuple[str, int]], width: int, wanted: str | None, file: str, line: int
+) -> tuple[str, int, int]:
     """Name and range of columns of the wanted track."""
     names = [name for name, _ in starts]
     if wanted is None and len(starts) > 1:
-        raise InputError("must be named, as there are several", field="track", quoted=listed(names), file=file, line=line)
+        raise InputError(
+            "must be named, as there are several",
+            field="track",
+            quoted=listed(names),
+            file=file,
+            line=line,
+        )
     if wanted is not None and names.count(wanted) != 1 and names != ["unnamed"]:
-        raise InputError("must name one of the tracks", field="track", value=wanted, quoted=listed(names), file=file, line=line)
+        raise InputError(
+            "must name one of the tracks",
+            field="track",
+            value=wanted,
+            quoted=listed(names),
+            file=file,
+            line=line,
+        )
     i = names.index(wanted) if wanted in names else 0
     return wanted or names[i], starts[i][1], starts[i + 1][1] if i + 1 < len(starts) else width
 
 
 def _no_header(lines: Lines, file: str) -> InputError:
-    """Why a file without a line of names is refused: destroyed by a spreadsheet, or something else."""
+    """Why a file without a line of names is refused: destroyed by a spreadsheet, or something
+    else.
+    """
     rule = "must have a line of column names with t and x or y, as Tracker exports it"
     if not lines:
         return InputError(rule, field="header", value="nothing", file=file)
     number, line = lines[0]
     if "t_s" in re.split(r"[\s,;]+", line[:200]):
-        return InputError("is a table of estim already: name it in a campaign as it is", field="header", value=line, file=file, line=number)
+        return InputError(
+            "is a table of estim already: name it in a campaign as it is",
+            field="header",
+            value=line,
+            file=file,
+            line=number,
+        )
     short = line[:5000]
     cells = [cell.strip() for cell in short.split(_delimiter(short))]
     marks = {mark for cell in cells if _NUMBER.fullmatch(cell) for mark in ".," if mark in cell}
     if marks == {".", ","} or (_DATE.fullmatch(cells[0]) and not _NUMBER.fullmatch(cells[0])):
         day = _as_day(cells[0])
         what = "mixes decimal points and commas" if len(marks) == 2 else "begins with a date"
-        return InputError(f"{what} and the line of column names is gone; {_SPREADSHEET}", field="row", quoted=day, value=line, file=file, line=number)
-    return InputError(f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)", field="header", value=line, file=file, line=number)
+        return InputError(
+            f"{what} and the line of column names is gone; {_SPREADSHEET}",
+            field="row",
+            quoted=day,
+            value=line,
+            file=file,
+            line=number,
+        )
+    return InputError(
+        f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)",
+        field="header",
+        value=line,
+        file=file,
+        line=number,
+    )
 
 
 def _as_day(cell: str) -> str:
@@ -235,7 +343,10 @@ def _as_day(cell: str) -> str:
     value = float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell) else 0.0
     if value != round(value) or not _DAYS[0] <= value <= _DAYS[1]:
         return ""
-    return f"a time became a date, {cell} is {(dt.date(1899, 12, 30) + dt.timedelta(value)).isoformat()}"
+    return (
+        f"a time became a date, {cell} is "
+        f"{(dt.date(1899, 12, 30) + dt.timedelta(value)).isoformat()}"
+    )
 
 
 def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float, str]:
@@ -243,29 +354,54 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
     named = {layout.units[name] for name in ("x", "y") if name in layout.units}
     if len(named) > 1 or (stated is not None and named and named != {stated}):
         given = f"; --unit says {stated}" if stated else ""
-        raise InputError(f"must all have one unit{given}", field="x, y", value=", ".join(sorted(named)), file=file, line=layout.line)
+        raise InputError(
+            f"must all have one unit{given}",
+            field="x, y",
+            value=", ".join(sorted(named)),
+            file=file,
+            line=layout.line,
+        )
     if stated is not None:
         return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated)
     if named:
         (unit,) = named
-        return METRES[unit], phrase("lengths in {unit}, according to the name of the column", unit=unit)
-    return 1.0, phrase("lengths are taken to be in m, because an export does not state its unit (use --unit cm if it is another one)")
+        return METRES[unit], phrase(
+            "lengths in {unit}, according to the name of the column", unit=unit
+        )
+    return 1.0, phrase(
+        "lengths are taken to be in m, because an export does not state its unit (use "
+        "--unit cm if it is another one)"
+    )
 
 
 # the cells
 
 
 def _cells(line: str, layout: _Layout, file: str, number: int) -> list[str]:
-    """The cells of a row, as many as there are names; blank ones at its end may be missing or too many."""
+    """The cells of a row, as many as there are names; blank ones at its end may be missing or too
+    many.
+    """
     try:
         cells = _split(line, layout.delimiter)
     except csv.Error as error:
-        raise InputError(f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number) from None
+        raise InputError(
+            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
+        ) from None
     while len(cells) > layout.width and not cells[-1]:
         cells.pop()
     if len(cells) > layout.width:
-        hint = " (are decimals written with commas too? then export with semicolons or tabs)" if layout.delimiter == "," else ""
-        raise InputError(f"must have {layout.width} cells{hint}", field="row", value=len(cells), file=file, line=number)
+        hint = (
+            " (are decimals written with commas too? then export with semicolons or tabs)"
+            if layout.delimiter == ","
+            else ""
+        )
+        raise InputError(
+            f"must have {layout.width} cells{hint}",
+            field="row",
+            value=len(cells),
+            file=file,
+            line=number,
+        )
     return cells + [""] * (layout.width - len(cells))
 
 
@@ -276,8 +412,13 @@ def _decimal_mark(cells: list[str], mark: str, file: str, number: int) -> str:
             here = "," if "," in cell else "." if "." in cell else mark
             if mark and here != mark:
                 names = {",": "comma", ".": "point"}
-                rule = f"has a decimal {names[here]} where the file has decimal {names[mark]}s; {_SPREADSHEET}"
-                raise InputError(rule, field="row", quoted=_as_day(cells[0]), value=cell, file=file, line=number)
+                rule = (
+                    f"has a decimal {names[here]} where the file has decimal {names[mark]}s; "
+                    f"{_SPREADSHEET}"
+                )
+                raise InputError(
+                    rule, field="row", quoted=_as_day(cells[0]), value=cell, file=file, line=number
+                )
             mark = here
     return mark
 
@@ -297,6 +438,10 @@ def _check_size(columns: Mapping[str, FloatArray], lines: NDArray[np.int64], fil
         if name in columns and np.any(~(np.abs(columns[name]) <= _LIMIT)):
             row = int(np.argmax(~(np.abs(columns[name]) <= _LIMIT)))
             unit = "s" if name == "t" else "m"
-            raise InputError(f"must lie within ±{_LIMIT:g} {unit}", field=name, value=float(columns[name][row]), file=file, line=int(lines[row]))
-
-
+            raise InputError(
+                f"must lie within ±{_LIMIT:g} {unit}",
+                field=name,
+                value=float(columns[name][row]),
+                file=file,
+                line=int(lines[row]),
+            )

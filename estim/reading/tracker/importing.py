@@ -1,7 +1,9 @@
-"""From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the release.
+"""From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the
+release.
 
-One page says how: the track is read (`tracker`, `tracker_export`), laid along one direction (`ramp`), counted from the
-release, and looked at for what is suspicious (`suspicion`).  `docs/tracker.md` explains it to users.
+One page says how: the track is read (`tracker`, `tracker_export`), laid along one direction
+(`ramp`), counted from the release, and looked at for what is suspicious (`suspicion`).
+`docs/tracker.md` explains it to users.
 """
 
 from __future__ import annotations
@@ -36,9 +38,11 @@ _MIN_ROWS = 5
 class Choices:
     """What the user says about a file.
 
-    track : name of the track; the only one if None.  along : see `ramp`.  unit : of the lengths, if not the file's.
-    release : "first" (x = 0 at the first point), "keep" (at the origin of the axes) or a time in s (x = 0 at the point of
-    that time; earlier points are left out).  frame_ms : duration of a frame, ms, against the file's.
+    track : name of the track; the only one if None.
+    along : see `ramp`.  unit : of the lengths, if not the file's.
+    release : "first" (x = 0 at the first point), "keep" (at the origin of the axes) or a time in s
+        (x = 0 at the point of that time; earlier points are left out).  frame_ms : duration of a
+        frame, ms, against the file's.
     drop_duplicates : leave out rows of an export that copy the row before.
     """
 
@@ -54,8 +58,10 @@ class Choices:
 class Imported:
     """A run made of a track.
 
-    rows : (n,) rows of the track from the release on.  t : (n,) s, as in the file.  x : (n,) m along the ramp since the release.
-    facts, warnings : where it comes from, and what is suspicious, in words.  source, release : those of the facts that say the file and x = 0.
+    rows : (n,) rows of the track from the release on.
+    t : (n,) s, as in the file.  x : (n,) m along the ramp since the release.
+    facts, warnings : where it comes from, and what is suspicious, in words.
+    source, release : those of the facts that say the file and x = 0.
     """
 
     track: Track
@@ -70,7 +76,9 @@ class Imported:
 
     @property
     def tilt(self) -> Quantity | None:
-        """Tilt of the track against the x axis of the video, rad; None where an export holds one coordinate."""
+        """Tilt of the track against the x axis of the video, rad; None where an export holds one
+        coordinate.
+        """
         return self.ramp.tilt
 
 
@@ -79,34 +87,69 @@ def is_tracker_file(path: Path) -> bool:
 
 
 def is_export_file(path: Path) -> bool:
-    """Whether the file begins like a text export; False where it cannot be read (its reader says why)."""
+    """Whether the file begins like a text export; False where it cannot be read (its reader says
+    why).
+    """
     try:
-        return is_export(read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace"))
+        return is_export(
+            read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace")
+        )
     except InputError:
         return False
 
 
 def refuse_bare_export(path: Path, shown_as: str) -> None:
-    """Raises InputError for a text export that may as well be a table of times and distances: read as a track, its zero would move."""
-    found = bare_header(read_bytes(path, shown_as=shown_as)[:20_000].decode("utf-8-sig", errors="replace"))
+    """Raises InputError for a text export that may as well be a table of times and distances: read
+    as a track, its zero would move.
+    """
+    found = bare_header(
+        read_bytes(path, shown_as=shown_as)[:20_000].decode("utf-8-sig", errors="replace")
+    )
     if found is not None:
         line, header = found
-        rule = "may be a table or an export of Tracker, which is counted from its first point: for a table write t_s,x_m (s, m from the release), "
-        raise InputError(f'{rule}for an export say release = "first" in the run', field="header", value=header, file=shown_as, line=line)
+        rule = (
+            "may be a table or an export of Tracker, which is counted from its first point: "
+            "for a table write t_s,x_m (s, m from the release), "
+        )
+        raise InputError(
+            f'{rule}for an export say release = "first" in the run',
+            field="header",
+            value=header,
+            file=shown_as,
+            line=line,
+        )
 
 
 def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -> Imported:
-    """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and value."""
+    """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and
+    value.
+    """
     file = shown_as or str(path)
     _check(choices, file)
     if is_tracker_file(path):
         if choices.drop_duplicates:
-            raise InputError("goes with text exports: a video has each frame once", field="drop_duplicates", file=file)
-        track = read_tracker(path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms, shown_as=file)
+            raise InputError(
+                "goes with text exports: a video has each frame once",
+                field="drop_duplicates",
+                file=file,
+            )
+        track = read_tracker(
+            path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms, shown_as=file
+        )
     else:
         if choices.frame_ms is not None:
-            raise InputError("goes with .trk and .trz files: an export states its times", field="frame_ms", file=file)
-        track = read_export(path, track=choices.track, unit=choices.unit, drop_duplicates=choices.drop_duplicates, shown_as=file)
+            raise InputError(
+                "goes with .trk and .trz files: an export states its times",
+                field="frame_ms",
+                file=file,
+            )
+        track = read_export(
+            path,
+            track=choices.track,
+            unit=choices.unit,
+            drop_duplicates=choices.drop_duplicates,
+            shown_as=file,
+        )
     ramp = run_along(track, choices.along)
     first, zero, release = _release(track, ramp, choices.release)
     rows = np.arange(first, track.t.size)
@@ -114,33 +157,63 @@ def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -
     t = track.t[rows]
     for array in (rows, t, x):
         array.setflags(write=False)
-    source = (f"track '{track.name}' of {track.file}", f"SHA-256 {track.sha256}", *track.calibration)
+    source = (
+        f"track '{track.name}' of {track.file}",
+        f"SHA-256 {track.sha256}",
+        *track.calibration,
+    )
     facts = (*source, f"direction {ramp.direction}", *_tilt(ramp), release)
-    return Imported(track, ramp, rows, t, x, facts, (*track.warnings, *suspicions(track, ramp, from_row=first)), source, release)
+    return Imported(
+        track,
+        ramp,
+        rows,
+        t,
+        x,
+        facts,
+        (*track.warnings, *suspicions(track, ramp, from_row=first)),
+        source,
+        release,
+    )
 
 
 def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_as: str) -> Table:
-    """Columns of a file of Tracker for any curve: `t` (s), `x`, `y` (m, calibrated axes) and `frame`, as Tracker names them; `t_s`, `x_m` and
-    `across_m` as in a run, along the direction and counted from the release.  Rows before a stated release are left out.
+    """Columns of a file of Tracker for any curve: `t` (s), `x`, `y` (m, calibrated axes) and
+    `frame`, as Tracker names them; `t_s`, `x_m` and `across_m` as in a run, along the direction and
+    counted from the release.  Rows before a stated release are left out.
 
     Raises InputError with file, field, rule and value.
     """
     imported = import_track(path, choices, shown_as=shown_as)
     track, rows = imported.track, imported.rows
     frames = None if track.frames is None else track.frames.astype(np.float64)
-    held = {"t": track.t, "x": track.x, "y": track.y, "frame": frames, "across_m": imported.ramp.across}
-    found = {name: column[rows] for name, column in held.items() if column is not None} | {"t_s": imported.t, "x_m": imported.x}
+    held = {
+        "t": track.t,
+        "x": track.x,
+        "y": track.y,
+        "frame": frames,
+        "across_m": imported.ramp.across,
+    }
+    found = {name: column[rows] for name, column in held.items() if column is not None} | {
+        "t_s": imported.t,
+        "x_m": imported.x,
+    }
     for name in needed:
         if name not in found:
-            raise InputError("is missing", field=name, quoted=f"a track has {listed(list(found))}", file=shown_as)
+            raise InputError(
+                "is missing", field=name, quoted=f"a track has {listed(list(found))}", file=shown_as
+            )
     for column in found.values():
         column.setflags(write=False)
     along = bool({"x_m", "across_m"} & set(needed))
-    facts = imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
+    facts = (
+        imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
+    )
     warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
     named = MappingProxyType({name: found[name] for name in needed})
     units = {name: _UNITS.get(name, "m") for name in needed}
-    return Table(shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, units, imported=True)
+    return Table(
+        shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, units, imported=True
+    )
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:
@@ -152,12 +225,16 @@ def read_release(text: str) -> Literal["first", "keep"] | float:
     try:
         return read_number(text)
     except ValueError:
-        raise InputError("must be first, keep or a time in s", field="release", value=text) from None
+        raise InputError(
+            "must be first, keep or a time in s", field="release", value=text
+        ) from None
 
 
 def _check(choices: Choices, file: str) -> None:
     if choices.frame_ms is not None and not 1e-3 <= choices.frame_ms <= 1e6:
-        raise InputError("must be a duration in ms", field="frame_ms", value=choices.frame_ms, file=file)
+        raise InputError(
+            "must be a duration in ms", field="frame_ms", value=choices.frame_ms, file=file
+        )
 
 
 def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
@@ -165,17 +242,36 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
     if release == "keep":
         return 0, 0.0, phrase("x_m = 0 at the origin of the axes, as in the file")
     if release == "first":
-        words = phrase("x_m = 0 at the first point, t = {t:.8g} s, {x:.6g} m from the origin of the axes", t=track.t[0], x=ramp.along[0])
+        words = phrase(
+            "x_m = 0 at the first point, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
+            t=track.t[0],
+            x=ramp.along[0],
+        )
         return 0, float(ramp.along[0]), words
     time = float(release)
     steps = float(np.median(np.diff(track.t)))
     if not math.isfinite(time) or not track.t[0] - steps <= time <= track.t[-1]:
-        raise InputError(f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s", field="release", value=time, file=track.file)
+        raise InputError(
+            f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s",
+            field="release",
+            value=time,
+            file=track.file,
+        )
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
-        raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file)
-    words = phrase("x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes", t=track.t[row], x=ramp.along[row])
-    return row, float(ramp.along[row]), words + (phrase("; {n} earlier points were excluded", n=row) if row else "")
+        raise InputError(
+            f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file
+        )
+    words = phrase(
+        "x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
+        t=track.t[row],
+        x=ramp.along[row],
+    )
+    return (
+        row,
+        float(ramp.along[row]),
+        words + (phrase("; {n} earlier points were excluded", n=row) if row else ""),
+    )
 
 
 def _tilt(ramp: Ramp) -> tuple[str, ...]:
@@ -186,29 +282,41 @@ def _tilt(ramp: Ramp) -> tuple[str, ...]:
         phrase(
             "tilt of the fitted line {tilt:.3f} deg against the x axis, positive uphill, "
             "standard uncertainty {u:.3f} deg from the scatter of the points alone",
-            tilt=value, u=u,
+            tilt=value,
+            u=u,
         ),
     )
 
 
 def stated_tilt(facts: Sequence[str]) -> Quantity | None:
-    """The tilt (rad) that the facts of an imported track state, as `estim import` words it, in English; None where they do not."""
+    """The tilt (rad) that the facts of an imported track state, as `estim import` words it, in
+    English; None where they do not.
+    """
     number = r"(-?\d{1,4}\.\d{3})"
     for fact in facts:
-        if found := re.match(rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact):
+        if found := re.match(
+            rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact
+        ):
             return Quantity(math.radians(float(found[1])), math.radians(abs(float(found[2]))))
     return None
 
 
 def run_table(imported: Imported) -> bytes:
-    """The CSV file of a run, with where it comes from in its head; columns that begin with _ are for people."""
+    """The CSV file of a run, with where it comes from in its head; columns that begin with _ are
+    for people.
+    """
     across = imported.ramp.across
-    columns: dict[str, list[str]] = {"t_s": [repr(v) for v in imported.t.tolist()], "x_m": [repr(v) for v in imported.x.tolist()]}
+    columns: dict[str, list[str]] = {
+        "t_s": [repr(v) for v in imported.t.tolist()],
+        "x_m": [repr(v) for v in imported.x.tolist()],
+    }
     if across is not None:
         columns["_across_m"] = [repr(v) for v in across[imported.rows].tolist()]
     if imported.track.frames is not None:
         columns["_frame"] = [str(n) for n in imported.track.frames[imported.rows].tolist()]
-    head = [f"# {fact}" for fact in imported.facts] + [f"# warning: {warning}" for warning in imported.warnings]
+    head = [f"# {fact}" for fact in imported.facts] + [
+        f"# warning: {warning}" for warning in imported.warnings
+    ]
     lines = [IMPORTED, *(" ".join(one_line(line).split()) for line in head), ",".join(columns)]
     lines += [",".join(row) for row in zip(*columns.values(), strict=True)]
     return ("\n".join(lines) + "\n").encode()

@@ -1,4 +1,6 @@
-"""What is suspicious about a track though it breaks no rule: each finding is a sentence for the report, nothing is repaired."""
+"""What is suspicious about a track though it breaks no rule: each finding is a sentence for the
+report, nothing is repaired.
+"""
 
 from __future__ import annotations
 
@@ -20,12 +22,15 @@ _RETURN = 0.2  # of the length of the path, backward
 _MOVING = 0.2  # of the largest speed, in the first frame
 _SPEED = 0.02  # of the largest speed
 _NOT_THE_RELEASE = later("if a rolling body is fit, whose curve counts x from the release,")
-_EARLIER_WORDS = "that is not the release, from which the phase curve counts x"  # in files of earlier versions
+# in files of earlier versions
+_EARLIER_WORDS = "that is not the release, from which the phase curve counts x"
 _SPEEDS_MADE = later("speeds are made from the positions")
 
 
 def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...]:
-    """Sentences about what does not look right in `track`, from its row `from_row` (the release) on."""
+    """Sentences about what does not look right in `track`, from its row `from_row` (the release)
+    on.
+    """
     t, along = track.t[from_row:], ramp.along[from_row:]
     found = [*_times(t), *_scale(t, along)]
     found += _off_line(along, ramp)
@@ -38,13 +43,21 @@ def missing_frames(t: FloatArray) -> tuple[str, ...]:
     """What the times (s) of a track alone show."""
     steps = _steps(t)[1]
     missing = int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
-    return (phrase("{k} of {n} frames are missing", k=missing, n=t.size + missing),) if missing else ()
+    return (
+        (phrase("{k} of {n} frames are missing", k=missing, n=t.size + missing),) if missing else ()
+    )
 
 
 def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
-    """Those of `warnings` that matter where the curve is the user's own, which has no release and fits no speeds made of positions."""
+    """Those of `warnings` that matter where the curve is the user's own, which has no release and
+    fits no speeds made of positions.
+    """
     of_release = (_NOT_THE_RELEASE, _EARLIER_WORDS, _SPEEDS_MADE)
-    return tuple(words for words in warnings if not any(said in words or phrase(said) in words for said in of_release))
+    return tuple(
+        words
+        for words in warnings
+        if not any(said in words or phrase(said) in words for said in of_release)
+    )
 
 
 def _steps(t: FloatArray) -> tuple[float, FloatArray]:
@@ -60,13 +73,21 @@ def _times(t: FloatArray) -> list[str]:
     found = []
     missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
     if missing:
-        found.append(phrase("{k} of {n} frames are missing: no speed can be computed next to them", k=missing, n=t.size + missing))
+        found.append(
+            phrase(
+                "{k} of {n} frames are missing: no speed can be computed next to them",
+                k=missing,
+                n=t.size + missing,
+            )
+        )
     if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
         worst = int(np.argmax(np.abs(steps - whole)))
         found.append(
             phrase(
-                "the times are not spaced by whole multiples of {usual:.5g} s (after t = {t:.6g} s), so no speeds can be computed from differences",
-                usual=usual, t=t[worst],
+                "the times are not spaced by whole multiples of {usual:.5g} s (after t = "
+                "{t:.6g} s), so no speeds can be computed from differences",
+                usual=usual,
+                t=t[worst],
             )
         )
     return found
@@ -75,19 +96,28 @@ def _times(t: FloatArray) -> list[str]:
 def _scale(t: FloatArray, along: FloatArray) -> list[str]:
     reach = float(np.ptp(along))
     if reach > _TOO_FAR:
-        return [phrase("the path is {reach:.3g} m long: is the unit of length centimetres (unit cm), or the scale wrong?", reach=reach)]
+        return [
+            phrase(
+                "the path is {reach:.3g} m long: is the unit of length centimetres (unit "
+                "cm), or the scale wrong?",
+                reach=reach,
+            )
+        ]
     usual, _ = _steps(t)
     width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
     largest = 0.0
     for first in range(0, t.size - width + 1, max(1, width // 2)):
         time = t[first : first + width] - np.mean(t[first : first + width])
         span = float(np.max(np.abs(time)))
-        quadratic = np.linalg.lstsq(np.vander(time / span, 3), along[first : first + width], rcond=None)[0]
+        quadratic = np.linalg.lstsq(
+            np.vander(time / span, 3), along[first : first + width], rcond=None
+        )[0]
         largest = max(largest, 2.0 * abs(float(quadratic[0])) / span**2)
     if largest > _TOO_FAST * _G:
         return [
             phrase(
-                "the acceleration reaches {largest:.3g} m/s², more than gravity can give: is the scale, the unit or the frame rate wrong?",
+                "the acceleration reaches {largest:.3g} m/s², more than gravity can give: "
+                "is the scale, the unit or the frame rate wrong?",
                 largest=largest,
             )
         ]
@@ -100,9 +130,11 @@ def _off_line(along: FloatArray, ramp: Ramp) -> list[str]:
         return []
     return [
         phrase(
-            "the points scatter by {scatter:.3g} mm about the fitted line, {share:.2g} % of the path:"
+            "the points scatter by {scatter:.3g} mm about the fitted line, {share:.2g} % "
+            "of the path:"
             " the path is not straight or not in the plane of the axes",
-            scatter=1e3 * ramp.scatter, share=100 * ramp.scatter / reach,
+            scatter=1e3 * ramp.scatter,
+            share=100 * ramp.scatter / reach,
         )
     ]
 
@@ -118,17 +150,25 @@ def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
         return []
     return [
         phrase(
-            "the body already moves at {first:.2g} m/s in the first frames: {what} start the track where it is at rest, or give the time "
+            "the body already moves at {first:.2g} m/s in the first frames: {what} start "
+            "the track where it is at rest, or give the time "
             "of release by --release T (in a campaign: release)",
-            first=first, what=phrase(_NOT_THE_RELEASE),
+            first=first,
+            what=phrase(_NOT_THE_RELEASE),
         )
     ]
 
 
 def _speed_column(track: Track, ramp: Ramp) -> list[str]:
-    """The column v: a magnitude, and the central difference of the positions, as Tracker makes it."""
+    """The column v: a magnitude, and the central difference of the positions, as Tracker makes
+    it.
+    """
     if track.speed is None or track.x is None or track.y is None:
-        return [] if track.speed is None else [phrase("the column v is not used: {why}", why=phrase(_SPEEDS_MADE))]
+        return (
+            []
+            if track.speed is None
+            else [phrase("the column v is not used: {why}", why=phrase(_SPEEDS_MADE))]
+        )
     found = []
     v = track.speed[1:-1]
     span = track.t[2:] - track.t[:-2]
@@ -140,7 +180,8 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
         if off > _SPEED * float(np.max(made)):
             found.append(
                 phrase(
-                    "the column v is not the central difference of x and y (they differ by {off:.3g} m/s, rms): v, the times or the "
+                    "the column v is not the central difference of x and y (they differ by "
+                    "{off:.3g} m/s, rms): v, the times or the "
                     "lengths have been altered",
                     off=off,
                 )
@@ -148,21 +189,30 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
     moved = np.diff(ramp.along)
     reach = float(np.ptp(ramp.along))
     if -float(np.sum(moved[moved < 0.0])) > _RETURN * reach and not np.any(track.speed < 0.0):
-        words = phrase("the column v is a magnitude (never negative, although the motion turns back): it is not used, "
-                       "{why}", why=phrase(_SPEEDS_MADE))
+        words = phrase(
+            "the column v is a magnitude (never negative, although the motion turns back): "
+            "it is not used, "
+            "{why}",
+            why=phrase(_SPEEDS_MADE),
+        )
         found.append(words)
     return found
 
 
 def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:
-    """A sentence for each run whose frame interval (s) is not that of most runs of the campaign, by name of the run."""
+    """A sentence for each run whose frame interval (s) is not that of most runs of the campaign, by
+    name of the run.
+    """
     if len(intervals) < 3:
         return {}
     usual = float(np.median(list(intervals.values())))
     return {
         name: phrase(
-            "the frames are {interval:.4g} s apart, while those of most runs are {usual:.4g} s apart: is the frame "
-            "rate right?", interval=interval, usual=usual
+            "the frames are {interval:.4g} s apart, while those of most runs are "
+            "{usual:.4g} s apart: is the frame "
+            "rate right?",
+            interval=interval,
+            usual=usual,
         )
         for name, interval in intervals.items()
         if abs(interval / usual - 1.0) > 0.2

@@ -1,7 +1,9 @@
-"""The direction of motion of a track: positions along it and across it, and its tilt against the horizontal of the axes.
+"""The direction of motion of a track: positions along it and across it, and its tilt against the
+horizontal of the axes.
 
-- `fit` (default): the principal axis of the points, the straight line of least squared perpendicular distances; it points
-  the way the motion starts.  Use it when the axes were left as the camera saw them.
+- `fit` (default): the principal axis of the points, the straight line of least squared
+  perpendicular distances; it points the way the motion starts.  Use it when the axes were left as
+  the camera saw them.
 - `x`, `y`, `-x`, `-y`: an axis, when it was laid along the ramp in Tracker.
 - a number of degrees: a stated direction, counter-clockwise from the x axis.
 """
@@ -25,11 +27,15 @@ _STILL = 1e-9  # m
 class Ramp:
     """A track along one direction.
 
-    along, across : (n,) m; across is None where only one coordinate is known.  Their zero is the origin of the axes.
-    angle : rad, of the direction, counter-clockwise from the x axis.  direction : how it was chosen, in words.
-    tilt : rad, of the fitted line against the x axis, positive uphill, with its uncertainty from the scatter alone (not from
-    a camera or axes that hang askew); None where only one coordinate is known.
-    scatter : m, standard deviation of the points about the fitted line; NaN where only one coordinate is known.
+    along, across : (n,) m; across is None where only one coordinate is known.  Their zero is the
+        origin of the axes.
+    angle : rad, of the direction, counter-clockwise from the x axis.
+    direction : how it was chosen, in words.
+    tilt : rad, of the fitted line against the x axis, positive uphill, with its uncertainty from
+        the scatter alone (not from a camera or axes that hang askew); None where only one
+        coordinate is known.
+    scatter : m, standard deviation of the points about the fitted line; NaN where only one
+        coordinate is known.
     """
 
     along: FloatArray
@@ -41,7 +47,9 @@ class Ramp:
 
 
 def run_along(track: Track, direction: str | float = "fit") -> Ramp:
-    """The positions of `track` along `direction`.  Raises InputError where it does not move or the direction makes no sense."""
+    """The positions of `track` along `direction`.  Raises InputError where it does not move or the
+    direction makes no sense.
+    """
     stated = _stated(direction, track.file)
     if track.x is None or track.y is None:
         return _one_coordinate(track, stated)
@@ -54,8 +62,10 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     along, across = track.x * cos + track.y * sin, track.y * cos - track.x * sin
     if stated is None:
         words = phrase(
-            "fitted to the points: {angle:.3f} deg from the x axis, standard uncertainty {u:.3f} deg from their scatter",
-            angle=_degrees(angle), u=math.degrees(u),
+            "fitted to the points: {angle:.3f} deg from the x axis, standard uncertainty "
+            "{u:.3f} deg from their scatter",
+            angle=_degrees(angle),
+            u=math.degrees(u),
         )
     else:
         words = phrase("as stated: {angle:g} deg from the x axis", angle=_degrees(angle))
@@ -74,7 +84,12 @@ def _stated(direction: str | float, file: str) -> float | None:
     except ValueError:
         degrees = math.nan
     if not abs(degrees) <= 360.0:
-        raise InputError("must be fit, x, y, -x, -y or an angle in degrees", field="along", value=direction, file=file)
+        raise InputError(
+            "must be fit, x, y, -x, -y or an angle in degrees",
+            field="along",
+            value=direction,
+            file=file,
+        )
     return math.radians(degrees)
 
 
@@ -90,14 +105,22 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
         sign = math.cos(stated - axis)
         if abs(abs(sign) - 1.0) > 1e-9:
             rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
-            raise InputError(rule, field="along", value=f"{math.degrees(stated):g}", file=track.file)
+            raise InputError(
+                rule, field="along", value=f"{math.degrees(stated):g}", file=track.file
+            )
         sign = round(sign)
-    words = phrase("along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}")
-    return Ramp(_fixed(sign * known), None, axis if sign > 0 else axis - math.pi, words, None, math.nan)
+    words = phrase(
+        "along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}"
+    )
+    return Ramp(
+        _fixed(sign * known), None, axis if sign > 0 else axis - math.pi, words, None, math.nan
+    )
 
 
 def _way(track: Track) -> tuple[float, float]:
-    """Displacement at the first point that is half as far from the start as any: the way the motion starts."""
+    """Displacement at the first point that is half as far from the start as any: the way the motion
+    starts.
+    """
     assert track.x is not None
     assert track.y is not None
     dx, dy = track.x - track.x[0], track.y - track.y[0]
@@ -113,19 +136,23 @@ def _forward(position: FloatArray, track: Track) -> float:
 def _first_far(distance: FloatArray, track: Track) -> int:
     reach = float(np.max(distance))
     if not reach > _STILL:
-        raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m", file=track.file)
+        raise InputError(
+            "does not move", field=f"track {track.name}", value=f"{reach:g} m", file=track.file
+        )
     return int(np.argmax(distance >= 0.5 * reach))
 
 
 def _principal_axis(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
-    """Angle (rad) of the line of least perpendicular distances, its standard uncertainty, and the scatter about it (m).
+    """Angle (rad) of the line of least perpendicular distances, its standard uncertainty, and the
+    scatter about it (m).
 
-    angle = atan2(2 S_xy, S_xx - S_yy)/2;  u = s/sqrt(sum of squares along the line), to first order in s, the standard
-    deviation across it (n - 2 degrees of freedom) of equal, independent errors.
+    angle = atan2(2 S_xy, S_xx - S_yy)/2;  u = s/sqrt(sum of squares along the line), to first order
+    in s, the standard deviation across it (n - 2 degrees of freedom) of equal, independent errors.
     """
     x, y = x - np.mean(x), y - np.mean(y)
     angle = 0.5 * math.atan2(2.0 * float(x @ y), float(x @ x - y @ y))
-    along, across = x * math.cos(angle) + y * math.sin(angle), y * math.cos(angle) - x * math.sin(angle)
+    along = x * math.cos(angle) + y * math.sin(angle)
+    across = y * math.cos(angle) - x * math.sin(angle)
     scatter = math.sqrt(float(across @ across) / (x.size - 2))
     return angle, scatter / math.sqrt(float(along @ along)), scatter
 

@@ -1,4 +1,6 @@
-"""The path of one point in a video, as a .trk or a text export gives it: the record that both readers make."""
+"""The path of one point in a video, as a .trk or a text export gives it: the record that both
+readers make.
+"""
 
 from __future__ import annotations
 
@@ -30,10 +32,14 @@ _MAX_POINTS = 1_000_000
 class Track:
     """The track `name` of `file` in SI units; y points up.
 
-    t : (n,) s, increasing.  x, y : (n,) m in the calibrated axes; None where an export leaves the column out.
-    frames : (n,) number of each frame; None where an export does not say.  lines : (n,) line of the file of each point.
-    speed : (n,) m/s, the column v of an export, NaN where blank; a magnitude.  None where there is no such column.
-    calibration : what the file says of scale, origin, axes and frames, in words.  sha256 : of the file's bytes.
+    t : (n,) s, increasing.
+    x, y : (n,) m in the calibrated axes; None where an export leaves the column out.
+    frames : (n,) number of each frame; None where an export does not say.
+    lines : (n,) line of the file of each point.
+    speed : (n,) m/s, the column v of an export, NaN where blank; a magnitude.  None where there is
+        no such column.
+    calibration : what the file says of scale, origin, axes and frames, in words.
+    sha256 : of the file's bytes.
     warnings : what is suspicious but no error, in words.
     """
 
@@ -54,7 +60,11 @@ class Track:
             if array is not None:
                 array.setflags(write=False)
         if not _MIN_POINTS <= self.t.size <= _MAX_POINTS:
-            rule = f"must hold at least {_MIN_POINTS} points" if self.t.size < _MIN_POINTS else f"must hold at most {_MAX_POINTS} points"
+            rule = (
+                f"must hold at least {_MIN_POINTS} points"
+                if self.t.size < _MIN_POINTS
+                else f"must hold at most {_MAX_POINTS} points"
+            )
             raise InputError(rule, field=f"track {self.name}", value=self.t.size, file=self.file)
         self._check_times()
 
@@ -63,13 +73,32 @@ class Track:
         if np.all(steps >= LEAST_STEP) and np.max(np.abs(self.t)) <= MOST:
             return
         if np.all(steps > 0.0):
-            rule = f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within ±{MOST:g} s"
-            worst = int(np.argmin(steps)) + 1 if np.min(steps) < LEAST_STEP else int(np.argmax(np.abs(self.t)))
-            raise InputError(rule, field="t", value=float(self.t[worst]), file=self.file, line=int(self.lines[worst]))
+            rule = (
+                f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within "
+                f"±{MOST:g} s"
+            )
+            worst = (
+                int(np.argmin(steps)) + 1
+                if np.min(steps) < LEAST_STEP
+                else int(np.argmax(np.abs(self.t)))
+            )
+            raise InputError(
+                rule,
+                field="t",
+                value=float(self.t[worst]),
+                file=self.file,
+                line=int(self.lines[worst]),
+            )
         row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
         count = int(np.sum(steps == 0.0))
         rule = "must increase from row to row"
         if steps[row - 1] == 0.0:
-            same = f"row repeats its time; if it is a copy, drop it by {DROP}" if count == 1 else "rows repeat their time: rounded by a spreadsheet?"
+            same = (
+                f"row repeats its time; if it is a copy, drop it by {DROP}"
+                if count == 1
+                else "rows repeat their time: rounded by a spreadsheet?"
+            )
             rule += f" ({count} {same})"
-        raise InputError(rule, field="t", value=float(self.t[row]), file=self.file, line=int(self.lines[row]))
+        raise InputError(
+            rule, field="t", value=float(self.t[row]), file=self.file, line=int(self.lines[row])
+        )

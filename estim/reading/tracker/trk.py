@@ -1,11 +1,14 @@
-"""Tracks of the video-analysis program Tracker (Open Source Physics), read from its .trk and .trz files without Tracker.
+"""Tracks of the video-analysis program Tracker (Open Source Physics), read from its .trk and .trz
+files without Tracker.
 
 A point that was marked at the pixel (u, w) of frame n has in the calibrated axes the position
 
-    a = (u - xorigin)/xscale,  b = (yorigin - w)/yscale,  x = a cos(angle) + b sin(angle),  y = -a sin(angle) + b cos(angle)
+    a = (u - xorigin)/xscale,  b = (yorigin - w)/yscale,  x = a cos(angle) + b sin(angle),  y = -a
+    sin(angle) + b cos(angle)
 
-with the origin, scale and angle of the last key frame up to n, and the time (n - startframe) delta_t/1000 + starttime/1000.
-Source: Tracker's own code (ImageCoordSystem.updateTransforms, StepperClipControl.getStepTime), checked against its exports.
+with the origin, scale and angle of the last key frame up to n, and the time (n - startframe)
+delta_t/1000 + starttime/1000.  Source: Tracker's own code (ImageCoordSystem.updateTransforms,
+StepperClipControl.getStepTime), checked against its exports.
 """
 
 from __future__ import annotations
@@ -36,7 +39,9 @@ _MARKS = re.compile(r"[\d.,eE+\-{}\s]*", re.ASCII)
 
 @dataclass(frozen=True, eq=False)
 class _Clip:
-    """Which frames belong to the clip and when they are: start, step, number of steps; start_time and duration of a frame, ms."""
+    """Which frames belong to the clip and when they are: start, step, number of steps; start_time
+    and duration of a frame, ms.
+    """
 
     start: int
     step: int
@@ -53,17 +58,26 @@ class _Clip:
 
     def times(self, frames: NDArray[np.int64]) -> FloatArray:
         if self.video_times is None:
-            return np.asarray((self.start_time + (frames - self.start) * self.duration) / 1e3, dtype=np.float64)
+            return np.asarray(
+                (self.start_time + (frames - self.start) * self.duration) / 1e3, dtype=np.float64
+            )
         return (self.start_time + self.video_times[frames] - self.video_times[self.start]) / 1e3
 
 
 def read_tracker(
-    path: Path, *, track: str | None = None, unit: str | None = None, frame_ms: float | None = None, shown_as: str | None = None
+    path: Path,
+    *,
+    track: str | None = None,
+    unit: str | None = None,
+    frame_ms: float | None = None,
+    shown_as: str | None = None,
 ) -> Track:
-    """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.  Of one of several .trk in a .trz: "NAME.trk/mass A".
+    """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.  Of
+    one of several .trk in a .trz: "NAME.trk/mass A".
 
-    unit : of the calibrated lengths, where the file's own statement is wrong.  frame_ms : duration of a frame, where the
-    file contradicts the video (a film taken at high speed).  Raises InputError with file, line, field, rule and value.
+    unit : of the calibrated lengths, where the file's own statement is wrong.
+    frame_ms : duration of a frame, where the file contradicts the video (a film taken at high
+        speed).  Raises InputError with file, line, field, rule and value.
     """
     file = shown_as or str(path)
     archive = path.suffix.lower() == ".trz"
@@ -71,7 +85,13 @@ def read_tracker(
     text, track = unpack_trz(data, track, file=file) if archive else (data, track)
     panel = parse_tracker_xml(text, file=file)
     if not panel.kind.endswith(".TrackerPanel"):
-        raise InputError("must be the TrackerPanel of a .trk file", field="object", value=panel.kind, file=file, line=panel.line)
+        raise InputError(
+            "must be the TrackerPanel of a .trk file",
+            field="object",
+            value=panel.kind,
+            file=file,
+            line=panel.line,
+        )
     name, points = _choose(panel, track)
     clip = _read_clip(panel, frame_ms)
     axes = _read_axes(panel)
@@ -79,14 +99,24 @@ def read_tracker(
     marked = points.indexed()
     kept = [frame for frame in sorted(marked) if clip.includes(frame)]
     frames = np.array(kept, dtype=np.int64)
-    pixels = np.array([[marked[frame].number(c) for c in ("x", "y")] for frame in kept]).reshape(-1, 2)
+    pixels = np.array([[marked[frame].number(c) for c in ("x", "y")] for frame in kept]).reshape(
+        -1, 2
+    )
     world = axes.world(frames, pixels) * factor
     outside = len(marked) - len(kept)
     left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
     facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
     return Track(
-        file=file, sha256=hashlib.sha256(data).hexdigest(), name=name, t=clip.times(frames), x=world[:, 0].copy(), y=world[:, 1].copy(),
-        frames=frames, lines=np.array([marked[frame].line for frame in kept], dtype=np.int64), speed=None, calibration=facts,
+        file=file,
+        sha256=hashlib.sha256(data).hexdigest(),
+        name=name,
+        t=clip.times(frames),
+        x=world[:, 0].copy(),
+        y=world[:, 1].copy(),
+        frames=frames,
+        lines=np.array([marked[frame].line for frame in kept], dtype=np.int64),
+        speed=None,
+        calibration=facts,
         warnings=(*clip.warnings, *axes.warnings(), *_stick_warnings(panel, axes)),
     )
 
@@ -94,7 +124,11 @@ def read_tracker(
 def _tracks(panel: Element) -> list[tuple[str, str, Element]]:
     """Name, kind (the last part of its class) and object of every track."""
     found = panel.find("tracks")
-    objects = [item.parts[0] for item in found.parts if item.parts and item.parts[0].tag == "object"] if found else []
+    objects = (
+        [item.parts[0] for item in found.parts if item.parts and item.parts[0].tag == "object"]
+        if found
+        else []
+    )
     return [(_name(track), track.kind.rpartition(".")[2], track) for track in objects]
 
 
@@ -104,25 +138,52 @@ def _name(track: Element) -> str:
 
 
 def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
-    """The point mass called `wanted` and its points; the only one where no name is given.  Raises InputError listing what there is."""
+    """The point mass called `wanted` and its points; the only one where no name is given.  Raises
+    InputError listing what there is.
+    """
     tracks = _tracks(panel)
     masses = [(name, track) for name, kind, track in tracks if kind == _POINT_MASS]
     names = listed([name for name, _ in masses])
     if not masses:
         other = listed([f"{name} ({kind})" for name, kind, _ in tracks]) or "no track at all"
-        raise InputError("must hold a point mass with marked positions", field="tracks", quoted=f"it holds {other}", file=panel.file)
+        raise InputError(
+            "must hold a point mass with marked positions",
+            field="tracks",
+            quoted=f"it holds {other}",
+            file=panel.file,
+        )
     if wanted is None and len(masses) > 1:
-        raise InputError("must be named, as there are several", field="track", quoted=names, file=panel.file)
+        raise InputError(
+            "must be named, as there are several", field="track", quoted=names, file=panel.file
+        )
     chosen = [(name, track) for name, track in masses if wanted is None or name == wanted]
     if not chosen:
         kind = next((kind for name, kind, _ in tracks if name == wanted), None)
-        rule, what = ("is not in the file", "") if kind is None else ("has no marked positions to read", f"it is a {kind}; ")
-        raise InputError(rule, field="track", value=wanted, quoted=f"{what}point masses: {names}", file=panel.file)
+        rule, what = (
+            ("is not in the file", "")
+            if kind is None
+            else ("has no marked positions to read", f"it is a {kind}; ")
+        )
+        raise InputError(
+            rule,
+            field="track",
+            value=wanted,
+            quoted=f"{what}point masses: {names}",
+            file=panel.file,
+        )
     if len(chosen) > 1:
-        raise InputError("must be the name of one track: several are called so", field="track", value=chosen[0][0], file=panel.file)
+        raise InputError(
+            "must be the name of one track: several are called so",
+            field="track",
+            value=chosen[0][0],
+            file=panel.file,
+        )
     name, track = chosen[0]
     if panel.find("referenceframe") or panel.find("reference_frame"):
-        rule = "must be at rest: the axes move with another track; export the table from Tracker instead"
+        rule = (
+            "must be at rest: the axes move with another track; export the table from Tracker "
+            "instead"
+        )
         raise InputError(rule, field="referenceframe", file=panel.file)
     return name, track.need("framedata")
 
@@ -130,8 +191,16 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
 def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     clip, control = panel.object("videoclip"), panel.object("clipcontrol")
     if clip is None or control is None:
-        raise InputError("is missing", field="videoclip" if clip is None else "clipcontrol", file=panel.file, line=panel.line)
-    start, step, count = (clip.integer(name, default) for name, default in (("startframe", 0), ("stepsize", 1), ("stepcount", _MAX_FRAMES)))
+        raise InputError(
+            "is missing",
+            field="videoclip" if clip is None else "clipcontrol",
+            file=panel.file,
+            line=panel.line,
+        )
+    start, step, count = (
+        clip.integer(name, default)
+        for name, default in (("startframe", 0), ("stepsize", 1), ("stepcount", _MAX_FRAMES))
+    )
     for name, value, low in (("stepsize", step, 1), ("startframe", start, 0)):
         if not low <= value <= _MAX_FRAMES:
             raise clip.need(name).error(f"must be >= {low} and at most {_MAX_FRAMES}", value=value)
@@ -142,15 +211,45 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     of_video = _video_times(clip)
     average = None if of_video is None else (of_video[-1] - of_video[0]) / (of_video.size - 1)
     if average is not None and frame_ms is None and abs(stated / average - 1.0) > _SAME_RATE:
-        rule = f"contradicts the video, whose frames last {average:.6g} ms; say which holds by --frame-ms (in a campaign: frame_ms)"
+        rule = (
+            f"contradicts the video, whose frames last {average:.6g} ms; say which holds by "
+            "--frame-ms (in a campaign: frame_ms)"
+        )
         raise control.need("delta_t").error(rule, value=stated)
-    facts = [phrase("frame {start} is step 0, every frame, {duration:.8g} ms a frame", start=start, duration=duration)]
+    facts = [
+        phrase(
+            "frame {start} is step 0, every frame, {duration:.8g} ms a frame",
+            start=start,
+            duration=duration,
+        )
+    ]
     if step != 1:
-        facts = [phrase("frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame", start=start, step=step, duration=duration)]
+        facts = [
+            phrase(
+                "frame {start} is step 0, every {step} frames, {duration:.8g} ms a frame",
+                start=start,
+                step=step,
+                duration=duration,
+            )
+        ]
     if frame_ms is not None and frame_ms != stated:
-        facts.append(phrase("frame duration as stated by the user; according to the file it is {stated:.8g} ms", stated=stated))
+        facts.append(
+            phrase(
+                "frame duration as stated by the user; according to the file it is {stated:.8g} ms",
+                stated=stated,
+            )
+        )
     times, warnings = _unequal(of_video, start, step, count, duration)
-    return _Clip(start, step, max(count, 0), clip.number("starttime", 0.0), duration, times, tuple(facts), warnings)
+    return _Clip(
+        start,
+        step,
+        max(count, 0),
+        clip.number("starttime", 0.0),
+        duration,
+        times,
+        tuple(facts),
+        warnings,
+    )
 
 
 def _video_times(clip: Element) -> FloatArray | None:
@@ -162,11 +261,17 @@ def _video_times(clip: Element) -> FloatArray | None:
         return None
     if array is None:
         duration, count = video.number("duration", 0.0), video.integer("frame_count", 0)
-        return np.linspace(0.0, 1e3 * duration, count + 1) if duration > 0.0 and 1 < count <= _MAX_FRAMES else None
+        return (
+            np.linspace(0.0, 1e3 * duration, count + 1)
+            if duration > 0.0 and 1 < count <= _MAX_FRAMES
+            else None
+        )
     if not _MARKS.fullmatch(array.text):
         raise array.error("must be a list of numbers", value=array.text)
     try:
-        times = np.array([read_number(cell.strip()) for cell in array.text.strip("{} \n\t").split(",")])
+        times = np.array(
+            [read_number(cell.strip()) for cell in array.text.strip("{} \n\t").split(",")]
+        )
     except ValueError:
         raise array.error("must be a list of numbers", value=array.text) from None
     if not np.all(np.abs(times) < 1e12):
@@ -177,24 +282,34 @@ def _video_times(clip: Element) -> FloatArray | None:
 def _unequal(
     of_video: FloatArray | None, start: int, step: int, count: int, duration: float
 ) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """The video's own times, ms, stretched to the clip's mean `duration` (ms), and a warning, where its frames are not equally long."""
+    """The video's own times, ms, stretched to the clip's mean `duration` (ms), and a warning, where
+    its frames are not equally long.
+    """
     end = start + step * (count - 1)
     if of_video is None or not start < end < of_video.size:
         return None, ()
-    scaled = (of_video - of_video[start]) * (duration * (end - start) / (of_video[end] - of_video[start]))
-    off = float(np.max(np.abs(scaled - (np.arange(of_video.size) - start) * duration)[start : end + 1]))
+    scaled = (of_video - of_video[start]) * (
+        duration * (end - start) / (of_video[end] - of_video[start])
+    )
+    off = float(
+        np.max(np.abs(scaled - (np.arange(of_video.size) - start) * duration)[start : end + 1])
+    )
     if off <= max(_SAME_TIMES * duration, 0.002):
         return None, ()
     said = phrase(
-        "the frames of the video are not equally spaced (times differ by up to {off:.3g} ms): the video's own times are used, as in "
-        "Tracker", off=off
+        "the frames of the video are not equally spaced (times differ by up to {off:.3g} "
+        "ms): the video's own times are used, as in "
+        "Tracker",
+        off=off,
     )
     return scaled, (said,)
 
 
 @dataclass(frozen=True, eq=False)
 class _Axes:
-    """Key frames of the coordinate system: frames (n_key,), values (n_key, 5) xorigin, yorigin, angle (deg), xscale, yscale."""
+    """Key frames of the coordinate system: frames (n_key,), values (n_key, 5) xorigin, yorigin,
+    angle (deg), xscale, yscale.
+    """
 
     frames: tuple[int, ...]
     values: FloatArray
@@ -213,26 +328,48 @@ class _Axes:
         if x_scale != y_scale:
             scale = phrase("{x:.8g} (x) and {y:.8g} (y)", x=x_scale / factor, y=y_scale / factor)
         first = phrase(
-            "scale {scale} pixels/m, origin at pixel ({x:.6g}, {y:.6g}), axes turned by {angle:.6g} deg", scale=scale, x=x0, y=y0, angle=angle
+            "scale {scale} pixels/m, origin at pixel ({x:.6g}, {y:.6g}), axes turned by "
+            "{angle:.6g} deg",
+            scale=scale,
+            x=x0,
+            y=y0,
+            angle=angle,
         )
         more = len(self.frames) - 1
-        return (first + (phrase(" at frame {frame}; {n} later changes", frame=self.frames[0], n=more) if more else ""),)
+        return (
+            first
+            + (
+                phrase(" at frame {frame}; {n} later changes", frame=self.frames[0], n=more)
+                if more
+                else ""
+            ),
+        )
 
     def warnings(self) -> tuple[str, ...]:
         if np.all(self.values[:, 3:] == 1.0):
-            return (phrase("the scale is 1 pixel per unit of length: the video was not calibrated"),)
+            return (
+                phrase("the scale is 1 pixel per unit of length: the video was not calibrated"),
+            )
         return ()
 
 
 def _read_axes(panel: Element) -> _Axes:
     coords = panel.object("coords")
     if coords is None or not coords.kind.endswith(".ImageCoordSystem"):
-        raise InputError("must be an ImageCoordSystem", field="coords", value=None if coords is None else coords.kind, file=panel.file)
+        raise InputError(
+            "must be an ImageCoordSystem",
+            field="coords",
+            value=None if coords is None else coords.kind,
+            file=panel.file,
+        )
     keys = coords.need("framedata").indexed()
     if 0 not in keys:
         raise coords.need("framedata").error("must begin at frame 0")
     frames = sorted(keys)
-    values = [[keys[f].number(name) for name in ("xorigin", "yorigin", "angle", "xscale", "yscale")] for f in frames]
+    values = [
+        [keys[f].number(name) for name in ("xorigin", "yorigin", "angle", "xscale", "yscale")]
+        for f in frames
+    ]
     for frame, row in zip(frames, values, strict=True):
         for name, scale in (("xscale", row[3]), ("yscale", row[4])):
             if scale < 1e-9:
@@ -245,10 +382,19 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     found = panel.find("length_unit")
     written = found.text if found else ""
     if stated is not None:
-        other = phrase("; according to the file: {unit}", unit=written) if written and written != stated else ""
-        return METRES[stated], phrase("lengths in {unit} as stated by the user", unit=stated) + other
+        other = (
+            phrase("; according to the file: {unit}", unit=written)
+            if written and written != stated
+            else ""
+        )
+        return METRES[stated], phrase(
+            "lengths in {unit} as stated by the user", unit=stated
+        ) + other
     if found is not None and written not in METRES:
-        raise found.error(f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)", value=written)
+        raise found.error(
+            f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)",
+            value=written,
+        )
     if not written:
         return METRES["m"], phrase("the file states no unit of length: m is assumed")
     return METRES[written], phrase("lengths in {unit}, as stated in the file", unit=written)
@@ -258,8 +404,18 @@ def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float
     """Name, (dx, dy) in pixels and world length of every calibration stick at its first frame."""
     found = []
     for name, kind, track in _tracks(panel):
-        stick, lengths, ends = track.find("stickmode"), track.find("worldlengths"), track.find("framedata")
-        if kind == "TapeMeasure" and stick and stick.text == "true" and lengths and lengths.find("[0]") and ends and ends.object("[0]"):
+        stick = track.find("stickmode")
+        lengths = track.find("worldlengths")
+        ends = track.find("framedata")
+        if (
+            kind == "TapeMeasure"
+            and stick
+            and stick.text == "true"
+            and lengths
+            and lengths.find("[0]")
+            and ends
+            and ends.object("[0]")
+        ):
             place = ends.object("[0]")
             assert place is not None
             x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
@@ -269,17 +425,30 @@ def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float
 
 def _sticks(panel: Element) -> tuple[str, ...]:
     return tuple(
-        phrase("{name}: {length:.6g} for {pixels:.6g} pixels", name=name, length=length, pixels=np.hypot(*ends))
+        phrase(
+            "{name}: {length:.6g} for {pixels:.6g} pixels",
+            name=name,
+            length=length,
+            pixels=np.hypot(*ends),
+        )
         for name, ends, length in _stick_lengths(panel)
     )
 
 
 def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
-    """A stick whose length by the scale is not its stated length; sticks set the scale, so they agree unless one was edited."""
+    """A stick whose length by the scale is not its stated length; sticks set the scale, so they
+    agree unless one was edited.
+    """
     warnings = []
     for name, (dx, dy), length in _stick_lengths(panel):
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
             said = {"name": name, "by_scale": by_scale, "length": length}
-            warnings.append(phrase("the length of {name} is {by_scale:.4g} on the scale of the axes, but {length:.4g} was stated", **said))
+            warnings.append(
+                phrase(
+                    "the length of {name} is {by_scale:.4g} on the scale of the axes, but "
+                    "{length:.4g} was stated",
+                    **said,
+                )
+            )
     return tuple(warnings)

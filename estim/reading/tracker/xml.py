@@ -1,8 +1,10 @@
-"""The XML of a .trk file as a tree of named properties with their lines, and the .trk inside a .trz; nothing is trusted.
+"""The XML of a .trk file as a tree of named properties with their lines, and the .trk inside a
+.trz; nothing is trusted.
 
-Tracker writes ``<property name="delta_t" type="double">33.367</property>`` and objects that hold such properties.
-Document types are refused, and with them every entity that could expand or reach out; elements, depth and sizes are
-limited.  A member of a .trz is read into memory: its name is never used as a path.
+Tracker writes ``<property name="delta_t" type="double">33.367</property>`` and objects that hold
+such properties.  Document types are refused, and with them every entity that could expand or reach
+out; elements, depth and sizes are limited.  A member of a .trz is read into memory: its name is
+never used as a path.
 """
 
 from __future__ import annotations
@@ -21,10 +23,13 @@ from estim.reading.input_file import not_utf8
 _MAX_BYTES = 64 * 1024**2
 _MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
-_MAX_RATIO = 200  # of the sizes before and after compression; the text of a .trk shrinks about 30 times
+# of the sizes before and after compression; the text of a .trk shrinks about 30 times
+_MAX_RATIO = 200
 _MAX_DIRECTORY = 1024**2
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_ENCODING = re.compile(rb"""(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s{0,9}=\s{0,9}["']([\w.-]{1,40})["']""")
+_ENCODING = re.compile(
+    rb"""(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s{0,9}=\s{0,9}["']([\w.-]{1,40})["']"""
+)
 _LIMIT = 1e9
 
 
@@ -45,16 +50,24 @@ class Element:
         return "".join(self.texts).strip()
 
     def error(self, rule: str, *, value: object = None) -> InputError:
-        return InputError(rule, field=self.name or self.tag, value=value, file=self.file, line=self.line)
+        return InputError(
+            rule, field=self.name or self.tag, value=value, file=self.file, line=self.line
+        )
 
     def find(self, name: str) -> Element | None:
         """The property `name` of this object; None where there is none."""
-        return next((part for part in self.parts if part.tag == "property" and part.name == name), None)
+        return next(
+            (part for part in self.parts if part.tag == "property" and part.name == name), None
+        )
 
     def object(self, name: str) -> Element | None:
         """The object that is the value of property `name`."""
         found = self.find(name)
-        return None if found is None else next((part for part in found.parts if part.tag == "object"), None)
+        return (
+            None
+            if found is None
+            else next((part for part in found.parts if part.tag == "object"), None)
+        )
 
     def need(self, name: str) -> Element:
         """The property `name`; raises InputError where it is missing."""
@@ -69,7 +82,11 @@ class Element:
         if found is None and default is not None:
             return default
         found = self.need(name)
-        value = float(found.text) if len(found.text) < 50 and _NUMBER.fullmatch(found.text) else float("inf")
+        value = (
+            float(found.text)
+            if len(found.text) < 50 and _NUMBER.fullmatch(found.text)
+            else float("inf")
+        )
         if not abs(value) <= _LIMIT:
             raise found.error(f"must be a number within ±{_LIMIT:g}", value=found.text)
         return value
@@ -82,7 +99,9 @@ class Element:
         return round(value)
 
     def indexed(self) -> dict[int, Element]:
-        """The objects of an array of properties [0], [1], ..., by index; raises InputError for any other content."""
+        """The objects of an array of properties [0], [1], ..., by index; raises InputError for any
+        other content.
+        """
         found: dict[int, Element] = {}
         for part in self.parts:
             index = re.fullmatch(r"\[(\d{1,7})\]", part.name, re.ASCII)
@@ -97,9 +116,12 @@ class Element:
 def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     """The root object of the XML text `data`.  Raises InputError with the line.
 
-    Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of tracks alone hold any.
+    Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of
+    tracks alone hold any.
     """
-    if ((said := _ENCODING.match(data)) is None or said[1].lower() in (b"utf-8", b"utf8")) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if (
+        (said := _ENCODING.match(data)) is None or said[1].lower() in (b"utf-8", b"utf8")
+    ) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         data = _as_utf8(data)
     top: list[Element] = []
     stack: list[Element] = []
@@ -151,7 +173,9 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
 
 
 def _as_utf8(data: bytes) -> bytes:
-    """UTF-8 as it is; text in Windows-1252 turned into it; what is neither as it is, for the parser to refuse."""
+    """UTF-8 as it is; text in Windows-1252 turned into it; what is neither as it is, for the parser
+    to refuse.
+    """
     try:
         data.decode("utf-8")
     except UnicodeDecodeError:
@@ -163,7 +187,9 @@ def _as_utf8(data: bytes) -> bytes:
 
 
 def _check_utf8(data: bytes, file: str) -> None:
-    """Raises InputError where the text is none in the encoding that its first line states, or that XML takes if it states none."""
+    """Raises InputError where the text is none in the encoding that its first line states, or that
+    XML takes if it states none.
+    """
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -179,11 +205,20 @@ def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str
     _check_directory(data, file)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            found = [i for i in archive.infolist() if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")]
+            found = [
+                i
+                for i in archive.infolist()
+                if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")
+            ]
             if not found:
-                raise InputError("must hold a .trk", field="archive", quoted="it holds none", file=file)
+                raise InputError(
+                    "must hold a .trk", field="archive", quoted="it holds none", file=file
+                )
             info, track = _member(found, track, file)
-            if info.flag_bits & 1 or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            if info.flag_bits & 1 or info.compress_type not in (
+                zipfile.ZIP_STORED,
+                zipfile.ZIP_DEFLATED,
+            ):
                 rule = "must hold a .trk without a password, compressed in the ordinary way"
                 raise InputError(rule, field="archive", value=info.filename, file=file)
             limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
@@ -191,22 +226,51 @@ def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str
                 content = stream.read(limit + 1)
     except InputError:
         raise
-    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, OSError, RuntimeError, ValueError, LookupError, OverflowError) as error:
-        raise InputError("cannot be read as an archive", quoted=str(error) or type(error).__name__, file=file) from None
+    except (
+        zipfile.BadZipFile,
+        zlib.error,
+        struct.error,
+        EOFError,
+        OSError,
+        RuntimeError,
+        ValueError,
+        LookupError,
+        OverflowError,
+    ) as error:
+        raise InputError(
+            "cannot be read as an archive", quoted=str(error) or type(error).__name__, file=file
+        ) from None
     if len(content) > limit:
-        raise InputError(f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked", field="archive", value=info.filename, file=file)
+        raise InputError(
+            f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked",
+            field="archive",
+            value=info.filename,
+            file=file,
+        )
     return content, track
 
 
-def _member(found: list[zipfile.ZipInfo], track: str | None, file: str) -> tuple[zipfile.ZipInfo, str | None]:
-    """The .trk that `track` begins with, or the only one, and the rest of `track`.  Raises InputError."""
+def _member(
+    found: list[zipfile.ZipInfo], track: str | None, file: str
+) -> tuple[zipfile.ZipInfo, str | None]:
+    """The .trk that `track` begins with, or the only one, and the rest of `track`.  Raises
+    InputError.
+    """
     for info in found:
         if track is not None and (track == info.filename or track.startswith(f"{info.filename}/")):
             return info, track[len(info.filename) + 1 :] or None
     if len(found) == 1:
         return found[0], track
-    rule = 'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds several tracks'
-    raise InputError(rule, field="track", quoted=f"it holds {listed([info.filename for info in found])}", file=file)
+    rule = (
+        'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds '
+        "several tracks"
+    )
+    raise InputError(
+        rule,
+        field="track",
+        quoted=f"it holds {listed([info.filename for info in found])}",
+        file=file,
+    )
 
 
 def _check_directory(data: bytes, file: str) -> None:
@@ -216,4 +280,6 @@ def _check_directory(data: bytes, file: str) -> None:
         raise InputError("cannot be read as an archive (it has no end)", file=file)
     (size,) = struct.unpack_from("<I", data, end + 12)
     if size > _MAX_DIRECTORY or data[max(0, end - 20) : end].startswith(b"PK\x06\x07"):
-        raise InputError("must hold a short list of members", field="archive", value=f"{size} bytes", file=file)
+        raise InputError(
+            "must hold a short list of members", field="archive", value=f"{size} bytes", file=file
+        )
