@@ -344,7 +344,7 @@ def test_two_runs_agree_with_the_chain_in_all_dimensions(
     )
     found = sample_marginal(fit, rng=rng, options=MarginalOptions(n_draw=20_000))
     chain = sample_posterior(
-        fit.posterior, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng
+        fit.sampled, fit.values, fit.cov, target=Target(ess=500, max_step=1000), rng=rng
     )
     size = effective_size(chain.draws, "bulk")
     sd = chain.flat.std(axis=0)

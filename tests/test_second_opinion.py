@@ -128,7 +128,8 @@ def test_adapted_proposal_alone_leaves_it_out_and_its_own_weights_do_not_show_th
     alone = adapt_proposal(fit.posterior, fit.values, fit.cov, rng=rng[0], starts=tuple(fit.others))
     same = certify(fit.posterior, alone, rng=rng[0])
     assert same.reliable
-    assert same.sd[1] < 0.94 * grid().sd
+    # draws without the tail are nearly normal: u(sd) = sd/sqrt(2 n)
+    assert same.sd[1] < (1.0 - 4.0 / np.sqrt(2.0 * same.ess)) * grid().sd
     chains = [
         sample_posterior(
             fit.posterior, fit.values, fit.cov, target=Target(ess=1500.0), rng=one, proposal=alone

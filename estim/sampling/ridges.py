@@ -157,11 +157,12 @@ def coordinates_at_modes(
     )
     modes = np.clip(modes, low, high)
     log_densities = log_density_in_batches(density, modes)
-    modes = (
-        modes[log_densities > np.max(log_densities) - _NEGLIGIBLE]
-        if np.any(np.isfinite(log_densities))
-        else modes[:1]
-    )
+    finite = np.isfinite(log_densities)
+    if np.any(finite):
+        modes, log_densities = modes[finite], log_densities[finite]
+        modes = modes[log_densities >= np.max(log_densities) - _NEGLIGIBLE]
+    else:
+        modes = modes[:1]
     n_mode = len(modes)
     same = Coordinates(
         density,
