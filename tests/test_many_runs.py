@@ -396,8 +396,7 @@ def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng,
         return lambda n: sizes.append(n) or draw(n)
 
     monkeypatch.setattr(goodness, "_simulated", counted)
-    monkeypatch.setattr(goodness, "_AT_ONCE", 1e5)
-    monkeypatch.setattr(goodness, "_PIECE", 5e4)
+    monkeypatch.setattr(goodness, "_MOST_AT_ONCE", 5e4)
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     bent = replace(problem.runs[0], y=problem.runs[0].y + 6.0 * (X - 0.5) ** 2)
     goodness.check_goodness(
@@ -406,5 +405,6 @@ def test_a_second_look_at_a_long_run_holds_one_block_of_residuals_at_a_time(rng,
         ),
         rng=rng,
     )
-    assert sum(sizes) == 20 * 20_000 + MANY * 2600
-    assert max(sizes) * X.size <= 1e5
+    # one run fails, and is simulated to the end; the others are told to pass much sooner
+    assert 20_000 < sum(sizes) < 20_000 * (MANY + 1)
+    assert max(sizes) * X.size <= 5e4

@@ -48,6 +48,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,13 +65,11 @@ P_HARDLY = 0.01  # of `uneven` and `repeated`, which see little among few points
 # times what the instrument explains: nine tenths of the variance would be something else
 SCATTER_LIMIT = 3.0
 _NO_ERRORS = 1e-9  # standard deviations; residuals that are all smaller are rounding errors
-_LEAST_SIMULATED = 2600  # a p-value below P_POOR_FIT can come out
-# p-value of a first look at one of many runs that is looked at again, and with how many blocks
-_AGAIN, _N_AGAIN = 2e-3, 20
-_SMALLER = 4  # blocks, by which many points take less memory
-_N_SIMULATED = 20_000
-# numbers in one piece, and in each of several: what is made of them takes many times their memory
-_AT_ONCE, _PIECE = 8e6, 2e6
+_ENOUGH = 50  # simulated values at least as extreme: a p-value is then uncertain by 14 % or less
+_N_SIMULATED = 20_000  # data sets, if a p-value has not come out before
+_LEAST_SIMULATED = 2600  # of many points: a p-value below P_POOR_FIT can come out
+_MOST_NUMBERS = 4e7  # errors that are drawn, beyond the least
+_AT_ONCE, _MOST_AT_ONCE = 1000, 2e6  # data sets and numbers
 _SLOW_ORDER, _SLOW_WEIGHT = 5, 4.0
 _SAME = 1e-9  # of its size: what varies less is the same everywhere
 _LEAST_REPEATED = 2  # readings beyond the first of their x: a single one may be a copied row
@@ -186,21 +185,24 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
     ]
     linear = [one for one in responses if isinstance(one, Linear)]
+    whitened = posterior.by_run(response.z for response in responses)
     if len(linear) == len(problem.runs) > MANY and not noise.any():
         return _run_by_run(fit, linear, named, rng)
     pulls = posterior.prior_slopes(fit.values)
     pulls[noise] = 0.0
     shifts_by = linear_response([response.root for response in responses], columns, pulls)
     n_error = problem.n_obs + problem.n_par
-    counted = any(run.noise.counted is not None for run in problem.runs)  # they take longer to draw
-    most = 8e6 if counted or len(problem.groups) > MANY else 4e7
-    whitened = posterior.by_run(response.z for response in responses)
+    plain = posterior.likelihoods[0].normal is not None and not (
+        pulls.any() or fit.deviations or fit.forces
+    )
+    dof = _dof(linear[0]) if plain and len(linear) == len(problem.runs) == 1 else 0
     raw_and_sd = _raw_and_sd(fit, named)
-    compared = [
-        _compared(run, named, sd) for run, (_, sd) in zip(problem.runs, raw_and_sd, strict=True)
+    tested = [
+        _Tested(z, _compared(run, named, sd), run.stated, dof)
+        for run, z, (_, sd) in zip(problem.runs, whitened, raw_and_sd, strict=True)
     ]
-    drawn = []
-    for n_draw in _pieces(_blocks(int(most / n_error)), n_error):
+
+    def simulate(n_draw: int) -> list[FloatArray]:
         errors = rng.standard_normal((n_error, n_draw))
         *by_group, of_priors = np.split(
             errors, np.cumsum([group.n_obs for group in problem.groups])
@@ -211,19 +213,15 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
             response.moved(error, shifts[used])
             for response, error, used in zip(responses, by_group, columns, strict=True)
         )
-        simulated = posterior.by_run(moved)
-        drawn.append(
-            [_statistics(null.T, one) for null, one in zip(simulated, compared, strict=True)]
+        return [block.T for block in posterior.by_run(moved)]
+
+    checked = _checks(tested, simulate, n_error)
+    return tuple(
+        _judged(fit, run, z, raw, sd, checks, named)
+        for run, z, (raw, sd), checks in zip(
+            problem.runs, whitened, raw_and_sd, checked, strict=True
         )
-    plain = posterior.likelihoods[0].normal is not None and not (
-        pulls.any() or fit.deviations or fit.forces
     )
-    dof = _dof(linear[0]) if plain and len(linear) == len(problem.runs) == 1 else 0
-    checked = []
-    for i, (run, z, (raw, sd)) in enumerate(zip(problem.runs, whitened, raw_and_sd, strict=True)):
-        null = {name: np.concatenate([block[i][name] for block in drawn]) for name in drawn[0][i]}
-        checked.append(_judged(fit, run, z, raw, sd, null, compared[i], named, dof=dof))
-    return tuple(checked)
 
 
 def check_linear(
@@ -245,11 +243,8 @@ def check_linear(
     """
     response, compared = Linear(z, root), _Compared(None, _growing(f, x), _Repeated.of(x, sd))
     simulate = _simulated(response, np.asarray(np.linalg.pinv(root.T @ root, hermitian=True)), rng)
-    found = [
-        _statistics(simulate(n), compared) for n in _pieces(_blocks(int(4e7 / z.size)), z.size)
-    ]
-    null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
-    checks = _checks(z, null, compared, stated=stated, dof=_dof(response))
+    tested = _Tested(z, compared, stated, _dof(response))
+    (checks,) = _checks([tested], lambda n: [simulate(n)], z.size)
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
@@ -260,33 +255,21 @@ def _run_by_run(
 
     With C the covariance of what least squares of all runs make of the parameters of one, errors e
     of its points move them by C J^T e, and all other errors by a normal vector of covariance C - C
-    J^T J C.  A p-value that could count among so many is simulated again, to where it can be told
-    from that of the worst of them.
+    J^T J C.  A p-value that could count among so many is simulated to where it can be told from
+    that of the worst of them.
     """
     problem, checked = fit.problem, []
+    among = max(1.0, len(problem.runs) / MANY)
     spreads = spreads_by_runs(
         [one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values)
     )
     for run, response, spread, (raw, sd) in zip(
         problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True
     ):
-        simulate, compared = _simulated(response, spread, rng), _compared(run, named, sd)
-
-        def judged(n_block: int, n_draw: int) -> Goodness:
-            blocks = map(simulate, _pieces([n_draw] * n_block, run.n_obs))  # noqa: B023
-            found = [_statistics(block, compared) for block in blocks]  # noqa: B023
-            null = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
-            return _judged(fit, run, response.z, raw, sd, null, compared, named)  # noqa: B023
-
-        first = judged(1, _LEAST_SIMULATED)
-        told = [
-            check.p_value
-            for check in (*first.checks.values(), *([] if first.speed is None else [first.speed]))
-        ]
-        close = min(told, default=1.0) < _AGAIN or (
-            "chi2" in first.checks and first.checks["chi2"].p_value > 1.0 - _AGAIN
-        )
-        checked.append(judged(_N_AGAIN, _N_SIMULATED) if close else first)
+        simulate = _simulated(response, spread, rng)
+        tested = _Tested(response.z, _compared(run, named, sd), run.stated)
+        (checks,) = _checks([tested], lambda n: [simulate(n)], run.n_obs, among)  # noqa: B023
+        checked.append(_judged(fit, run, response.z, raw, sd, checks, named))
     return tuple(checked)
 
 
@@ -316,24 +299,16 @@ def _judged(
     z: FloatArray,
     raw: FloatArray,
     sd: FloatArray,
-    null: Mapping[str, FloatArray],
-    compared: _Compared,
+    checks: dict[str, Check],
     named: Mapping[str, FloatArray],
-    *,
-    dof: int = 0,
 ) -> Goodness:
-    """A run with its whitened residuals z (n_obs,) against simulated statistics.  dof : of chi2,
-    where its distribution is known; else 0.
-    """
+    """A run with its whitened residuals z (n_obs,) and their tests."""
     n_run = len(fit.problem.runs)
     empty = run.noise.counted is None and (
         no_scatter(run, fit) or float(np.max(np.abs(z))) < _NO_ERRORS
     )
-    checks = (
-        {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
-        if empty
-        else _checks(z, null, compared, stated=run.stated, dof=dof)
-    )
+    if empty:
+        checks = {"zero": Check(0.0, P_FLOOR, TESTS["zero"])}
     speed = None if empty else checks.pop("speed", None)
     forced = any(run.name in force.runs for force in fit.forces)
     return Goodness(
@@ -397,24 +372,6 @@ def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     return float(named[size.scatter.parameter]) / instrument
 
 
-def _blocks(at_once: int) -> list[int]:
-    """How many residuals are simulated, by turns that fit into memory: as many as fit at once, and
-    enough for the least p-value that counts.
-    """
-    if at_once >= _LEAST_SIMULATED:
-        return [min(_N_SIMULATED, at_once)]
-    some = max(1, at_once // _SMALLER)
-    return [some] * -(-_LEAST_SIMULATED // some)
-
-
-def _pieces(blocks: Sequence[int], n_error: int) -> list[int]:
-    """As many in all, in pieces that the statistics of many points take less memory for."""
-    if max(blocks) * n_error <= _AT_ONCE:
-        return list(blocks)
-    total, most = sum(blocks), max(1, int(_PIECE / n_error))
-    return [min(most, total - done) for done in range(0, total, most)]
-
-
 def _dof(response: Linear) -> int:
     n_obs, _ = response.root.shape
     return n_obs - int(
@@ -424,33 +381,72 @@ def _dof(response: Linear) -> int:
     )
 
 
-def _checks(
-    z: FloatArray,
-    null: Mapping[str, FloatArray],
-    compared: _Compared,
-    *,
-    stated: bool,
-    dof: int = 0,
-) -> dict[str, Check]:
-    """Statistics of z (n_obs,) against simulated ones, every one large where the model is wrong.
+@dataclass(frozen=True, eq=False)
+class _Tested:
+    """Whitened residuals z (n_obs,), and what they may go with.
 
-    dof : of chi2, whose distribution is then known; 0 where it is simulated too.
+    stated : whether the size of the errors was; else chi2 says nothing.
+    dof : of chi2, where its distribution is known; 0 where it is simulated too.
     """
-    observed = _statistics(z[None, :], compared)
-    checks = {}
-    for name in observed:
-        if name == "chi2" and not stated:
-            continue
-        statistic = float(observed[name][0])
-        p = (1.0 + float(np.sum(null[name] >= statistic - 1e-12))) / (1.0 + null[name].size)
-        if name == "trend" and max(statistic, float(np.max(null[name]))) < _NO_DRIFT:
+
+    z: FloatArray
+    compared: _Compared
+    stated: bool
+    dof: int = 0
+
+    @cached_property
+    def statistics(self) -> dict[str, float]:
+        """Every one large where the model is wrong."""
+        found = _statistics(self.z[None, :], self.compared)
+        return {name: float(found[name][0]) for name in found if name != "chi2" or self.stated}
+
+
+def _checks(
+    tested: Sequence[_Tested],
+    simulate: Callable[[int], Sequence[FloatArray]],
+    n_error: int,
+    among: float = 1.0,
+) -> list[dict[str, Check]]:
+    """The tests of several runs against the same simulated data sets.
+
+    simulate : (n, n_obs) whitened residuals of each run in n data sets.  n_error : numbers that are
+        drawn for one of them.  among : by how many times more may be needed.
+
+    Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
+    and Clifford, Biometrika 78 (1991) 301): a p-value that decides nothing needs few.
+    """
+    least = [dict.fromkeys(one.statistics, 0) for one in tested]
+    drift = [one.statistics["trend"] for one in tested]
+    for one, counts in zip(tested, least, strict=True):
+        if one.dof > 0:
+            counts.pop("chi2", None)
+    n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
+    at_once, n = max(1, min(_AT_ONCE, int(_MOST_AT_ONCE / n_error))), 0
+    while n < n_most and min(min(counts.values()) for counts in least) < _ENOUGH:
+        more = min(at_once, n_most - n)
+        for i, null in enumerate(simulate(more)):
+            found = _statistics(null, tested[i].compared)
+            drift[i] = max(drift[i], float(np.max(found["trend"])))
+            for name in least[i]:
+                reached = found[name] >= tested[i].statistics[name] - 1e-12
+                least[i][name] += int(np.count_nonzero(reached))
+        n += more
+    checked = []
+    for one, counts, largest in zip(tested, least, drift, strict=True):
+        p_values = {name: (1.0 + count) / (1.0 + n) for name, count in counts.items()}
+        if one.dof > 0 and one.stated:
+            p_values["chi2"] = max(chi2_p(one.statistics["chi2"], one.dof), P_FLOOR)
+        if largest < _NO_DRIFT:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
-            p = 1.0
-        if name == "chi2" and dof > 0:
-            p = max(chi2_p(statistic, dof), P_FLOOR)
-        checks[name] = Check(statistic, p, TESTS[name])
-    return checks
+            p_values["trend"] = 1.0
+        checked.append(
+            {
+                name: Check(statistic, p_values[name], TESTS[name])
+                for name, statistic in one.statistics.items()
+            }
+        )
+    return checked
 
 
 @dataclass(frozen=True, eq=False)

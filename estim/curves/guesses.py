@@ -26,6 +26,8 @@ from estim.curves.projected import ProjectedCurve, projected
 _DRAWN, _DRAWN_EACH = 3000, 1500  # trials, and more for each parameter that is drawn
 _SWEPT = 300  # values of one parameter, the others held
 _GO_DOWN, _FINISH = 12, 4
+# where the curve is no sum of terms: trials to begin with, descents that end at the best squares
+_FEW, _ENOUGH = 1000, 3
 _ALIKE = 0.9995  # correlation of residuals that are one
 _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
@@ -79,10 +81,15 @@ def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatAr
         return np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])
     n = _DRAWN + _DRAWN_EACH * len(search.bent)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
-    ends = [
-        _down(search, point, _ROUGH)
-        for point in (*_best_apart(search, drawn, _GO_DOWN), *_term_by_term(search, rng))
-    ]
+    alone = len(search.blocks) < 2
+    ends: list[tuple[FloatArray, float]] = []
+    for some in (drawn[:_FEW], drawn) if alone else (drawn,):
+        for point in _best_apart(search, some, _GO_DOWN):
+            ends.append(_down(search, point, _ROUGH))
+            best = min(end[1] for end in ends) * (1.0 + _AGREE) + search.rounding
+            if alone and sum(end[1] <= best for end in ends) == _ENOUGH:
+                return min(ends, key=lambda end: end[1])
+    ends += [_down(search, point, _ROUGH) for point in _term_by_term(search, rng)]
     ends.sort(key=lambda end: end[1])
     finished = [_swept(search, end, rng) for end in ends[:_FINISH]]
     return min(finished, key=lambda end: end[1]) if finished else (drawn[0], math.inf)

@@ -18,7 +18,7 @@ from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
 
-_CHUNK = 1_000_000  # numbers in memory at a time
+_CHUNK = 200_000  # numbers at a time: they stay in the cache
 _MOST_POINTS = 1000  # of which a search looks
 _PLACES = 50  # at which angles are compared
 _FLAT = 1e-9  # share of a column that must be left where those before it are taken out
