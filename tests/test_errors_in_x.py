@@ -385,11 +385,12 @@ def test_p_values_are_even_where_x_has_errors(rng: np.random.Generator) -> None:
 
 
 def test_the_simulated_null_of_the_residuals_holds_for_a_line(
-    line: Problem, rng: np.random.Generator
+    line: Problem, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """For small errors of x the normal scores are plain residuals: both forms of the null
     distribution must agree.
     """
+    monkeypatch.setattr("estim.checks.goodness._ENOUGH", 20_000)
     run = line.runs[0]
     small = posed("a + b*x", run.x, run.y, {"a": 1.0, "b": 2.0}, 0.1, 1e-6)
     fit = fit_least_squares(small, rng=rng, n_start=1)

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from estim import fit_curve
 from estim.campaign import load_campaign
-from estim.checks.goodness import P_POOR_FIT, check_goodness
+from estim.checks import goodness
+from estim.checks.goodness import P_POOR_FIT, check_goodness, check_linear
 from estim.fitting.least_squares import fit_least_squares
 from estim.pipeline import analyse
 from estim.problem.roots import covariance_of
@@ -245,3 +247,45 @@ def test_a_drift_that_the_curve_cannot_take_is_seen(rng: np.random.Generator) ->
         "a + b*x", x, x + 0.3 * x**2 + 0.1 * rng.standard_normal(60), start={"a": 0.0, "b": 1.0}
     )
     assert "trend" in {finding.test for finding in fit.findings}
+
+
+@pytest.mark.parametrize("n_error", [30, 13_333, 1_000_000])
+def test_data_sets_are_simulated_until_every_p_value_is_known_well_enough(n_error: int) -> None:
+    """(1 + k)/(1 + n) at k = 50 has a relative error of 14 %; few are held at a time."""
+    rng, sizes = np.random.default_rng(1), []
+
+    def simulate(n: int) -> list[np.ndarray]:
+        sizes.append(n)
+        return [rng.standard_normal((n, 20))]
+
+    compared = goodness._Compared(None, None, None)
+    usual = goodness._Tested(np.random.default_rng(2).standard_normal(20), compared, True)
+    (checks,) = goodness._checks([usual], simulate, n_error)
+    least = min(check.p_value for check in checks.values())
+    assert 50.0 <= least * (1 + sum(sizes)) - 1.0 < 51.0 + least * 500
+    assert max(sizes) * n_error <= 2e6 or max(sizes) == 1
+    sizes.clear()
+    trending = goodness._Tested(np.linspace(-2.0, 2.0, 20), compared, True)
+    (checks,) = goodness._checks([trending], simulate, n_error)
+    assert sum(sizes) == max(2600, min(20_000, int(4e7 / n_error)))
+    assert checks["trend"].p_value == 1.0 / (1.0 + sum(sizes)) < goodness.P_POOR_FIT
+
+
+def test_the_p_values_of_right_curves_are_uniform_though_simulation_ends_early() -> None:
+    rng, x = np.random.default_rng(3), np.linspace(0.1, 1.0, 12)
+    root = -x[:, None]
+    p_values = []
+    for _ in range(300):
+        errors = rng.standard_normal(x.size)
+        z = errors - x * (x @ errors) / (x @ x)
+        found = check_linear(z, root, x=x, f=x, sd=np.ones(12), stated=True, rng=rng)
+        p_values.append(found.checks["largest"].p_value)
+    assert stats.kstest(p_values, "uniform").pvalue > 0.01
+    # against the wrong curve, y = 1, they are not
+    p_values = []
+    for _ in range(100):
+        errors = 3.0 + rng.standard_normal(x.size)
+        z = errors - x * (x @ errors) / (x @ x)
+        found = check_linear(z, root, x=x, f=x, sd=np.ones(12), stated=True, rng=rng)
+        p_values.append(found.checks["autocorrelation"].p_value)
+    assert stats.kstest(p_values, "uniform").pvalue < 1e-6

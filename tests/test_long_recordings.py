@@ -13,7 +13,7 @@ import pytest
 
 from estim import fit_curve, load_campaign
 from estim.campaign.forced import trajectory_of
-from estim.checks import goodness
+from estim.checks.goodness import Goodness
 from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
@@ -217,13 +217,6 @@ def test_where_the_covariance_does_not_stay_the_same_a_recording_has_at_most_300
         load_campaign(path).problem(["long"])
 
 
-def test_many_residuals_are_simulated_in_pieces_and_few_at_once():
-    assert goodness._pieces([20_000], 300) == [20_000]
-    pieces = goodness._pieces(goodness._blocks(400), 100_000)
-    assert sum(pieces) == sum(goodness._blocks(400)) >= 2600
-    assert max(pieces) * 100_000 <= goodness._PIECE
-
-
 def test_a_scan_of_many_points_in_pieces_finds_the_same(monkeypatch):
     rng, t = np.random.default_rng(1), np.linspace(0.0, 20.0, 400)
     y = 2.0 * np.exp(-t / 15.0) * np.cos(3.0 * t + 0.4) + 0.05 * rng.standard_normal(t.size)
@@ -243,7 +236,7 @@ def test_residuals_of_many_frames_do_not_hide_each_other(tmp_path):
         (run,) = load_campaign(recording(tmp_path, NOISES["positions"], n)).problem(["long"]).runs
         z = np.random.default_rng(n).standard_normal(run.n_obs)
         figure = residual_figure(
-            [run], [goodness.Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)]
+            [run], [Goodness("long", z, z, np.ones(z.size), {}, math.nan, 0.0, math.nan)]
         )
         drawn.append(
             [

@@ -16,7 +16,6 @@ from tracker_files import point_mass, trk
 from estim import fit_curve
 from estim.campaign import TableChoices, campaign_of_table, load_campaign
 from estim.campaign.table_campaign import text_of_table
-from estim.checks.goodness import _blocks
 from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
 from estim.fitting.optimum import fit_optimum
@@ -393,7 +392,7 @@ def test_new_asks_in_a_terminal(table: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_of_many_points_a_wrong_curve_is_found_block_by_block(
     rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch, bump: float, fits: bool
 ) -> None:
-    monkeypatch.setattr("estim.checks.goodness._blocks", lambda at_once: [600] * 5)
+    monkeypatch.setattr("estim.checks.goodness._MOST_AT_ONCE", 3500 * 70)
     x = np.linspace(0.0, 1.0, 3500)
     y = 1.0 + 2.0 * x + bump * np.sin(9.0 * x) + rng.standard_normal(x.size)
     fit = fit_curve("a + b*x", x, y, u_y=1.0, start={"a": 1.0, "b": 1.0})
@@ -402,15 +401,6 @@ def test_of_many_points_a_wrong_curve_is_found_block_by_block(
     assert density == pytest.approx(
         np.full(2400, np.sum(-0.5 * (y - 1.0 - 2.0 * x) ** 2 - 0.5 * np.log(2.0 * np.pi)))
     )
-
-
-def test_enough_residuals_are_simulated_of_any_number_of_points() -> None:
-    assert _blocks(1_000_000) == [20_000]
-    assert _blocks(13_333) == [13_333]
-    for at_once in (1, 3, 400, 2599):
-        blocks = _blocks(at_once)
-        assert sum(blocks) >= 2600
-        assert max(blocks) <= at_once
 
 
 def test_what_needs_a_dense_matrix_keeps_its_limit(table: Path) -> None:

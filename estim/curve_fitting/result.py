@@ -62,7 +62,8 @@ class CurveFit:
         residuals (unit of y squared).  With u_x a residual is the normal score of y, F^-1(P(Y < y |
         x)); for a line (y - f)/sqrt(u_y^2 + b^2 u_x^2) but for the shrinking of x.
     dof : points and informative priors minus parameters.
-    p_value : P(chi2 or more), nan without u_y; with u_x from 20,000 simulated data sets.
+    p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
+        sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
     findings : everything wrong, gravest first, and the status that follows.
     remarks : what to know before using it, nothing wrong.

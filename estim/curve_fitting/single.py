@@ -57,8 +57,8 @@ from estim.fitting import (
     chi2_p,
     find_optimum,
     fit_discrepancy,
-    fit_least_squares,
     led_here,
+    refit,
     sds_near_limits,
     settled,
     spread,
@@ -230,7 +230,7 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
     """
     problem = posed.with_discrepancy(complete.sigma or 1.0)
     start = np.array([complete.values[p.name] for p in problem.parameters])
-    fit = fit_discrepancy(fit_least_squares(problem, rng=rng, n_start=1, start=start), rng=rng)
+    fit = fit_discrepancy(refit(problem, start), rng=rng)
     fit = replace(
         fit,
         n_start=complete.fit.n_start,
@@ -308,7 +308,7 @@ def _concluded(
     )
     perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
-    fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best, rng)
+    fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best)
     found = spread(
         fixed,
         best,
@@ -365,12 +365,10 @@ def _concluded(
     )
 
 
-def _fixed_fit(problem: Problem, best: Optimum, rng: np.random.Generator) -> Fit:
+def _fixed_fit(problem: Problem, best: Optimum) -> Fit:
     """The same optimum as a record with errors of a fixed size."""
     return replace(
-        fit_least_squares(problem, rng=rng, n_start=1, start=best.values),
-        values=best.values,
-        posterior=problem.linearised(best.values),
+        refit(problem, best.values), values=best.values, posterior=problem.linearised(best.values)
     )
 
 
@@ -396,7 +394,7 @@ def _inner_fit(
         start = best.values
     else:
         problem, start = posed.with_unknown_sigma(sigma), np.append(best.values, sigma)
-    fit = fit_least_squares(problem, rng=rng, n_start=1, start=start)
+    fit = refit(problem, start)
     values = fit.values.copy()
     values[: best.values.size] = best.values
     led = led_here(best.n_same, best.n_start)
