@@ -31,6 +31,3 @@ class AutoCorrelated(Stated):
         return GaussianErrors.of_readings(
             points, self.base.size, matrix, points.y - stated.y, correlation=self.correlation
         )
-
-    def for_search(self) -> AutoCorrelated:
-        return self

@@ -36,7 +36,7 @@ _REST = 1e-3  # of the largest speed: slower is at rest
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class Stated(Noise):
     """What is asked of the noise that was stated."""
 
     base: Noise
@@ -123,9 +123,6 @@ class FreeStart(Stated):
             ]
         )
         return GaussianErrors.rooted(points, with_columns(stated.root, columns), stated.shift)
-
-    def for_search(self) -> FreeStart:
-        return self
 
 
 @dataclass(frozen=True, eq=False)

@@ -151,7 +151,7 @@ class CountedResiduals:
 
 
 @dataclass(frozen=True, eq=False)
-class Counts:
+class Counts(Noise):
     """Counted readings; trials : (n_obs,), 1 where the law has none.  seen : (n_obs,) y as it was
     read.  what : is counted.
 
@@ -164,10 +164,6 @@ class Counts:
     what: str = "y"
     bins: FloatArray | None = None
 
-    parameters = ()
-    outlier_parameters = ()
-    robust = False
-    made_of_positions = False
     size = Size(Scale(1.0))
 
     @property
@@ -182,31 +178,12 @@ class Counts:
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         return CountErrors(points, self.law, self.trials)
 
-    def of_positions(self, points: Points, named: Named) -> None:
-        """Not made of positions."""
-
     def for_search(self) -> Noise:
         """Readings about as precise: there linear parameters can be solved for."""
         return Readings(Scale(1.0), Scale(0.0), self.typical, what=self.what)
 
-    def outlier_share(self, named: Named) -> float:
-        return float("nan")
-
     def reading_gain(self) -> FloatArray:
         return self.typical
-
-    def x_gain(self) -> FloatArray:
-        return np.zeros(self.trials.size)
-
-    def true_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
-
-    def read_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator

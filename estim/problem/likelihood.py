@@ -274,44 +274,99 @@ class Likelihood(ABC):
         return float(np.sum(np.square(vector / self.sd(named))))
 
 
-class Instrument(Protocol):
-    """What was assumed of the readings that the points of a run are, or were made of: for
-    simulations and for what errors carry over to.
+class Noise(ABC):
+    """What was assumed of the errors of a run, and of the readings that its points are or were made
+    of.
 
-    gain : (n,) standard deviations for a unit sigma, of the rows in question.
+    A law of independent readings with exact x says its `size`, `reading_gain`, `likelihood`,
+    `read`, `carried` and `describe`; all else has an answer here.
     """
+
+    @property
+    @abstractmethod
+    def size(self) -> Size:
+        """How large the errors of the readings are, and the scatter that the instrument does not
+        explain.
+        """
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its unknowns."""
+        return self.size.parameters
+
+    @property
+    def outlier_parameters(self) -> tuple[str, ...]:
+        """Those of them that say how many outliers there are, and how far off."""
+        return ()
+
+    @property
+    def robust(self) -> bool:
+        """Whether it leaves room for outliers."""
+        return False
+
+    @property
+    def counted(self) -> Counted | None:
+        """How y were counted; None where they are readings, which have errors."""
+        return None
 
     @property
     def made_of_positions(self) -> bool:
         """Whether the ordinates are differences of positions in time: then these are what is
         read.
         """
+        return False
+
+    @abstractmethod
+    def reading_gain(self) -> FloatArray:
+        """(n_obs,) standard deviation of each y for a unit sigma of a reading."""
+
+    @abstractmethod
+    def likelihood(self, points: Points, named: Named) -> Likelihood:
+        """The likelihood of points whose curve passes near them at the values `named`."""
+
+    def for_search(self) -> Noise:
+        """What a search from afar takes in its place: noise whose `residuals` are those of least
+        squares.  Itself where they are.
+        """
+        return self
+
+    def outlier_share(self, named: Named) -> float:
+        """The inferred share of outliers; nan where it is not inferred."""
+        return float("nan")
 
     def of_positions(self, points: Points, named: Named) -> Differences | None:
         """(n_obs, n_row) what shifts of all the positions that were read do to y - f(x); None where
         y is not made of positions.
         """
+        return None
 
     def x_gain(self) -> FloatArray:
         """(n_obs,) standard deviation of each x for a unit sigma of x; 0 where x is exact."""
+        return np.zeros(self.reading_gain().size)
 
     def true_x(
         self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
-        """Abscissas (n,) as the readings x (n,) leave them possible."""
+        """Abscissas (n,) as the readings x (n,) leave them possible.  gain : (n,) `x_gain` of these
+        rows.
+        """
+        return x
 
     def read_x(
         self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
         """Readings of abscissas (n,)."""
+        return x
 
+    @abstractmethod
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
         """Readings of ordinates (n,), with their scatter; of positions where the ordinates are made
-        of these.
+        of these.  gain : (n,) `reading_gain` of these rows.
         """
 
+    @abstractmethod
     def carried(
         self, by_x: FloatArray, by_y: FloatArray, named: Named
     ) -> tuple[FloatArray, FloatArray]:
@@ -320,46 +375,7 @@ class Instrument(Protocol):
         and the variance (n_obs,) of y alone.
         """
 
-
-class Noise(Instrument, Protocol):
-    """What was assumed of the errors of a run."""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of its unknowns."""
-
-    @property
-    def outlier_parameters(self) -> tuple[str, ...]:
-        """Those of them that say how many outliers there are, and how far off."""
-
-    @property
-    def robust(self) -> bool:
-        """Whether it leaves room for outliers."""
-
-    @property
-    def counted(self) -> Counted | None:
-        """How y were counted; None where they are readings, which have errors."""
-
-    @property
-    def size(self) -> Size:
-        """How large the errors of the readings are, and the scatter that the instrument does not
-        explain.
-        """
-
-    def reading_gain(self) -> FloatArray:
-        """(n_obs,) standard deviation of each y for a unit sigma of a reading."""
-
-    def likelihood(self, points: Points, named: Named) -> Likelihood:
-        """The likelihood of points whose curve passes near them at the values `named`."""
-
-    def for_search(self) -> Noise:
-        """What a search from afar takes in its place: noise whose `residuals` are those of least
-        squares.  Itself where they are.
-        """
-
-    def outlier_share(self, named: Named) -> float:
-        """The inferred share of outliers; nan where it is not inferred."""
-
+    @abstractmethod
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
 

@@ -42,7 +42,7 @@ from estim.problem.derivative import differentiate as differentiate
 from estim.problem.differences import Differences
 from estim.problem.independent import RobustErrors
 from estim.problem.latent import LatentErrors
-from estim.problem.likelihood import Likelihood, Points
+from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.normal import Diagonal, GaussianErrors
 from estim.problem.size import Named as Named
 from estim.problem.size import Scale as Scale
@@ -51,7 +51,7 @@ from estim.problem.tails import GAUSSIAN, Tails
 
 
 @dataclass(frozen=True, eq=False)
-class Independent:
+class Independent(Noise):
     """Points with independent errors of variance (sigma * relative)^2 + encoder_step^2/12 +
     scatter^2 (+ f'^2 sigma_x^2).
 
@@ -70,9 +70,6 @@ class Independent:
     encoder_step: float = 0.0
     tails: Tails = GAUSSIAN
     exposure: float = 0.0
-
-    made_of_positions = False
-    counted = None
 
     @property
     def size(self) -> Size:
@@ -118,9 +115,6 @@ class Independent:
 
     def reading_gain(self) -> FloatArray:
         return self.relative
-
-    def of_positions(self, points: Points, named: Named) -> None:
-        """Not made of positions."""
 
     def x_gain(self) -> FloatArray:
         if self.sigma_x is None:
@@ -214,7 +208,7 @@ class Independent:
 
 
 @dataclass(frozen=True, eq=False)
-class Differentiated:
+class Differentiated(Noise):
     """Speeds v = S x of positions with independent errors of variance sigma^2 + encoder_step^2/12,
     plus scatter.
 
@@ -236,19 +230,12 @@ class Differentiated:
     relative: FloatArray | None = None
     exposure: float = 0.0
 
-    outlier_parameters = ()
-    robust = False
     made_of_positions = True
-    counted = None
 
     @property
     def size(self) -> Size:
         """Of the errors of the positions, and of the scatter of the speeds."""
         return Size(self.sigma, self.scatter, self.encoder_step)
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return self.size.parameters
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         """Covariance and truncation with the slope of the curve at `named`.  Raises InputError for
@@ -276,12 +263,6 @@ class Differentiated:
         slope = points.curve.local(points.x, points.bind(named)).slope[0]
         return self.derivative.matrix.of(self.kept).less(self.derivative.rows[self.kept], slope)
 
-    def for_search(self) -> Differentiated:
-        return self
-
-    def outlier_share(self, named: Named) -> float:
-        return float("nan")
-
     def reading_gain(self) -> FloatArray:
         gain = np.full(
             self.kept.size, self.derivative.stencil.noise_gain / self.derivative.interval
@@ -289,19 +270,6 @@ class Differentiated:
         return (
             gain if self.relative is None else gain * self.relative[self.derivative.rows[self.kept]]
         )
-
-    def x_gain(self) -> FloatArray:
-        return np.zeros(self.kept.size)
-
-    def true_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
-
-    def read_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator

@@ -15,7 +15,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.curve import Wording
-from estim.problem.likelihood import Points
+from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
@@ -57,7 +57,7 @@ class Readings(Independent):
 
 
 @dataclass(frozen=True, eq=False)
-class Correlated:
+class Correlated(Noise):
     """Readings with a stated covariance matrix; `what` is read.
 
     cov : (n_obs, n_obs).
@@ -66,40 +66,13 @@ class Correlated:
     cov: FloatArray
     what: str = "y"
 
-    parameters = ()
-    outlier_parameters = ()
-    robust = False
-    made_of_positions = False
-    counted = None
     size = Size(Scale(1.0))
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         return GaussianErrors.rooted(points, root_of(self.cov), np.zeros(points.x.size))
 
-    def of_positions(self, points: Points, named: Named) -> None:
-        """Not made of positions."""
-
-    def for_search(self) -> Correlated:
-        return self
-
-    def outlier_share(self, named: Named) -> float:
-        return float("nan")
-
     def reading_gain(self) -> FloatArray:
         return np.asarray(np.sqrt(np.diag(self.cov)))
-
-    def x_gain(self) -> FloatArray:
-        return np.zeros(self.cov.shape[0])
-
-    def true_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
-
-    def read_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return x
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
