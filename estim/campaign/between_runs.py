@@ -43,7 +43,7 @@ def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
     has nothing to vary: fewer than two of several runs take the quantity from there.
     """
     of_key = {key: (quantity, kind) for quantity, kind in kinds.items() for key in kind.keys}
-    found: dict[str, Spread] = {}
+    spreads: dict[str, Spread] = {}
     for level in levels:
         for key, scale in (getattr(level.table, KEY) or {}).items():
             path = (*level.path, KEY, key)
@@ -70,13 +70,13 @@ def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
                     "the others state their own",
                     path,
                 )
-            found.setdefault(
+            spreads.setdefault(
                 quantity,
                 Spread(quantity, kind, f"{quantity}_spread{level.suffix}", scale * kind.keys[key]),
             )
     return {
         quantity: spread
-        for quantity, spread in found.items()
+        for quantity, spread in spreads.items()
         if not _said_by(levels.run, spread.kind)
     }
 
@@ -92,16 +92,16 @@ def varied(
     """
     names = [spread.name for run in runs for spread in spreads[run.name].values()]
     unknowns: dict[str, Parameter] = {}
-    found = []
+    changed = []
     for run in runs:
-        own = {
+        run_spreads = {
             quantity: spread
             for quantity, spread in spreads[run.name].items()
             if names.count(spread.name) > 1
         }
-        for spread in own.values():
+        for spread in run_spreads.values():
             unknowns.setdefault(spread.name, _of_spread(spread))
-        for quantity, spread in own.items():
+        for quantity, spread in run_spreads.items():
             shift = f"{quantity}_shift[{run.name}]"
             notation = Notation(f"z({spread.kind.notation.symbol})")
             meaning = phrase(
@@ -110,8 +110,8 @@ def varied(
                 meaning=spread.kind.meaning,
             )
             unknowns[shift] = Parameter(shift, "1", Normal(0.0, 1.0), meaning, notation)
-        found.append(_varying(run, own) if own else run)
-    return tuple(unknowns.values()), tuple(found)
+        changed.append(_varying(run, run_spreads) if run_spreads else run)
+    return tuple(unknowns.values()), tuple(changed)
 
 
 def _of_spread(spread: Spread) -> Parameter:

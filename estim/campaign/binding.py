@@ -123,12 +123,12 @@ def bind_quantities(
 def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str) -> Bound:
     kind = KINDS_OF_QUANTITIES[name]
     for level in levels:
-        said = [key for key in kind.keys if getattr(level.table, key) is not None]
+        keys = [key for key in kind.keys if getattr(level.table, key) is not None]
         masses = [key for key in _MASSES if getattr(level.table, key) is not None]
-        if len(said) > 1:
-            raise source.places.error(f"must not stand beside '{said[0]}'", (*level.path, said[1]))
-        if said:
-            value = read_key(source, level, said[0], factor=kind.keys[said[0]])
+        if len(keys) > 1:
+            raise source.places.error(f"must not stand beside '{keys[0]}'", (*level.path, keys[1]))
+        if keys:
+            value = read_key(source, level, keys[0], factor=kind.keys[keys[0]])
             if name == "gamma" and masses:
                 _check_masses(
                     source,
@@ -137,7 +137,7 @@ def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str
                     (*level.path, "gamma"),
                     _bind(source, levels, "rho", where).source,
                 )
-            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, said[0])))
+            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, keys[0])))
         if level.table.parts is not None:
             if masses:
                 raise source.places.error("must not stand beside 'parts'", (*level.path, masses[0]))
@@ -166,15 +166,15 @@ def parted_bodies(source: CampaignFile) -> tuple[PartedBody, ...]:
     """The bodies of a file that list their parts, in its order.  Raises InputError with its
     line.
     """
-    found = []
+    bodies = []
     for name in source.bodies:
         tables = body_levels(source, name)
         home = next((level for level in tables if level.table.parts is not None), None)
         if home is not None:
-            found.append(
+            bodies.append(
                 parted_body(source, home.table, home.path, _radius(source, tables), name=name)
             )
-    return tuple(found)
+    return tuple(bodies)
 
 
 def _from_parts(
@@ -202,19 +202,19 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
     tables, home = tuple(levels), None
     taken: list[str] = []
     for name in OF_PARTS:
-        said = [
+        stating = [
             level
             for level in tables
             if level.table.parts is not None or getattr(level.table, name) is not None
         ]
-        if said and getattr(said[0].table, name) is None:
-            taken, home = [*taken, name], said[0]
-    found, correlation = ({}, None) if home is None else _from_parts(source, tables, home)
-    pair = None if correlation is None else not_independent(found, correlation, taken)
+        if stating and getattr(stating[0].table, name) is None:
+            taken, home = [*taken, name], stating[0]
+    quantities, correlation = ({}, None) if home is None else _from_parts(source, tables, home)
+    pair = None if correlation is None else not_independent(quantities, correlation, taken)
     if pair is None:
         return None
     first, second = (OUTPUTS[name][0].symbol for name in pair[:2])
-    inertia = found["inertia_ratio"]
+    inertia = quantities["inertia_ratio"]
     return phrase(
         "{first} and {second} are computed from the parts of the body; their correlation, "
         "r = {r}, is neglected here, and so is what "
@@ -225,7 +225,7 @@ def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
         second=second,
         r=signed(f"{pair[2]:.2f}"),
         by_parts=format_quantity(inertia.value, inertia.u),
-        apart=format_quantity(inertia.value, spread_apart(found)),
+        apart=format_quantity(inertia.value, spread_apart(quantities)),
     )
 
 

@@ -92,17 +92,17 @@ class RollingStudy:
         them that the campaign does not say.
         """
         plain = self._posed(names, tables, white=True)
-        found = []
+        causes = []
         for sketch in sketches(self._surroundings(plain, tables)):
             problem = self._posed(names, tables, white=True, sketch=sketch)
-            own = tuple(name for name in problem.names if name not in plain.names)
+            added = tuple(name for name in problem.names if name not in plain.names)
             posed = partial(self._posed, names, tables, sketch=sketch, usual=True)
-            found.append(
+            causes.append(
                 Cause(
                     sketch.name,
                     sketch.words,
                     problem,
-                    own,
+                    added,
                     sketch.lines,
                     begin=sketch.begin,
                     posed=posed,
@@ -112,7 +112,7 @@ class RollingStudy:
             [self.levels(name) for name in names], [tables[name] for name in names]
         ):
             problem = self._posed(names, tables, white=True, noise=noise)
-            found.append(
+            causes.append(
                 replace(
                     blur_cause(problem, interval),
                     posed=partial(
@@ -125,20 +125,20 @@ class RollingStudy:
                 problem = RollingStudy(slip.source)._posed(names, tables, white=True)
             except InputError:
                 continue  # no such angle in radians
-            own = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
-            found.append(
+            added = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
+            causes.append(
                 Cause(
                     "-".join(("radians", *slip.quantities)),
                     slip.words,
                     problem,
-                    own,
+                    added,
                     (),
                     slip.remark,
                     slip=True,
                 )
             )
         return Suspects(
-            plain, phrase("the unmodelled force included in the fit allows for it"), tuple(found)
+            plain, phrase("the unmodelled force included in the fit allows for it"), tuple(causes)
         )
 
     def _surroundings(
@@ -169,15 +169,15 @@ class RollingStudy:
         stated = self._posed(names, tables, compared=True)
         forced = all(run.force for run in stated.runs)
         known = self._surroundings(stated, tables, without=ADDED)
-        said = {
+        sources = {
             q: source
             for run in self._surroundings(stated, tables)
             for q, source in run.sources.items()
             if source != 0.0
         }
         every = {sketch.name: sketch for sketch in sketches(known)}
-        found, paper = [], frozenset[str]()
-        for outline in outlines(said, every, forced=forced):
+        models, paper = [], frozenset[str]()
+        for outline in outlines(sources, every, forced=forced):
             problem = self._posed(
                 names,
                 tables,
@@ -188,12 +188,14 @@ class RollingStudy:
                 usual=True,
             )
             paper = paper or frozenset(problem.names)
-            own = tuple(name for name in problem.names if name not in paper)
+            added = tuple(name for name in problem.names if name not in paper)
             lines = () if outline.sketch is None else outline.sketch.lines
-            found.append(
-                CurveModel(outline.name, outline.words, problem, own, lines, outline.forced, forced)
+            models.append(
+                CurveModel(
+                    outline.name, outline.words, problem, added, lines, outline.forced, forced
+                )
             )
-        return tuple(found)
+        return tuple(models)
 
     def fit_model(
         self,
@@ -307,8 +309,8 @@ class RollingStudy:
         further, every_run = varied(
             runs,
             {
-                name: {q: one for q, one in own.items() if q not in without}
-                for name, own in spreads.items()
+                name: {q: spread for q, spread in run_spreads.items() if q not in without}
+                for name, run_spreads in spreads.items()
             },
         )
         return Problem(

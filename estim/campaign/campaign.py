@@ -132,7 +132,9 @@ class Campaign:
                 self.study.unit_of,
             )
         except InputError as error:
-            if error.file is not None or error.field not in {one.name for one in self.derived}:
+            if error.file is not None or error.field not in {
+                quantity.name for quantity in self.derived
+            }:
                 raise
             raise self.source.places.error(
                 error.rule, ("derived", error.field), value=error.value
@@ -287,14 +289,14 @@ def _read_runs(source: CampaignFile, only: Collection[str], compared: bool) -> M
                 )
             except InputError:
                 unread.append(run.name)
-    found = compare_intervals(
+    runs = compare_intervals(
         {
             run.name: {**read, **others}[run.name]
             for run in source.runs
             if run.name in read or run.name in others
         }
     )
-    said = (
+    fact = (
         phrase(
             "its frame rate was not compared with that of {runs}, because their files cannot be "
             "read",
@@ -304,8 +306,7 @@ def _read_runs(source: CampaignFile, only: Collection[str], compared: bool) -> M
         else None
     )
     return {
-        name: _with_fact(found[name], said if is_timed_track(found[name]) else None)
-        for name in read
+        name: _with_fact(runs[name], fact if is_timed_track(runs[name]) else None) for name in read
     }
 
 

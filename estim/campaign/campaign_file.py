@@ -210,10 +210,10 @@ class CampaignFile:
         """
         written = self.files[self.names[index]]
         try:
-            found = (self.path.parent / written).exists()
+            exists = (self.path.parent / written).exists()
         except OSError:  # a name too long
-            found = True  # its reader says why it cannot be read
-        if not found:
+            exists = True  # its reader says why it cannot be read
+        if not exists:
             rule = (
                 "cannot be found (no such file; names are relative to the folder of the "
                 "campaign file)"
@@ -253,7 +253,9 @@ class CampaignFile:
         written = list(self.files.values()) if runs else []
         written += [table.file for table in (self.line, self.trials) if line and table is not None]
         written += [self.published] if published and self.published is not None else []
-        return tuple(said for file in dict.fromkeys(written) if (said := self.out_of_folder(file)))
+        return tuple(
+            sentence for file in dict.fromkeys(written) if (sentence := self.out_of_folder(file))
+        )
 
 
 def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
@@ -390,13 +392,13 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         message, _, where = str(error).partition(" - at `$")
         inner = [part for part in re.findall(r"[^.\[\]`]+", where) if part != "..."]
         full = (*path, *(int(part) if part.isdigit() else part for part in inner))
-        if found := re.search(r"unknown field `(.*)`", message):
+        if match := re.search(r"unknown field `(.*)`", message):
             raise places.error(
-                f"is not a known key here{meant(found[1], known_keys(kind, inner))}",
-                (*full, found[1]),
+                f"is not a known key here{meant(match[1], known_keys(kind, inner))}",
+                (*full, match[1]),
             ) from None
-        if found := re.search(r"missing required field `(.*)`", message):
-            raise places.error("is missing", (*full, found[1])) from None
+        if match := re.search(r"missing required field `(.*)`", message):
+            raise places.error("is missing", (*full, match[1])) from None
         rule = mismatch_words(message, kind, inner)
         raise places.error(
             rule, full, field=None if full else "campaign", value=wrong_word(message)

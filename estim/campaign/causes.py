@@ -86,10 +86,10 @@ def sketches(runs: Sequence[Surroundings]) -> tuple[Sketch, ...]:
     def unsaid(names: Iterable[str]) -> bool:
         return all(run.exact(name) == 0.0 for run in runs for name in names)
 
-    found = [*_start(runs), *_forces(runs), *_instruments(runs)]
+    candidates = [*_start(runs), *_forces(runs), *_instruments(runs)]
     if unsaid(("sag", "phi_slope")):
-        found += _ramp(runs)
-    return tuple(sketch for sketch in found if unsaid(sketch.priors))
+        candidates += _ramp(runs)
+    return tuple(sketch for sketch in candidates if unsaid(sketch.priors))
 
 
 def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:

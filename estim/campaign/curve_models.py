@@ -96,35 +96,37 @@ def outlines(
 
     forced : whether an unmodelled force can stand beside the curve.
     """
-    said = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
-    found = [
+    active = {quantity for quantity in ADDED if stated.get(quantity, 0.0) != 0.0}
+    models = [
         Outline(
             PAPER,
             phrase("the paper's model: only weight and inertia, starting from rest"),
             ADDED,
             None,
-            of_campaign=not said,
+            of_campaign=not active,
         )
     ]
     for name, quantities in GROUPS.items():
-        kept = said.intersection(quantities)
+        included = active.intersection(quantities)
         words = phrase("the paper's model with {what}", what=WORDS[name])
-        if kept:
-            found.append(Outline(name, words, ADDED - kept, None, of_campaign=kept == said))
+        if included:
+            models.append(
+                Outline(name, words, ADDED - included, None, of_campaign=included == active)
+            )
         elif _ALWAYS.get(name) in sketches:
-            found.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
-    if said and not any(outline.of_campaign for outline in found):
-        found.append(
+            models.append(Outline(name, words, ADDED, sketches[_ALWAYS[name]]))
+    if active and not any(outline.of_campaign for outline in models):
+        models.append(
             Outline(
                 STATED,
                 phrase("everything that the campaign states"),
-                ADDED - said,
+                ADDED - active,
                 None,
                 of_campaign=True,
             )
         )
     if forced:
-        what = next(outline.name for outline in found if outline.of_campaign)
+        what = next(outline.name for outline in models if outline.of_campaign)
         words = phrase(
             "the model stated in the campaign ({what}), with an unmodelled force and a "
             "free start (energy ± {sd:g} of the weight times "
@@ -132,5 +134,5 @@ def outlines(
             what=what,
             sd=START_SD,
         )
-        found.append(Outline(FORCE, words, ADDED - said, None, forced=True, of_campaign=True))
-    return tuple(found)
+        models.append(Outline(FORCE, words, ADDED - active, None, forced=True, of_campaign=True))
+    return tuple(models)

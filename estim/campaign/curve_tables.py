@@ -144,7 +144,7 @@ def stated_word(
 ) -> str | None:
     """The unit or meaning of a parameter, as the first of `levels` that states one has it."""
     entries = [entry for level in levels if isinstance(entry := level.get(name), ParameterTable)]
-    return next((said for entry in entries if (said := getattr(entry, word)) is not None), None)
+    return next((text for entry in entries if (text := getattr(entry, word)) is not None), None)
 
 
 def check_words(
@@ -174,7 +174,7 @@ def check_words(
             if (
                 isinstance(error, ReadingErrorTable)
                 and error.column is not None
-                and any(getattr(error, one) is not None for one in _PRIOR)
+                and any(getattr(error, attribute) is not None for attribute in _PRIOR)
             ):
                 raise source.places.error(
                     "must be a 'column' or have a 'prior', not both", (*path, key)
@@ -227,7 +227,9 @@ def variable_of(
     if formula.uses_x:
         return "x"
     called = [
-        found for found in formula.names if found in _called(column, name) and found not in given
+        symbol
+        for symbol in formula.names
+        if symbol in _called(column, name) and symbol not in given
     ]
     return called[0] if len(called) == 1 else None
 

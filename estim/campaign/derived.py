@@ -34,7 +34,7 @@ class DerivedTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity, ...]:
     """The quantities of a `[derived]` table.  Raises InputError with its place."""
-    found = []
+    quantities = []
     for name, entry in raw.items():
         path = ("derived", name)
         kind: Any = DerivedTable if isinstance(entry, dict) else str
@@ -42,14 +42,14 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
         table = DerivedTable(table) if isinstance(table, str) else table
         check_printable(places, path, unit=table.unit, name=table.symbol, meaning=table.meaning)
         try:
-            found.append(
+            quantities.append(
                 seek(
                     name, table.formula, unit=table.unit, symbol=table.symbol, meaning=table.meaning
                 )
             )
         except InputError as error:
             raise places.error(error.rule, path, value=error.value) from None
-    return tuple(found)
+    return tuple(quantities)
 
 
 def with_derived(
@@ -74,12 +74,17 @@ def with_derived(
         )
         for name, unit in [
             *((name, unit_of(name, run.name)) for name in run.arguments),
-            *((name, one.unit) for name, one in always.items()),
+            *((name, quantity.unit) for name, quantity in always.items()),
         ]:
             for written in (name, f"{name}[{run.name}]", f"{name}[{bodies[run.name]}]"):
                 units.setdefault(written, set()).add(unit)
-    told = {written: found.pop() for written, found in units.items() if len(found) == 1}
-    bound = tuple(one.bound(_sources(one, problem, bodies)) for one in in_units(sought, told))
+    known_units = {
+        written: options.pop() for written, options in units.items() if len(options) == 1
+    }
+    bound = tuple(
+        quantity.bound(_sources(quantity, problem, bodies))
+        for quantity in in_units(sought, known_units)
+    )
     return replace(problem, runs=tuple(replace(run, sought=bound) for run in problem.runs))
 
 
@@ -94,7 +99,7 @@ def _sources(
     """What each name with a level means among the runs of `problem`; nothing for a level that is
     not among them.
     """
-    found: dict[str, str | float] = {}
+    resolved: dict[str, str | float] = {}
     for written, (name, level) in one.of_levels.items():
         if level not in bodies and level not in bodies.values():
             raise InputError(
@@ -115,5 +120,5 @@ def _sources(
             rule = f"names '{written}', which is not the same for all runs of '{level}': name a run"
             raise InputError(rule, field=one.name, value=one.text)
         if sources:
-            found[written] = sources.pop()
-    return found
+            resolved[written] = sources.pop()
+    return resolved

@@ -243,7 +243,7 @@ def _trials_csv(design: Design, trials: TrialsDesign, rng: np.random.Generator) 
     )
     rows = []
     for largest in (False, True):
-        found = simulate_trials(
+        simulated = simulate_trials(
             phi,
             design.bodies[trials.body].gamma,
             rolling_resistance=design.constants.rolling_resistance,
@@ -258,7 +258,8 @@ def _trials_csv(design: Design, trials: TrialsDesign, rng: np.random.Generator) 
             rng=rng,
         )
         rows += [
-            f"{np.degrees(p):.2f},{np.degrees(a):.4g},{c:d}" for p, a, c in zip(*found, strict=True)
+            f"{np.degrees(p):.2f},{np.degrees(a):.4g},{c:d}"
+            for p, a, c in zip(*simulated, strict=True)
         ]
     return "\n".join(["phi_deg,theta_deg,climbed", *rows, ""])
 

@@ -28,24 +28,24 @@ def dialect_of(
     """How a table is written by what the levels say of it, the first of them before the others.
     Raises InputError at the key's line.
     """
-    said: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for path, level in reversed(levels):
-        said |= {
+        entries |= {
             key: (value, path)
             for key in DialectKeys.__struct_fields__
             if (value := getattr(level, key)) is not None
         }
-    columns = tuple(said["columns"][0]) if "columns" in said else None
+    columns = tuple(entries["columns"][0]) if "columns" in entries else None
     try:
         return Dialect(
-            columns, **{key: value for key, (value, _) in said.items() if key != "columns"}
+            columns, **{key: value for key, (value, _) in entries.items() if key != "columns"}
         )
     except InputError as error:
         path = (
-            said[str(error.field)][1]
-            if error.field in said
-            else said["header"][1]
-            if "header" in said
+            entries[str(error.field)][1]
+            if error.field in entries
+            else entries["header"][1]
+            if "header" in entries
             else ()
         )
         raise places.error(error.rule, (*path, str(error.field)), value=error.value) from None

@@ -43,35 +43,35 @@ def setting_of(
     positions : whether positions in time are fit.  Raises InputError where something does not go
         together or is missing.
     """
-    said = [name for name in EFFECTS if name in sources]
-    if not said:
+    effects = [name for name in EFFECTS if name in sources]
+    if not effects:
         return None
     for first, second in _EXCLUSIVE:
-        if first in said and second in said:
+        if first in effects and second in effects:
             raise _error(
                 levels,
                 second,
                 f"must not stand beside '{_place(levels, first)[-1]}', which says the same",
             )
-    if "moment" in said and mass is None:
+    if "moment" in effects and mass is None:
         raise _error(
             levels,
             "moment",
             "needs the masses (mass_disk_kg, mass_particle_kg): it moves a heavy body less "
             "than a light one",
         )
-    if "distortion" in said and angular:
+    if "distortion" in effects and angular:
         raise _error(
             levels, "distortion", "does not apply to angles, which an image does not distort"
         )
-    if "release_energy" in said and positions:
+    if "release_energy" in effects and positions:
         raise _error(
             levels,
             "release_energy",
             "cannot be combined with positions noise: use release_speed_m_s, in which "
             "positions are smooth at 0",
         )
-    if "release_speed" in said and not positions:
+    if "release_speed" in effects and not positions:
         _check_speed(levels, sources)
     ramp = _length(levels, "sag", "ramp", sources)
     picture = _length(levels, "distortion", "picture", sources)
@@ -117,7 +117,7 @@ def with_full_curves(
     """
     reaches = [_reach(run, centres) for run in runs]
     low, high = min(reach[0] for reach in reaches), max(reach[1] for reach in reaches)
-    found = []
+    completed = []
     for run in runs:
         motion, ramp = run.motion, ramps[run.name] or Place(high - low, -low)
         assert isinstance(motion, RollingMotion)
@@ -128,8 +128,8 @@ def with_full_curves(
         full = (DisturbedMotionCurve if run.positions else DisturbedPhaseCurve)(
             motion.angular, setting
         )
-        found.append(replace(run, motion=replace(motion, full=full, ramp_length=ramp.length)))
-    return found
+        completed.append(replace(run, motion=replace(motion, full=full, ramp_length=ramp.length)))
+    return completed
 
 
 def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, float]:
@@ -146,13 +146,13 @@ def _reach(run: Observations, centres: Mapping[str, float]) -> tuple[float, floa
 
 def _stated_place(levels: Levels, of_what: str) -> Place | None:
     """Raises InputError where it is impossible."""
-    said = {}
+    entries = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
         level = next((level for level in levels if getattr(level.table, key) is not None), None)
-        said[key] = (
+        entries[key] = (
             (0.0, ()) if level is None else (float(getattr(level.table, key)), (*level.path, key))
         )
-    (length, path), (start, where) = said.values()
+    (length, path), (start, where) = entries.values()
     if not path:
         return None
     if not (math.isfinite(length) and length > 0.0):

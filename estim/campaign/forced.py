@@ -250,17 +250,17 @@ def fit_with_forces(
     )
     fit = scanned_fit(fit, rng=rng) if scanned and problem.n_par <= MAX_PARAMETERS else fit
     # of the many starts, of which the best led here
-    told = white.message if fit.success else fit.message
-    found = posed.inferred_at(fit.values - free.values)
+    message = white.message if fit.success else fit.message
+    forces = posed.inferred_at(fit.values - free.values)
     parts = posed.parts if isinstance(posed, JointlyPosed) else None
     return replace(
         fit,
-        forces=found,
+        forces=forces,
         parts=parts,
         symmetry=white.symmetry,
         n_start=white.n_start,
         n_same=white.n_same,
-        message=told,
+        message=message,
     )
 
 
@@ -268,10 +268,10 @@ def _without_force(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
     """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one
     was asked for.
     """
-    for asked in levels.values():
-        level = _stated(asked)
+    for run_levels in levels.values():
+        level = _stated(run_levels)
         if level is not None:
-            raise _error(asked, level, f"cannot be linearised: {rule}")
+            raise _error(run_levels, level, f"cannot be linearised: {rule}")
     reason = phrase("an unmodelled force cannot be linearised: {rule}", rule=phrase(rule))
     runs = (
         replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
@@ -305,33 +305,33 @@ def _free_fit(
         )
         if len(problem.runs) > 1:
             return free, bad
-        found = {
+        updated = {
             run.name: bad_frames(run, courses[run.name], problem, free.values, known=bad[run.name])
             for run in problem.runs
             if run.force
         }
         still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
         if all(
-            found[name].same(bad[name]) and (still or not found[name].jumps) for name in courses
+            updated[name].same(bad[name]) and (still or not updated[name].jumps) for name in courses
         ):
             break
-        bad, values = found, free.values
-    return free, found
+        bad, values = updated, free.values
+    return free, updated
 
 
 def _alone(free: Fit) -> Mapping[str, FloatArray]:
     """Run -> (n_par,) where its fit by itself ends, with its free start; what it does not depend
     on, and runs without such a fit, as they are.
     """
-    found = {}
+    optima = {}
     for run in free.problem.runs:
         alone = free.problem.restricted((by_itself(run, free.problem),))
         mine = np.array([free.names.index(name) for name in alone.names], dtype=np.int64)
         values = free.values.copy()
         with suppress(NumericalError):
             values[mine] = refit(alone, free.values[mine]).values
-        found[run.name] = values
-    return found
+        optima[run.name] = values
+    return optima
 
 
 def trajectory_of(run: Observations, table: Run) -> Trajectory:
@@ -342,10 +342,10 @@ def trajectory_of(run: Observations, table: Run) -> Trajectory:
     every = np.arange(run.n_obs)
     if run.t is None or t is None:
         return Trajectory(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
-    kept = np.searchsorted(t, run.t)
+    rows = np.searchsorted(t, run.t)
     if run.noise.made_of_positions:
-        return Trajectory(run.body, table.columns[table.coordinate], Rows(t, table.lines, kept))
-    return Trajectory(run.body, None, Rows(run.t, table.lines[kept], every))
+        return Trajectory(run.body, table.columns[table.coordinate], Rows(t, table.lines, rows))
+    return Trajectory(run.body, None, Rows(run.t, table.lines[rows], every))
 
 
 def _stated(levels: Levels) -> Level | None:

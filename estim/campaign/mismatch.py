@@ -30,9 +30,9 @@ def mismatch_words(message: str, kind: object, path: Sequence[str]) -> str:
     """A mismatch as a rule; any other message of msgspec as it is.  kind : the type that was asked
     for.  path : where in it, keys and numbers.
     """
-    if found := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
-        wanted = [_TYPES.get(kind, kind) for kind in found[1].split(" | ") if kind != "null"]
-        return f"must be {' or '.join(wanted)}, not {_TYPES.get(found[2], found[2])}"
+    if match := re.fullmatch(r"Expected `(.+)`, got `(\w+)`", message):
+        wanted = [_TYPES.get(kind, kind) for kind in match[1].split(" | ") if kind != "null"]
+        return f"must be {' or '.join(wanted)}, not {_TYPES.get(match[2], match[2])}"
     if (word := wrong_word(message)) is not None:
         choices = list(dict.fromkeys(_choices(kind, path)))
         if choices:
@@ -44,8 +44,8 @@ def wrong_word(message: str) -> str | None:
     """The word of which msgspec says that it is none of those that may stand there; it quotes it as
     Python does.
     """
-    found = re.fullmatch(r"Invalid enum value ('.*'|\".*\")", message)
-    return None if found is None else str(ast.literal_eval(found[1]))
+    match = re.fullmatch(r"Invalid enum value ('.*'|\".*\")", message)
+    return None if match is None else str(ast.literal_eval(match[1]))
 
 
 def meant(written: str, choices: Sequence[str]) -> str:
@@ -57,18 +57,20 @@ def meant(written: str, choices: Sequence[str]) -> str:
 def known_keys(kind: object, path: Sequence[str]) -> list[str]:
     """The keys that may stand in the table at `path` in a value of type `kind`."""
     tables = (
-        one for one in _at(kind, path) if isinstance(one, type) and issubclass(one, msgspec.Struct)
+        variant
+        for variant in _at(kind, path)
+        if isinstance(variant, type) and issubclass(variant, msgspec.Struct)
     )
     return [key for table in tables for key in table.__struct_fields__]
 
 
 def _choices(kind: object, path: Sequence[str]) -> Iterator[str]:
     """The words that may stand at `path` in a value of type `kind`."""
-    for one in _at(kind, path):
+    for variant in _at(kind, path):
         yield from (
             choice
-            for choice in get_args(one)
-            if get_origin(one) is Literal and isinstance(choice, str)
+            for choice in get_args(variant)
+            if get_origin(variant) is Literal and isinstance(choice, str)
         )
 
 
@@ -78,11 +80,11 @@ def _at(kind: object, path: Sequence[str]) -> Iterator[object]:
     """
     origin, inside = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
-        for one in inside:
-            yield from _at(one, path)
+        for variant in inside:
+            yield from _at(variant, path)
     elif origin in (list, tuple):
-        for one in inside:
-            yield from _at(one, path[1:] if path and path[0].isdigit() else path)
+        for variant in inside:
+            yield from _at(variant, path[1:] if path and path[0].isdigit() else path)
     elif origin is dict:
         yield from _at(inside[1], path)
     elif not path:

@@ -42,8 +42,8 @@ def check_run_names(names: Sequence[str], places: Places) -> None:
                 ("runs", i, "name"),
                 value=name,
             )
-    if found := first_alike(names):
-        later, first = found
+    if pair := first_alike(names):
+        later, first = pair
         line = places.lines.get(("runs", first, "name"))
         rule = (
             "must be unique"

@@ -44,7 +44,7 @@ def noise_candidates(
     of_positions, of_speeds = (
         (table.scatter, None) if table.model == "positions" else (None, table.scatter)
     )
-    found = []
+    candidates = []
     if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
         plain = NoiseTable(
             model="positions",
@@ -53,7 +53,7 @@ def noise_candidates(
             scatter=of_positions,
             **{position: getattr(table, position)},
         )
-        found += _with_tails("positions", phrase("positions as read, in time"), plain)
+        candidates += _with_tails("positions", phrase("positions as read, in time"), plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
             model="differentiated",
@@ -63,7 +63,7 @@ def noise_candidates(
             scatter=of_speeds,
             **{position: getattr(table, position)},
         )
-        found.append(
+        candidates.append(
             Candidate(
                 "differentiated",
                 phrase("speeds from differences of positions, with the resulting covariance"),
@@ -76,7 +76,7 @@ def noise_candidates(
                 model="independent", derivative=table.derivative or "central", scatter=of_speeds
             )
             naive = msgspec.structs.replace(plain, **{speed: size})
-            found.append(
+            candidates.append(
                 Candidate(
                     "independent",
                     phrase("the same speeds as if their errors were independent (they are not)"),
@@ -92,14 +92,14 @@ def noise_candidates(
             scatter=of_speeds,
             **{speed: getattr(table, speed), position: sigma_x},
         )
-        found += _with_tails("independent", phrase("speeds as measured"), plain)
-    if len(found) < 2:
+        candidates += _with_tails("independent", phrase("speeds as measured"), plain)
+    if len(candidates) < 2:
         rule = (
             f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
             f"and '{position}' would allow several)"
         )
         raise levels.error(rule, path, field="noise")
-    return tuple(found)
+    return tuple(candidates)
 
 
 def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:

@@ -135,10 +135,10 @@ class CurveStudy:
             for name, run in runs.items()
         }
         uses = Counter(
-            one.name
-            for found in bound.values()
-            for one in found.values()
-            if isinstance(one, Parameter)
+            entry.name
+            for bindings in bound.values()
+            for entry in bindings.values()
+            if isinstance(entry, Parameter)
         )
         if any(count > 1 for count in uses.values()):
             self._refuse_other_units(names)
@@ -148,24 +148,28 @@ class CurveStudy:
         observed = []
         for name, run in runs.items():
             unknown = {
-                argument: one for argument, one in bound[name].items() if isinstance(one, Parameter)
+                argument: entry
+                for argument, entry in bound[name].items()
+                if isinstance(entry, Parameter)
             }
             if len(names) > 1:  # one that all other runs override is of this run
                 unknown = {
-                    argument: replace(one, name=f"{argument}[{name}]")
+                    argument: replace(entry, name=f"{argument}[{name}]")
                     if uses[argument] == 1
-                    else one
-                    for argument, one in unknown.items()
+                    else entry
+                    for argument, entry in unknown.items()
                 }
-            known = {argument: parameters.get(one.name, one) for argument, one in unknown.items()}
+            known = {
+                argument: parameters.get(entry.name, entry) for argument, entry in unknown.items()
+            }
             chosen = {
                 argument
-                for argument, one in unknown.items()
-                if one.name not in parameters and is_unstarted(self._entry(argument, run))
+                for argument, entry in unknown.items()
+                if entry.name not in parameters and is_unstarted(self._entry(argument, run))
             }
             values = {
-                argument: known[argument].prior if isinstance(one, Parameter) else one
-                for argument, one in bound[name].items()
+                argument: known[argument].prior if isinstance(entry, Parameter) else entry
+                for argument, entry in bound[name].items()
             }
             stated = {
                 argument: unit
@@ -194,12 +198,14 @@ class CurveStudy:
                 for argument in known
             }
             shared |= {
-                one.parameter_name: one.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
-                for one in components
+                entry.parameter_name: entry.parameter(
+                    x_unit=self.axes.x_unit, y_unit=self.axes.y_unit
+                )
+                for entry in components
             }
             arguments = {
-                argument: known[argument].name if isinstance(one, Parameter) else one
-                for argument, one in bound[name].items()
+                argument: known[argument].name if isinstance(entry, Parameter) else entry
+                for argument, entry in bound[name].items()
             }
             points, further = posed.observed(
                 self.axes,
@@ -225,7 +231,10 @@ class CurveStudy:
         InputError.
         """
         try:
-            return {one.name: one for one in started(posed, self.asked, held=held).parameters}
+            return {
+                parameter.name: parameter
+                for parameter in started(posed, self.asked, held=held).parameters
+            }
         except InputError as error:
             raise error.at(
                 self.source.path, self.source.places.lines.get(("curve", "parameters"))
@@ -540,21 +549,29 @@ def read_curve_study(
     formula = with_variable(source, formula, x, table, runs)
     check_parameters(source, formula, table, runs)
     axes = AxisNames(x.name or x.column, x.unit, y.name or y.column, y.unit)
-    asked = {
+    curve_runs = {
         run.name: RunOfCurve(source, table, run, i)
         for i, run in enumerate(runs)
         if run.name in only
     }
-    read = {name: run.read() for name, run in asked.items()}
-    told = MappingProxyType({name: run.told(axes, read[name]) for name, run in asked.items()})
-    study = CurveStudy(
-        source, formula, axes, table, runs, BareFormula(formula) if named is None else named, told
+    read = {name: run.read() for name, run in curve_runs.items()}
+    run_axes = MappingProxyType(
+        {name: run.told(axes, read[name]) for name, run in curve_runs.items()}
     )
-    found = {
-        name: replace(run_of_table(one, name), warnings=of_any_curve(one.warnings))
-        for name, one in read.items()
+    study = CurveStudy(
+        source,
+        formula,
+        axes,
+        table,
+        runs,
+        BareFormula(formula) if named is None else named,
+        run_axes,
+    )
+    tables = {
+        name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
+        for name, data in read.items()
     }
-    return study, MappingProxyType(found)
+    return study, MappingProxyType(tables)
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

@@ -90,10 +90,10 @@ class RunOfCurve:
 
     def said(self, key: str) -> tuple[Any, Place]:
         """What the run says of a key, else the curve, and where; None where neither does."""
-        own = getattr(self.table, key, None)
+        value = getattr(self.table, key, None)
         return (
-            (own, ("runs", self.index, key))
-            if own is not None
+            (value, ("runs", self.index, key))
+            if value is not None
             else (getattr(self.curve, key, None), ("curve", key))
         )
 
@@ -113,17 +113,19 @@ class RunOfCurve:
     def columns(self) -> Mapping[str, str]:
         """Argument of `pose_curve` -> the column that gives it."""
         noise = self.curve.noise
-        said = {key: self.said(key)[0] for key in ("u_y", "u_x", "correlated")}
-        found: dict[str, object] = {"x": self.x, "y": self.y, "correlated": said["correlated"]}
-        found |= {
+        stated = {key: self.said(key)[0] for key in ("u_y", "u_x", "correlated")}
+        columns: dict[str, object] = {"x": self.x, "y": self.y, "correlated": stated["correlated"]}
+        columns |= {
             key: written.column
-            for key, written in said.items()
+            for key, written in stated.items()
             if isinstance(written, ReadingErrorTable)
         }
         if noise is not None:
             low, high = noise.bins if isinstance(noise.bins, list) else (None, None)
-            found |= {"low": low, "bins": high, "trials": noise.trials}
-        return {key: column for key, column in found.items() if isinstance(column, str) and column}
+            columns |= {"low": low, "bins": high, "trials": noise.trials}
+        return {
+            key: column for key, column in columns.items() if isinstance(column, str) and column
+        }
 
     def refuse_discrepancy(self, command: str) -> None:
         """Raises InputError where the curve may lack something, which `command` does not know."""
@@ -168,7 +170,7 @@ class RunOfCurve:
         """The axes with the units of the header where the campaign says none.  Raises InputError
         where it says another.
         """
-        found = []
+        units = []
         for key, axis in (("x", axis_of(self.curve.x)), ("y", y_axis(self.curve))):
             stated = table.units.get(axis.column, "")
             if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
@@ -178,20 +180,20 @@ class RunOfCurve:
                     ("curve", key),
                     value=axis.unit,
                 )
-            found.append(stated if stated and axis.unit == "1" else axis.unit)
-        return replace(axes, x_unit=found[0], y_unit=found[1])
+            units.append(stated if stated and axis.unit == "1" else axis.unit)
+        return replace(axes, x_unit=units[0], y_unit=units[1])
 
     def columns_sentence(self, axes: AxisNames, table: Run) -> str:
         """Which columns are x, y and their uncertainties, with units, and which columns of numbers
         are not read.
         """
-        said = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
-        said += [
+        columns = [("x", self.x, axes.x_unit), ("y", self.y, axes.y_unit)]
+        columns += [
             (key, self.columns[key], unit)
             for key, unit in (("u_y", axes.y_unit), ("u_x", axes.x_unit))
             if key in self.columns
         ]
-        return columns_sentence(said, table.unread)
+        return columns_sentence(columns, table.unread)
 
 
 def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
@@ -281,26 +283,26 @@ def pose_run(
 
     Raises InputError with file and line.
     """
-    kept, inside, excluded = _rows(run, data)
-    size = _size(run, data, kept)
+    rows, inside, excluded = _rows(run, data)
+    size = _size(run, data, rows)
     priors = {name: value for name, value in values.items() if not isinstance(value, float)}
     deviation, correlated = run.said("deviation")[0], run.said("correlated")[0]
     along = (
-        _column(run, data, kept, "correlated")
+        _column(run, data, rows, "correlated")
         if isinstance(correlated, str)
-        else kept.astype(float)
+        else rows.astype(float)
         if correlated
         else False
     )
     try:
         posed = pose_curve(
             curve,
-            data.columns[run.x][kept],
-            None if run.events else data.columns[run.y][kept],
+            data.columns[run.x][rows],
+            None if run.events else data.columns[run.y][rows],
             start={name: prior.centre for name, prior in priors.items()},
             u_y=None if isinstance(size, Prior) else size,
             cov_y=None,
-            u_x=_error_of_x(run, data, kept),
+            u_x=_error_of_x(run, data, rows),
             bounds={},
             priors=priors,
             errors=components,
@@ -309,11 +311,11 @@ def pose_run(
             fixed={name: value for name, value in values.items() if isinstance(value, float)},
             deviation=deviation or 0.0,
             correlated=along,
-            noise=_counting(run, data, kept),
+            noise=_counting(run, data, rows),
             chosen=chosen,
         )
     except InputError as error:
-        raise _placed(error, run, data, kept) from None
+        raise _placed(error, run, data, rows) from None
     _check_keys(run, posed, size)
     whole = posed.counted is None or posed.counted.noise.law.word == "counts"
     left_out = (
@@ -322,7 +324,7 @@ def pose_run(
         else np.zeros((0, 2))
     )
     return PosedRun(
-        run, data, kept, excluded, left_out, size if isinstance(size, Prior) else None, posed
+        run, data, rows, excluded, left_out, size if isinstance(size, Prior) else None, posed
     )
 
 
@@ -400,21 +402,21 @@ def _rows(
     x = data.columns[run.x]
     inside, order = (x >= low) & (x <= high), np.argsort(x, kind="stable")
     within = order[inside[order]]
-    kept = within[::every]
+    rows = within[::every]
     excluded: tuple[Finding, ...] = (
         (Finding(Kind.OUTSIDE_WINDOW, size=x.size - within.size),) if within.size < x.size else ()
     )
     excluded += (
-        (Finding(Kind.ROWS_BETWEEN, size=within.size - kept.size, numbers={"every": every}),)
+        (Finding(Kind.ROWS_BETWEEN, size=within.size - rows.size, numbers={"every": every}),)
         if every > 1
         else ()
     )
     dense = run.curve.noise is not None or run.said("u_x")[0] is not None
     most = MAX_EVENTS if run.events else MAX_DENSE if dense else MAX_OBS
-    if not _MIN_ROWS <= kept.size <= most:
+    if not _MIN_ROWS <= rows.size <= most:
         cure = (
-            f": say every = {-(-kept.size * every // most)}, or state a window"
-            if kept.size > most and run.curve.noise is None
+            f": say every = {-(-rows.size * every // most)}, or state a window"
+            if rows.size > most and run.curve.noise is None
             else ""
         )
         if excluded:
@@ -423,16 +425,16 @@ def _rows(
                 f"{data.file} to fit{cure}"
             )
             raise run.source.places.error(
-                rule, ("runs", run.index, "window"), field="window", value=int(kept.size)
+                rule, ("runs", run.index, "window"), field="window", value=int(rows.size)
             )
         where = " where x has errors" if run.said("u_x")[0] is not None else ""
         raise InputError(
             f"must be between {_MIN_ROWS} and {most}{where}{cure}",
             field="rows",
-            value=kept.size,
+            value=rows.size,
             file=data.file,
         )
-    return kept, inside, excluded
+    return rows, inside, excluded
 
 
 def _column(run: RunOfCurve, data: Run, kept: NDArray[np.int64], key: str) -> FloatArray:

@@ -82,14 +82,14 @@ class PartedBody:
 
     def values(self, q: Mapping[str, Any]) -> tuple[ArrayLike, ...]:
         """The outputs at the values `q` of the inputs, numbers or arrays of one shape."""
-        made = assemble(
+        assembly = assemble(
             [_part(name, table, q, q[self.radius]) for name, table in self.parts],
             q[self.radius],
             particle=self.particle,
         )
-        body = made.body
-        found = {"inertia_ratio": body.inertia_ratio, "direction": made.direction}
-        every = [found[name] if name in found else getattr(body, name) for name in self.outputs]
+        body = assembly.body
+        extras = {"inertia_ratio": body.inertia_ratio, "direction": assembly.direction}
+        every = [extras[name] if name in extras else getattr(body, name) for name in self.outputs]
         return tuple(np.asarray(value) + 0.0 * np.asarray(body.mass) for value in every)
 
 
@@ -119,19 +119,19 @@ def parted_body(
                 value=part,
             )
     parts = tuple((part, source.parts[part]) for part in listed)
-    if all(one.kind == "trailing" for _, one in parts):
+    if all(entry.kind == "trailing" for _, entry in parts):
         raise source.places.error("must hold a part that rotates", (*path, "parts"))
     inputs = {radius.name: radius}
-    for part, one in parts:
-        inputs |= _inputs(source, part, one)
+    for part, entry in parts:
+        inputs |= _inputs(source, part, entry)
     _require_metres(source, inputs, radius)
     named = tuple(i for i, part in enumerate(listed) if part in (table.particle or ()))
     off = named or tuple(
         i for i, part in enumerate(listed) if _off_axle(inputs.get(f"{part}.distance_m"))
     )
-    angles = any(one.angle_deg is not None for _, one in parts)
+    angles = any(entry.angle_deg is not None for _, entry in parts)
     point = len(off) == 1 and parts[off[0]][1].kind == "point"
-    trailing = tuple(i for i, (_, one) in enumerate(parts) if one.kind == "trailing")
+    trailing = tuple(i for i, (_, entry) in enumerate(parts) if entry.kind == "trailing")
     if len({*off, *trailing}) == len(parts):
         raise source.places.error(
             "must leave a part for the disk: say which are the particle, particle = [...]",
@@ -168,14 +168,18 @@ def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: I
     """Raises InputError for a length that no piece of a body of this radius has: one in
     millimetres.
     """
-    for name, one in inputs.items():
+    for name, quantity in inputs.items():
         part, _, key = name.rpartition(".")
-        if name != radius.name and one.unit == "m" and one.value > _LARGEST * radius.value:
+        if (
+            name != radius.name
+            and quantity.unit == "m"
+            and quantity.value > _LARGEST * radius.value
+        ):
             rule = (
                 f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} "
                 "m: is it in metres?"
             )
-            raise source.places.error(rule, ("parts", part, key), value=one.value)
+            raise source.places.error(rule, ("parts", part, key), value=quantity.value)
 
 
 def _off_axle(distance: Input | None) -> bool:
@@ -187,7 +191,9 @@ def _off_axle(distance: Input | None) -> bool:
 
 def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
     with np.errstate(all="ignore"):
-        return body.values({name: np.float64(one.value) for name, one in body.inputs.items()})
+        return body.values(
+            {name: np.float64(quantity.value) for name, quantity in body.inputs.items()}
+        )
 
 
 def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Input]:
@@ -202,7 +208,7 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
         raise source.places.error(
             f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}"
         )
-    found = {}
+    inputs = {}
     for key in table.said:
         try:
             value = read_quantity(getattr(table, key), field=key)
@@ -214,13 +220,13 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
                 (*path, key),
                 value=value.value,
             )
-        found[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
-    outer, inner = (found.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
+        inputs[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
+    outer, inner = (inputs.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
     if outer is not None and inner is not None and inner.value > outer.value:
         raise source.places.error(
             "must be at most 'radius_m'", (*path, "inner_radius_m"), value=inner.value
         )
-    return found
+    return inputs
 
 
 def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -> Part:
@@ -272,17 +278,17 @@ def _weighed(
             f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place",
             (*path, "parts"),
         )
-    found = {
+    quantities = {
         out: Quantity(float(v), float(s))
         for out, v, s in zip(
             body.outputs, linear.value, known_to(linear.value, linear.u), strict=True
         )
     }
-    slopes = _ratios(found).inertia_ratio_gradient()
-    for out in _HARDLY_MATTER & set(found):
-        if abs(slopes[out]) * found[out].u < _NEGLIGIBLE * found["inertia_ratio"].u:
-            found[out] = Quantity(found[out].value)
-    return MappingProxyType(found), correlations(linear.covariance)
+    slopes = _ratios(quantities).inertia_ratio_gradient()
+    for out in _HARDLY_MATTER & set(quantities):
+        if abs(slopes[out]) * quantities[out].u < _NEGLIGIBLE * quantities["inertia_ratio"].u:
+            quantities[out] = Quantity(quantities[out].value)
+    return MappingProxyType(quantities), correlations(linear.covariance)
 
 
 def notes_of(
@@ -291,11 +297,11 @@ def notes_of(
     """What a reader must know of a linear result of `values`, those outputs aside that are exact
     but for rounding.
     """
-    kept = ~(linear.u <= _ROUNDING * np.abs(linear.value))
-    if not linear.notes or not np.any(kept):
+    mask = ~(linear.u <= _ROUNDING * np.abs(linear.value))
+    if not linear.notes or not np.any(mask):
         return ()
     return propagate_linear(
-        lambda q: [v for v, keep in zip(values(q), kept, strict=True) if keep], linear.inputs
+        lambda q: [v for v, keep in zip(values(q), mask, strict=True) if keep], linear.inputs
     ).notes
 
 
@@ -317,11 +323,11 @@ def of_one_disk(source: CampaignFile, body: str) -> tuple[str, ...]:
 
     Those that state kappa or a radius of their own are none of them.
     """
-    own = _disk(source, body)
+    parts = _disk(source, body)
     return (
         (body,)
-        if own is None
-        else tuple(other for other in source.bodies if _disk(source, other) == own)
+        if parts is None
+        else tuple(other for other in source.bodies if _disk(source, other) == parts)
     )
 
 
@@ -336,9 +342,9 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
         return None
     turning = [part for part in table.parts if source.parts[part].kind != "trailing"]
     inputs = {
-        name: one
+        name: quantity
         for part in turning
-        for name, one in _inputs(source, part, source.parts[part]).items()
+        for name, quantity in _inputs(source, part, source.parts[part]).items()
     }
     off = [
         part

@@ -96,10 +96,12 @@ def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Obs
         "independent": _independent,
         "positions": _positions,
     }[model]
-    found = make(run, levels, table, path, suffix)
+    observed = make(run, levels, table, path, suffix)
     if not run.left_out:
-        return found
-    return replace(found, excluded=(Finding(Kind.LEFT_OUT, size=run.left_out), *found.excluded))
+        return observed
+    return replace(
+        observed, excluded=(Finding(Kind.LEFT_OUT, size=run.left_out), *observed.excluded)
+    )
 
 
 def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: Path) -> None:
@@ -179,12 +181,12 @@ def _differentiated(
     )
     in_bands = scatter_parameter is None and (parameter is None or scatter.value == 0.0)
     check_count(selection, run, levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
-    kept = rows[selection.kept]
+    selected = rows[selection.kept]
     zero, zero_parameter = _stated_offset(levels, units)
     return Observed(
-        x=position[kept],
+        x=position[selected],
         y=derivative.value[selection.kept],
-        t=t[kept],
+        t=t[selected],
         noise=Differentiated(
             sigma, scatter, step, derivative, selection.kept, blur, table.exposure_s or 0.0
         ),
@@ -251,15 +253,15 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         (*path, units.position_sigma),
     )
     stated = run.columns.get("sigma_v_m_s")
-    said = _typical(sigma, parameter, 0.0) > 0.0
-    if not said and stated is None and scatter.parameter is None and scatter.value == 0.0:
+    known = _typical(sigma, parameter, 0.0) > 0.0
+    if not known and stated is None and scatter.parameter is None and scatter.value == 0.0:
         raise levels.error(
             f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise",
             path,
             field="noise",
         )
     sigma, relative = _by_row(
-        run, "sigma_v_m_s", sigma, said, units.position, levels, (*path, units.speed_sigma)
+        run, "sigma_v_m_s", sigma, known, units.position, levels, (*path, units.speed_sigma)
     )
     guard = typical_x if relative_x is None else float(np.median(relative_x))
     # of speeds made by differences the error of a position follows from that of a speed: the same
@@ -268,20 +270,20 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     where, when = position[rows], None if t is None else t[rows]
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
     check_count(selection, run, levels, blank)
-    kept = selection.kept
+    selected = selection.kept
     zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
         sigma=sigma,
         scatter=scatter,
-        relative=np.ones(kept.size) if relative is None else relative[rows][kept],
+        relative=np.ones(selected.size) if relative is None else relative[rows][selected],
         sigma_x=sigma_x if guard > 0.0 else None,
-        relative_x=None if relative_x is None else relative_x[rows][kept],
+        relative_x=None if relative_x is None else relative_x[rows][selected],
         tails=tails,
     )
     return Observed(
-        x=where[kept],
-        y=speed[kept],
-        t=None if when is None else when[kept],
+        x=where[selected],
+        y=speed[selected],
+        t=None if when is None else when[selected],
         noise=noise,
         parameters=_some(
             zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters
@@ -321,9 +323,9 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     )
     tails, tail_parameters = shape_of(table.robust, suffix)
     check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
-    said = _typical(sigma, parameter, 0.0) > 0.0
+    known = _typical(sigma, parameter, 0.0) > 0.0
     if (
-        not said
+        not known
         and step == 0.0
         and "sigma_x_m" not in run.columns
         and scatter.parameter is None
@@ -335,7 +337,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
             field="noise",
         )
     sigma, relative = _by_row(
-        run, "sigma_x_m", sigma, said, units.position, levels, (*path, units.position_sigma)
+        run, "sigma_x_m", sigma, known, units.position, levels, (*path, units.position_sigma)
     )
     rest = (
         np.full(run.n_row, 0.0 if parameter else _typical(sigma, parameter, step))
@@ -346,8 +348,8 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
-    kept = selection.kept
-    x, y = t[kept], position[kept]
+    rows = selection.kept
+    x, y = t[rows], position[rows]
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
     zero = _typical(sigma, parameter, step) if relative is None else float(np.median(relative))
     zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
@@ -373,7 +375,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         noise=Independent(
             sigma=sigma,
             scatter=scatter,
-            relative=np.ones(kept.size) if relative is None else relative[kept],
+            relative=np.ones(rows.size) if relative is None else relative[rows],
             encoder_step=step,
             tails=tails,
             exposure=table.exposure_s or 0.0,
@@ -460,7 +462,7 @@ def _offset(units: _Units, sd: float) -> Parameter:
 
 def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
     """An argument of x(t) as the campaign states it, or `unknown` as one of this run."""
-    found = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
+    parameter = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
     for level in levels:
         written = getattr(level.table, key)
         if written is not None:
@@ -468,9 +470,9 @@ def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float
             if isinstance(value, Quantity) and value.exact:
                 return value.value, None
             stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
-            found = replace(unknown, name=unknown.name + level.suffix, prior=stated)
+            parameter = replace(unknown, name=unknown.name + level.suffix, prior=stated)
             break
-    return found.name, found
+    return parameter.name, parameter
 
 
 def _scale(
@@ -531,12 +533,12 @@ def _read_window(table: WindowTable, run: Run, levels: Levels, path: Path) -> Wi
         limit(here[1], math.inf),
     )
     if window.low >= window.high or window.t_min >= window.t_max:
-        shown = (
+        limits = (
             f"t {window.t_min:g} to {window.t_max:g}, {run.coordinate} {window.low:g} to "
             f"{window.high:g}"
         )
         raise levels.error(
-            "must have its lower limits below its upper ones", path, field="window", value=shown
+            "must have its lower limits below its upper ones", path, field="window", value=limits
         )
     return window
 

@@ -101,16 +101,16 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
-    said = (*choices.start, *choices.low, *choices.high, *choices.value)
-    asked = called_by_name(choices.formula, [*said, "x", "t"])
+    stated = (*choices.start, *choices.low, *choices.high, *choices.value)
+    model = called_by_name(choices.formula, [*stated, "x", "t"])
     formula = read_formula(
-        choices.formula if asked is None else asked.expression, field="--formula"
+        choices.formula if model is None else model.expression, field="--formula"
     )
-    x, y, u_x, u_y = _axes(file, formula, choices, said, named=asked is not None)
-    variable = variable_of(formula, x.column, x.name, said)
+    x, y, u_x, u_y = _axes(file, formula, choices, stated, named=model is not None)
+    variable = variable_of(formula, x.column, x.name, stated)
     if variable not in (None, "x"):
         formula = formula.in_terms_of(variable)
-    starts = _starts(formula, choices) if asked is None else dict(choices.start)
+    starts = _starts(formula, choices) if model is None else dict(choices.start)
     _check_parameters(formula, choices)
     lines = [
         f"title = {toml_string(choices.title or file.stem)}",
@@ -120,8 +120,8 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     ]
     lines += [
         f"expression = {toml_string(formula.text)}"
-        if asked is None
-        else f"model = {toml_string(asked.text)}"
+        if model is None
+        else f"model = {toml_string(model.text)}"
     ]
     lines += [f"x = {x.text}", f"y = {y.text}"]
     lines += [
@@ -143,7 +143,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
     named = [
         _parameter_line(name, starts, choices)
         for name in formula.names
-        if asked is None or name in said
+        if model is None or name in stated
     ]
     lines += ["", "[curve.parameters]", *named] if named else []
     lines += [
@@ -202,8 +202,8 @@ def _axes(
             Axis(column, "", units.get(column, "m")) for column in (choices.x or "t", choices.y)
         )
         return x, y, choices.u_x, choices.u_y
-    asked = [name for name in (choices.x, choices.y) if name is not None]
-    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=asked)
+    requested = [name for name in (choices.x, choices.y) if name is not None]
+    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=requested)
     if not layout.names:
         raise no_names(layout)
     values = value_columns(layout, (choices.u_x, choices.u_y))
@@ -399,12 +399,12 @@ def _release_text(written: str) -> str:
 
 def pairs(given: Sequence[str], option: str) -> dict[str, str]:
     """NAME=VALUE, several of them.  Raises InputError."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for text in given:
         name, mark, value = (part.strip() for part in text.partition("="))
         if not (mark and name and value):
             raise InputError("must be written NAME=VALUE", field=option, value=shorten(text))
-        if name in found:
+        if name in values:
             raise InputError("is given twice", field=option, value=name)
-        found[name] = value
-    return found
+        values[name] = value
+    return values

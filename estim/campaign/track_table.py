@@ -38,8 +38,8 @@ class TrackSaid(Protocol):
 
 def choices_of(run: TrackSaid) -> Choices | None:
     """How a file of the program Tracker is to be read; None where nothing is said."""
-    said = (run.track, run.along, run.unit, run.release, run.frame_ms, run.drop_duplicates)
-    if all(value is None for value in said):
+    stated = (run.track, run.along, run.unit, run.release, run.frame_ms, run.drop_duplicates)
+    if all(value is None for value in stated):
         return None
     along = "fit" if run.along is None else run.along
     release = "first" if run.release is None else run.release

@@ -55,6 +55,6 @@ def unit_slips(source: CampaignFile) -> Iterator[Slip]:
 
 def _with_keys(table: _T, keys: dict[str, str]) -> _T:
     """A table with what it says under one key under another."""
-    said = {wrong: right for wrong, right in keys.items() if getattr(table, wrong) is not None}
-    values = {right: getattr(table, wrong) for wrong, right in said.items()}
-    return msgspec.structs.replace(table, **dict.fromkeys(said), **values)
+    renamed = {wrong: right for wrong, right in keys.items() if getattr(table, wrong) is not None}
+    values = {right: getattr(table, wrong) for wrong, right in renamed.items()}
+    return msgspec.structs.replace(table, **dict.fromkeys(renamed), **values)

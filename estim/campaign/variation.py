@@ -49,7 +49,7 @@ def planned_quantities(
     source: CampaignFile, table: PlannedRunTable, index: int
 ) -> dict[str, Quantity]:
     """What a planned run says of itself, in SI units.  Raises InputError with its line."""
-    found = {}
+    quantities = {}
     for name, key in _PLANNED.items():
         written = getattr(table, key)
         if written is not None:
@@ -60,8 +60,8 @@ def planned_quantities(
             kind = KINDS_OF_QUANTITIES[name]
             if not kind.low <= value.value <= kind.high:
                 raise source.places.error("lies outside what is possible", path, value=written)
-            found[name] = value
-    return found
+            quantities[name] = value
+    return quantities
 
 
 def quantity_of_key(key: str) -> tuple[str, float] | None:
@@ -115,12 +115,12 @@ def axis_columns(campaign: Campaign) -> tuple[str, str]:
 
 def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
     """The problem in which each of `runs` that says a gamma has that one in place of its body's."""
-    said = {run.name: run.said["gamma"] for run in runs if "gamma" in run.said}
-    if not said:
+    gammas = {run.name: run.said["gamma"] for run in runs if "gamma" in run.said}
+    if not gammas:
         return problem
     kind, further, changed = KINDS_OF_QUANTITIES["gamma"], [], []
     for run in problem.runs:
-        gamma = said.get(run.name)
+        gamma = gammas.get(run.name)
         if gamma is None:
             changed.append(run)
             continue
@@ -150,16 +150,16 @@ def _of(source: CampaignFile, tables: Mapping[str, Run]) -> Campaign:
 
 
 def _further(like: RunTable, new: NewRun) -> RunTable:
-    said: dict[str, object] = {"name": new.name}
+    changes: dict[str, object] = {"name": new.name}
     for quantity in ("phi", "theta0"):
         if quantity in new.said:
             value = new.said[quantity]
-            said |= {f"{quantity}_deg": None, f"{quantity}_rad": _written(value)}
+            changes |= {f"{quantity}_deg": None, f"{quantity}_rad": _written(value)}
     if "gamma" in new.said:
-        said["unmodelled_force"] = (
+        changes["unmodelled_force"] = (
             FORCE_SCALE if like.unmodelled_force is None else like.unmodelled_force
         )
-    return msgspec.structs.replace(like, **said)
+    return msgspec.structs.replace(like, **changes)
 
 
 def _written(quantity: Quantity) -> Value:

@@ -49,7 +49,7 @@ def fit_without_force(
             Problem(problem.parameters, runs, shared), rng=rng, n_start=1, start=fit.values
         )
     fit = scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-    told = white.message if fit.success else fit.message
+    message = white.message if fit.success else fit.message
     return replace(
-        fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=told
+        fit, symmetry=white.symmetry, n_start=white.n_start, n_same=white.n_same, message=message
     )

@@ -155,8 +155,12 @@ def batch(
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)
-    said = {"n": len(rows), "what": batch_line(rows)}
-    say(phrase("{n} runs: {what}", **said) if len(rows) != 1 else phrase("{n} run: {what}", **said))
+    values = {"n": len(rows), "what": batch_line(rows)}
+    say(
+        phrase("{n} runs: {what}", **values)
+        if len(rows) != 1
+        else phrase("{n} run: {what}", **values)
+    )
     report_at(place / "report.md", ())
     if any(row.status != "ok" for row in rows):
         sys.exit(NOT_OK)

@@ -154,17 +154,17 @@ def run_calibrations(
                 within=folder,
             )
             for calibration in calibrations:
-                found = findings(calibration)
-                trusted = trusted and decide(found).ok
-                said = (
+                verdicts = findings(calibration)
+                trusted = trusted and decide(verdicts).ok
+                sentences = (
                     []
                     if calibration.what == "sbc"
                     else [coverage_sentence(calibration, name) for name in calibration.reported]
                 )
                 conclude(
                     f"{', '.join(group)}, {calibration.what}",
-                    decide(found),
-                    [*map(tell, found), *said],
+                    decide(verdicts),
+                    [*map(tell, verdicts), *sentences],
                     [unlike] if unlike else [],
                 )
             report_at(place / "report.md", loaded.source.files_outside())

@@ -26,8 +26,8 @@ def with_causes(
     with pieces(
         phrase("{runs}: possible missing effects", runs=", ".join(group)), phrase("cause")
     ) as progress:
-        found = explained(campaign, analysis, progress=progress)
-    if found.explanation is None:
+        result = explained(campaign, analysis, progress=progress)
+    if result.explanation is None:
         say(
             phrase(
                 "{runs}: possible missing effects cannot be tested, because the curve "
@@ -35,7 +35,7 @@ def with_causes(
                 runs=", ".join(group),
             )
         )
-    return found
+    return result
 
 
 def say_causes(analysis: Analysis) -> None:

@@ -247,12 +247,12 @@ def _fit_groups(
             if analysis.diagnosis.ok
             else [*filter(None, [slip_words(analysis.explanation)]), *analysis.diagnosis.reasons]
         )
-        shown = [*reasons, *result_lines(results[group[0]])]
+        lines = [*reasons, *result_lines(results[group[0]])]
         if len(results) == 1 and (
             columns := campaign.columns([name for group in groups for name in group])
         ):
             say(columns)
-        conclude(together(group), analysis.diagnosis.status, shown, analysis.diagnosis.notes)
+        conclude(together(group), analysis.diagnosis.status, lines, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]
     if len(groups) > 1:
@@ -381,9 +381,9 @@ def reanalyse(
         write_report(
             folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures)
         )
-    said = reanalysis_lines(result)
+    sentences = reanalysis_lines(result)
     for what, status in result.statuses.items():
-        conclude(called(result, what), status, said.get(what, ()))
+        conclude(called(result, what), status, sentences.get(what, ()))
     report_at(folder / "report.md", loaded.source.files_outside(line=True, published=True))
     _exit_unless(all(status.ok for status in result.statuses.values()))
 

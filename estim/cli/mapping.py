@@ -81,12 +81,12 @@ def map_motions(
         folder,
         map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures),
     )
-    for found in maps:
-        conclude(found.body, decide(found.findings), map(tell, found.findings))
-        for said in map_lines(found):
-            say(f"  {said}")
+    for body_map in maps:
+        conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
+        for sentence in map_lines(body_map):
+            say(f"  {sentence}")
     report_at(folder / "report.md", loaded.source.files_outside(line=line is not None))
-    if not decide(finding for found in maps for finding in found.findings).ok:
+    if not decide(finding for body_map in maps for finding in body_map.findings).ok:
         sys.exit(NOT_OK)
 
 

@@ -47,11 +47,11 @@ def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes]
     """`files` of a report and the formats asked for; and how they were made."""
     origin = origin_of(part)
     command = code(shlex.join(["estim", *origin.command]))
-    said = phrase(
+    sentence = phrase(
         "Made by {command}; `estim verify` recomputes this report from the same files.",
         command=command,
     )
-    line = f"\n---\n\n{said}\n"
+    line = f"\n---\n\n{sentence}\n"
     return in_formats(
         {
             name: data + line.encode() if name == "report.md" else data
@@ -76,7 +76,7 @@ def origin_of(part: str = "") -> Origin:
 
 def _arguments(context: click.Context) -> list[str]:
     """The command as one would type it, options that have their defaults left out."""
-    said: list[str] = []
+    options: list[str] = []
     plain: list[str] = []
     for parameter in context.command.params:
         name = parameter.name or ""
@@ -92,8 +92,8 @@ def _arguments(context: click.Context) -> list[str]:
             and name not in OF_THE_MOMENT
             and value != parameter.get_default(context)
         ):
-            said += _option(parameter, value)
-    return [*(context.info_name or "",), *plain, *said]
+            options += _option(parameter, value)
+    return [*(context.info_name or "",), *plain, *options]
 
 
 def _option(option: click.Option, value: object) -> list[str]:

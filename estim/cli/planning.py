@@ -66,10 +66,10 @@ def plan_next(
     folder = out or out_folder(campaign, "plan")
     reserve_output(folder, "plan.json")
     with pieces(phrase("plan"), phrase("option")) as progress:
-        found = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
-    write_report(folder, plan_report(found, figures=not no_figures))
-    status, reasons = plan_status(found)
-    conclude(phrase("plan"), status, [*plan_answers(found), *reasons])
+        result = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
+    write_report(folder, plan_report(result, figures=not no_figures))
+    status, reasons = plan_status(result)
+    conclude(phrase("plan"), status, [*plan_answers(result), *reasons])
     report_at(folder / "report.md", loaded.source.files_outside())
     if not status.ok:
         sys.exit(NOT_OK)

@@ -48,10 +48,10 @@ def fit_line_and_trials(campaign: Path, out: Path | None, *, seed: int, figures:
         files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
     write_report(folder, files)
     if line is not None:
-        said = line_lines(loaded, line) if line.status.ok else line.reasons
-        conclude(phrase("line"), line.status, [*said, *filter(None, (line.disagreement,))])
+        sentences = line_lines(loaded, line) if line.status.ok else line.reasons
+        conclude(phrase("line"), line.status, [*sentences, *filter(None, (line.disagreement,))])
     if released is not None:
-        told = trials_lines(loaded, released) if released.status.ok else released.reasons
-        conclude(phrase("trials"), released.status, [*told, *released.disagreements])
+        trial_sentences = trials_lines(loaded, released) if released.status.ok else released.reasons
+        conclude(phrase("trials"), released.status, [*trial_sentences, *released.disagreements])
     report_at(folder / "report.md", source.files_outside(runs=False, line=True))
-    return all(found.status.ok for found in (line, released) if found is not None)
+    return all(analysis.status.ok for analysis in (line, released) if analysis is not None)

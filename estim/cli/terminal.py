@@ -73,8 +73,8 @@ def _code(command: Callable[[], object]) -> int:
         say(": ".join(("interrupted", *error.args)), err=True)
         return INTERRUPTED
     except (click.ClickException, EstimError) as error:
-        said = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        say(f"error: {said}", err=True)
+        message = error.format_message() if isinstance(error, click.ClickException) else str(error)
+        say(f"error: {message}", err=True)
         return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
     # of a file that a person named, looked for where nothing opens it: too long a name, a folder of
     # others
@@ -129,8 +129,11 @@ def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
     say(f"{what}: {status}")
     """Prints a status, what stands below it, and those notes that do not."""
-    told = list(reasons)
-    for line in (*told, *(phrase("note: {text}", text=text) for text in notes if text not in told)):
+    lines = list(reasons)
+    for line in (
+        *lines,
+        *(phrase("note: {text}", text=text) for text in notes if text not in lines),
+    ):
         say(f"  {line}")
 
 
@@ -205,11 +208,11 @@ def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | Non
     """
     root = within or folder
     part = folder.relative_to(root).as_posix()
-    made, origin = with_origin(files, "" if part == "." else part)
+    contents, origin = with_origin(files, "" if part == "." else part)
     before = written_before(folder, within=root)
     replace_own(
         folder,
-        made,
+        contents,
         before,
         ORIGIN,
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
@@ -221,10 +224,10 @@ def report_at(path: Path, outside: Iterable[str]) -> None:
     """Where the report stands, and which of the files that were read lie outside the campaign's
     folder.
     """
-    for said in outside:
-        say(phrase("note: {text}", text=said))
-    for made in [path.with_suffix(f".{name}") for name in chosen()] or [path]:
-        say(phrase("report: {path}", path=made))
+    for sentence in outside:
+        say(phrase("note: {text}", text=sentence))
+    for report in [path.with_suffix(f".{name}") for name in chosen()] or [path]:
+        say(phrase("report: {path}", path=report))
 
 
 @contextmanager
@@ -238,15 +241,15 @@ def finished_pieces(folder: Path, *, resume: bool) -> Iterator[PieceStore]:
     """
     store = PieceStore(folder / ".checkpoint", within=folder)
     with held(store.folder / ".lock", within=folder):
-        found = len(store.names())
+        count = len(store.names())
         if resume:
             rest = (
-                f"finished pieces: {found}; those made from the same inputs are used"
-                if found
+                f"finished pieces: {count}; those made from the same inputs are used"
+                if count
                 else "nothing to resume, all is computed anew"
             )
             say(f"{store.folder}: {rest}", err=True)
-        elif found:
+        elif count:
             say(
                 f"{store.folder}: what an unfinished command left is discarded (--resume "
                 "would continue it)",

@@ -76,37 +76,37 @@ def verify(report: Path, root: Path | None) -> None:
     try:
         os.stat(report)
     except (OSError, ValueError) as error:
-        said = getattr(error, "strerror", None) or str(error)
+        message = getattr(error, "strerror", None) or str(error)
         raise InputError(
-            f"cannot be read ({said.lower()})", field="report", value=str(report)
+            f"cannot be read ({message.lower()})", field="report", value=str(report)
         ) from None
     folder = report if _is_folder(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)
     place = root or _root_of(folder, origin)
     say(f"recomputing: {origin.line}")
-    with tempfile.TemporaryDirectory() as made:
-        trouble = _recompute(origin, Path(made), place)
-        if not trouble and not (Path(made) / origin.part / ORIGIN).is_file():
+    with tempfile.TemporaryDirectory() as temporary:
+        trouble = _recompute(origin, Path(temporary), place)
+        if not trouble and not (Path(temporary) / origin.part / ORIGIN).is_file():
             trouble = "cannot be recomputed: the command makes no such report"
-        found = Found([], [], [])
+        result = Found([], [], [])
         if trouble:
-            found.wrong.extend([*_changed_outputs(folder, folder, origin), trouble])
+            result.wrong.extend([*_changed_outputs(folder, folder, origin), trouble])
         else:
             _compare(
                 folder,
-                Path(made) / origin.part,
+                Path(temporary) / origin.part,
                 place.resolve(),
-                found,
+                result,
                 lang=str(given.get("lang", "en")),
             )
-    for line in found.wrong:
+    for line in result.wrong:
         say(line)
-    aside = f"; not compared: {_listed(found.aside)}" if found.aside else ""
-    if found.wrong:
+    aside = f"; not compared: {_listed(result.aside)}" if result.aside else ""
+    if result.wrong:
         say(f"not verified: {folder}{aside}")
         sys.exit(NOT_OK)
-    say(f"verified: {folder} follows from its inputs; compared: {_listed(found.compared)}{aside}")
+    say(f"verified: {folder} follows from its inputs; compared: {_listed(result.compared)}{aside}")
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
                 file=folder / ORIGIN,
             ) from None
         # and no --help, which click adds
-        if given.keys() <= {one.name for one in command.params} - OF_THE_MOMENT:
+        if given.keys() <= {parameter.name for parameter in command.params} - OF_THE_MOMENT:
             return dict(given)
     rule = "must name a command that makes a report, and no place, processes or --resume"
     raise InputError(rule, field="command", value=origin.line, file=folder / ORIGIN)
@@ -262,7 +262,7 @@ def _compare(folder: Path, made: Path, place: Path, found: Found, *, lang: str) 
         for name, (old, new) in of_part.items()
         if old is not None and new is not None and not name.endswith(_OWN_BYTES)
     ]
-    same_draws = all(draws_are_same(*one) for one in whole)
+    same_draws = all(draws_are_same(*entry) for entry in whole)
     exact = all(old == new for name, old, new in whole if not name.endswith(".md"))
     how = _How(folder, same_draws=same_draws, exact=exact, lang=lang)
     if not how.same_draws:
@@ -322,10 +322,10 @@ def _compare_part(
         _shown(how.root, folder, name) for name in _not_named(how.root, folder, before)
     )
     for name, (old, new) in files.items():
-        shown = _shown(how.root, folder, name)
+        label = _shown(how.root, folder, name)
         if old is None or (new is None and not name.endswith(_OPTIONAL)):
             found.wrong.append(
-                f"{shown}: " + ("is missing" if old is None else "is not made any more")
+                f"{label}: " + ("is missing" if old is None else "is not made any more")
             )
             continue
         if name == _PAGE:
@@ -337,14 +337,14 @@ def _compare_part(
             or (_is_picture(name) and not _same_picture(old, new))
         ):
             if _is_picture(name) and how.exact and before.versions == now.versions:
-                found.wrong.append(f"{shown}: shows another picture than the one that is drawn now")
+                found.wrong.append(f"{label}: shows another picture than the one that is drawn now")
             else:
-                found.aside.append(shown)
+                found.aside.append(label)
         elif _is_picture(name):
-            found.compared.append(shown)
+            found.compared.append(label)
         else:
             _compare_file(
-                shown,
+                label,
                 differences(
                     name,
                     old,
@@ -358,7 +358,7 @@ def _compare_part(
 
 def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> None:
     wrong, within, aside = (
-        [one for one in differing if one.verdict is verdict]
+        [entry for entry in differing if entry.verdict is verdict]
         for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE)
     )
     if aside and not aside[0].where:
@@ -368,12 +368,13 @@ def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> 
     if within:
         say(f"{shown}: {len(within)} entries differ within the tolerances")
     if aside:
-        names = dict.fromkeys(one.where.rpartition(".")[2].partition("[")[0] for one in aside)
+        names = dict.fromkeys(entry.where.rpartition(".")[2].partition("[")[0] for entry in aside)
         found.aside.append(f"of {shown} {len(aside)} entries ({_listed(list(names))})")
-        for one in aside if shown.endswith(".md") else ():
-            say(f"not compared: {shown}, {one.where}: {one.before!r}, recomputed {one.now!r}")
+        for entry in aside if shown.endswith(".md") else ():
+            say(f"not compared: {shown}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}")
     found.wrong.extend(
-        f"{shown}, {one.where}: {one.before!r}, recomputed {one.now!r}" for one in wrong[:_TOLD]
+        f"{shown}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}"
+        for entry in wrong[:_TOLD]
     )
     found.wrong.extend([f"{shown}: and {len(wrong) - _TOLD} more"] if len(wrong) > _TOLD else [])
 
@@ -421,10 +422,10 @@ def _same_picture(before: bytes, now: bytes) -> bool:
     from matplotlib.image import imread
 
     try:
-        one, other = (imread(io.BytesIO(data), format="png") for data in (before, now))
+        image, other = (imread(io.BytesIO(data), format="png") for data in (before, now))
     except (OSError, ValueError, SyntaxError):
         return False
-    return one.shape == other.shape and bool((one == other).all())
+    return image.shape == other.shape and bool((image == other).all())
 
 
 @click.command()
@@ -444,17 +445,17 @@ def diff(first: Path, second: Path) -> None:
         say("the results are the same")
         return
     far = [
-        one
-        for one in pair.estimates
-        if not abs(one.shift) <= _FAR or not 1.0 / 1.1 <= one.ratio <= 1.1
+        row
+        for row in pair.estimates
+        if not abs(row.shift) <= _FAR or not 1.0 / 1.1 <= row.ratio <= 1.1
     ]
-    for one in far:
-        unit = "" if one.unit == "1" else f" {one.unit}"
+    for row in far:
+        unit = "" if row.unit == "1" else f" {row.unit}"
         values = " -> ".join(
             f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
-            for mean, sd in (one.first, one.second)
+            for mean, sd in (row.first, row.second)
         )
-        say(f"{one.name}: {values}{unit}, moved by {one.shift:+.2f} sd, sd x {one.ratio:.2f}")
+        say(f"{row.name}: {values}{unit}, moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}")
     if len(pair.estimates) > len(far):
         say(
             f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their "

@@ -59,14 +59,14 @@ class PieceStore:
         """
         key = key_of(*self.inputs, name)
         path = self.folder / f"{key}.piece"
-        found = _decoded(read_file(path, at_most=_LARGEST, within=self._root), key, kind)
-        if found is None:
+        result = _decoded(read_file(path, at_most=_LARGEST, within=self._root), key, kind)
+        if result is None:
             import msgspec  # late, as the command line needs none to say what its options are
 
-            found = compute()
-            content = msgspec.msgpack.encode(found, enc_hook=_plain)
+            result = compute()
+            content = msgspec.msgpack.encode(result, enc_hook=_plain)
             write_whole(path, _digest(key, content) + content, within=self._root)
-        return found
+        return result
 
     def names(self) -> list[str]:
         """The files of pieces, finished or not."""

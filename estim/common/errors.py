@@ -53,9 +53,11 @@ class InputError(EstimError, ValueError):
         self.index = index
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
-        shown = "" if value is None else f": {shorten(value)}"
-        said = f" ({quoted})" if quoted else "" if index is None else f" (value number {index + 1})"
-        super().__init__(f"{place}{subject}{rule}{said}{shown}")
+        value_text = "" if value is None else f": {shorten(value)}"
+        detail = (
+            f" ({quoted})" if quoted else "" if index is None else f" (value number {index + 1})"
+        )
+        super().__init__(f"{place}{subject}{rule}{detail}{value_text}")
 
     def at(self, file: str | Path, line: int | None = None) -> InputError:
         """The same mistake with its place, for a reader that learns the place later than the

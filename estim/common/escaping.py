@@ -100,9 +100,9 @@ def unescaped(line: str) -> str:
 
 def code(text: object) -> Markdown:
     """`text` as a code span where one can hold it as it is, in a table too; else as `markdown`."""
-    shown = str(text)
-    fits = shown.isprintable() and shown == shown.strip() != "" and not {"`", "|"} & set(shown)
-    return Markdown(f"`{shown}`") if fits else markdown(text)
+    raw = str(text)
+    fits = raw.isprintable() and raw == raw.strip() != "" and not {"`", "|"} & set(raw)
+    return Markdown(f"`{raw}`") if fits else markdown(text)
 
 
 def destination(path: object) -> Markdown:
@@ -120,7 +120,7 @@ def as_json(record: object) -> bytes:
     return (
         re.sub(
             r"[^\n -~]",
-            lambda found: found[0] if found[0].isprintable() else json.dumps(found[0])[1:-1],
+            lambda match: match[0] if match[0].isprintable() else json.dumps(match[0])[1:-1],
             text,
         ).encode()
         + b"\n"
@@ -135,12 +135,12 @@ def json_of(data: bytes) -> Any:
     """
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        members: dict[str, Any] = {}
         for key, value in pairs:
-            if key in found:
+            if key in members:
                 raise ValueError(f"the key {key!r} stands twice")
-            found[key] = value
-        return found
+            members[key] = value
+        return members
 
     def no_number(text: str) -> float:
         raise ValueError(f"{text} is no number")
@@ -153,9 +153,9 @@ def json_of(data: bytes) -> Any:
     for _ in range(_DEEPEST):
         level = [
             item
-            for one in level
+            for node in level
             for item in (
-                one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
+                node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
             )
         ]
     if level:

@@ -72,7 +72,7 @@ def subscripted(symbol: str) -> str:
     has the letters.
     """
     return _SUBSCRIPT.sub(
-        lambda found: "$_{\\mathrm{" + found[1].replace("_", r"\_") + "}}$", symbol
+        lambda match: "$_{\\mathrm{" + match[1].replace("_", r"\_") + "}}$", symbol
     )
 
 

@@ -51,7 +51,7 @@ def same_looks(names: Iterable[str]) -> str:
         other = seen.setdefault(_looks(name), name)
         if _plain(name) != _plain(other):
             return ", ".join(
-                f"{one} ({spelt})" if (spelt := _foreign(one)) else one for one in (other, name)
+                f"{text} ({spelt})" if (spelt := _foreign(text)) else text for text in (other, name)
             )
     return ""
 

@@ -103,10 +103,10 @@ def replace_own(
     record : the bytes of the manifest for digests of all files.  Raises EstimError, with nothing
         changed, where one of them would replace what is not estim's.
     """
-    made = {name: sha256(data).hexdigest() for name, data in sorted(files.items())}
+    hashes = {name: sha256(data).hexdigest() for name, data in sorted(files.items())}
     both = {
-        name: " ".join(filter(None, (made.get(name), digests.get(name))))
-        for name in sorted({*made, *digests})
+        name: " ".join(filter(None, (hashes.get(name), digests.get(name))))
+        for name in sorted({*hashes, *digests})
     }
     require_own(folder, files, both, within=within)  # the same bytes take nothing from anybody
     write_whole(folder / manifest, record(both), within=within)
@@ -117,7 +117,7 @@ def replace_own(
         {name: digest for name, digest in digests.items() if name not in files},
         within=within,
     )
-    write_whole(folder / manifest, record(made), within=within)
+    write_whole(folder / manifest, record(hashes), within=within)
 
 
 def remove_own(folder: Path, digests: Mapping[str, str], *, within: Path) -> None:

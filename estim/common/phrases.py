@@ -83,14 +83,14 @@ class PhraseTable(Mapping[K, str]):
 @cache
 def catalogue(language: str) -> Mapping[str, str]:
     """English sentence -> the same in `language`, of all files of its catalogue."""
-    found: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     for file in sorted(
         files("estim.common").joinpath("catalogue", language).iterdir(), key=lambda file: file.name
     ):
-        found |= tomllib.loads(file.read_text(encoding="utf-8"))
+        sentences |= tomllib.loads(file.read_text(encoding="utf-8"))
     return MappingProxyType(
         {
             _SPACES.sub(" ", english).strip() if "\n" in english else english: words
-            for english, words in found.items()
+            for english, words in sentences.items()
         }
     )

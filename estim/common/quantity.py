@@ -92,10 +92,10 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
 
 def _number_words(text: str) -> str:
     """How a plain number would be written in place of `text`."""
-    found = _WITH_UNIT.fullmatch(text)
-    if found is None:
+    match = _WITH_UNIT.fullmatch(text)
+    if match is None:
         return "as 4.0"
-    unit = (found[2] or "").strip()
+    unit = (match[2] or "").strip()
     if unit and (is_unit(unit) or _WORD.fullmatch(unit)):
         return "without a unit of its own, in that of the key or axis"
     return f"as {text.replace(',', '.')}" if "," in text and not unit else "as 4.0"
@@ -174,7 +174,7 @@ def p_digits(p: float, digits: int = 2) -> str:
     """A probability: '0.20', '0.00030', '5e-5'."""
     return re.sub(
         r"e([+-])0*(?=\d)",
-        lambda found: "e" + found[1].replace("+", ""),
+        lambda match: "e" + match[1].replace("+", ""),
         significant(p, digits, least=1e-4, powers="e"),
     )
 

@@ -232,8 +232,11 @@ def _lock(place: _Place, path: Path) -> int:
                     "move it away",
                 )
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            found = place.look(path.name)
-            if found is not None and (opened.st_ino, opened.st_dev) == (found.st_ino, found.st_dev):
+            current = place.look(path.name)
+            if current is not None and (opened.st_ino, opened.st_dev) == (
+                current.st_ino,
+                current.st_dev,
+            ):
                 return handle
         except (BlockingIOError, _InTheWayError):
             os.close(handle)
@@ -247,10 +250,10 @@ def _plain(place: _Place, name: str) -> os.stat_result | None:
     """What stands under `name` if it is a plain file, None if nothing does.  Raises _InTheWayError
     for anything else.
     """
-    found = place.look(name)
-    if found is not None and not stat.S_ISREG(found.st_mode):
-        raise _InTheWayError(place.path / name, _kind(found))
-    return found
+    status = place.look(name)
+    if status is not None and not stat.S_ISREG(status.st_mode):
+        raise _InTheWayError(place.path / name, _kind(status))
+    return status
 
 
 def _kind(found: os.stat_result) -> str:
@@ -297,9 +300,9 @@ def _descend(stack: contextlib.ExitStack, folder: Path, root: Path, *, make: boo
         if make:
             with contextlib.suppress(FileExistsError):
                 os.mkdir(path, dir_fd=relative)
-        found = place.look(step)
-        if found is not None and stat.S_ISLNK(found.st_mode):
-            raise _InTheWayError(place.path / step, _kind(found))
+        status = place.look(step)
+        if status is not None and stat.S_ISLNK(status.st_mode):
+            raise _InTheWayError(place.path / step, _kind(status))
         place = _Place(place.path / step, _open(stack, path, relative, follow=False))
     return place
 

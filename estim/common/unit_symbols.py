@@ -210,7 +210,7 @@ def in_unit(value: float, unit: str, wanted: str) -> float | None:
     pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a.powers == b.powers]
     sizes = [a.size - b.size for a, b in pairs]
     temperatures = any(a.powers == _KELVIN for a, _ in pairs) and any(
-        _OF_TEMPERATURE.search(_plain(one)) for one in (unit, wanted)
+        _OF_TEMPERATURE.search(_plain(text)) for text in (unit, wanted)
     )
     if (
         not pairs
@@ -240,7 +240,7 @@ def is_angle(unit: str) -> bool:
 def is_in_degrees(unit: str) -> bool:
     """Whether a unit is the degree of an angle."""
     return is_angle(unit) and any(
-        one.same(Unit(math.log(_DEGREE), _PURE.powers)) for one in _meanings(unit)
+        meaning.same(Unit(math.log(_DEGREE), _PURE.powers)) for meaning in _meanings(unit)
     )
 
 
@@ -251,10 +251,10 @@ def powers_in(unit: str) -> dict[str, int] | None:
     factors = [factor for factor in _factors_of(unit) or (Factor("0"),) if factor.symbol != "1"]
     if any(factor.symbol[0].isdigit() or _as_two(factor) for factor in factors):
         return None
-    found: dict[str, int] = {}
+    powers: dict[str, int] = {}
     for factor in factors:
-        found[factor.symbol] = found.get(factor.symbol, 0) + factor.power * factor.outer
-    return found
+        powers[factor.symbol] = powers.get(factor.symbol, 0) + factor.power * factor.outer
+    return powers
 
 
 @lru_cache(maxsize=512)
@@ -267,10 +267,10 @@ def _factors_of(text: str) -> tuple[Factor, ...] | None:
     if len(spelled) > _LONGEST or "".join(tokens) != spelled:
         return None
     try:
-        found = _quotient(tokens)
+        factors = _quotient(tokens)
     except (IndexError, ValueError):
         return None
-    return None if tokens else tuple(found)
+    return None if tokens else tuple(factors)
 
 
 def _plain(text: str) -> str:
@@ -281,12 +281,12 @@ def _plain(text: str) -> str:
 def _spelled(text: str) -> str:
     """A unit with blanks, powers, products and degrees written alike."""
     text = (
-        re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda found: f"^{found[0]}", text.strip().rstrip("."))
+        re.sub("[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+", lambda match: f"^{match[0]}", text.strip().rstrip("."))
         .translate(_LOWERED)
         .replace("℃", "°C")
         .replace("℉", "°F")
     )
-    text = _JOINED.sub(lambda found: f"°{found[1] or found[2]}".upper(), text)
+    text = _JOINED.sub(lambda match: f"°{match[1] or match[2]}".upper(), text)
     text = re.sub(r"\^[({]([+-]?\d+)[)}]", r"^\1", text.replace("**", "^"))
     text = re.sub(r"(?<=[^\W\d_°%])(?<!\d[eE])(?=-?\d)", "^", text)
     text = re.sub(r"\s*([/()^])\s*", r"\1", text)
@@ -295,24 +295,24 @@ def _spelled(text: str) -> str:
 
 def _quotient(tokens: deque[str]) -> list[Factor]:
     """a b/c/d, each of which may stand in brackets.  Raises ValueError and IndexError."""
-    found = _single(tokens)
+    factors = _single(tokens)
     while tokens and tokens[0] == " ":
         tokens.popleft()
-        found += _single(tokens)
+        factors += _single(tokens)
     while tokens and tokens[0] == "/":
         tokens.popleft()
-        found += [factor.within(-1) for factor in _single(tokens)]
-    return found
+        factors += [factor.within(-1) for factor in _single(tokens)]
+    return factors
 
 
 def _single(tokens: deque[str]) -> list[Factor]:
     head = tokens.popleft()
     if head == "(":
-        found = _quotient(tokens)
+        factors = _quotient(tokens)
         if tokens.popleft() != ")":
             raise ValueError(head)
         outer = _power(tokens)
-        return [factor.within(outer) for factor in found]
+        return [factor.within(outer) for factor in factors]
     if head in ")/ " or head.startswith("^"):
         raise ValueError(head)
     return [Factor(head, _power(tokens))]
@@ -330,13 +330,13 @@ def _meanings(text: str) -> tuple[Unit, ...]:
     readings = [_readings(factor) for factor in _factors_of(text) or ()]
     if not readings or math.prod(map(len, readings)) > _MOST:
         return ()
-    found: list[Unit] = []
+    units: list[Unit] = []
     for chosen in product(*readings):
         whole = _PURE
         for unit in chosen:
             whole = whole.times(unit)
-        found += [] if any(whole.same(other) for other in found) else [whole]
-    return tuple(found)
+        units += [] if any(whole.same(other) for other in units) else [whole]
+    return tuple(units)
 
 
 def _readings(factor: Factor) -> list[Unit]:
@@ -348,20 +348,20 @@ def _readings(factor: Factor) -> list[Unit]:
             if 0.0 < number < math.inf
             else []
         )
-    found = [*(unit.raised(factor.power) for unit in _known(factor.symbol)), *_as_two(factor)]
-    return [unit.raised(factor.outer) for unit in found]
+    meanings = [*(unit.raised(factor.power) for unit in _known(factor.symbol)), *_as_two(factor)]
+    return [unit.raised(factor.outer) for unit in meanings]
 
 
 def _as_two(factor: Factor) -> list[Unit]:
     """m s⁻¹ for ms⁻¹: each way to part a symbol with a negative power into two, the second without
     a prefix.
     """
-    found, symbol = list[Unit](), factor.symbol.translate(_LETTERS)
+    products, symbol = list[Unit](), factor.symbol.translate(_LETTERS)
     for second in (*_WITH_PREFIX, "kg") if factor.power < 0 else ():
         first = symbol.removesuffix(second)
         if first in _SYMBOLS and first not in (symbol, second):
-            found.append(_SYMBOLS[first][0].times(_SYMBOLS[second][0].raised(factor.power)))
-    return found
+            products.append(_SYMBOLS[first][0].times(_SYMBOLS[second][0].raised(factor.power)))
+    return products
 
 
 def _known(symbol: str) -> Sequence[Unit]:
@@ -376,8 +376,8 @@ def _symbol_of(text: str) -> str:
 
 def _unit(size: float, text: str) -> Unit:
     """ "kg m2 s-2" as powers of the base units."""
-    found = {base: int(power or 1) for base, power in re.findall(r"([A-Za-z]+)(-?\d*)", text)}
-    return Unit(math.log(size), tuple(found.get(base, 0) for base in _BASE))
+    powers = {base: int(power or 1) for base, power in re.findall(r"([A-Za-z]+)(-?\d*)", text)}
+    return Unit(math.log(size), tuple(powers.get(base, 0) for base in _BASE))
 
 
 def _all_symbols() -> Iterator[tuple[str, tuple[float, str]]]:

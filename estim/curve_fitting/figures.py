@@ -149,14 +149,14 @@ def curve_figure(
             "elinewidth": 0.9,
             "capsize": 0,
         }
-        said = (
+        label = (
             phrase("counts")
             if counts is not None
             else phrase("data ± u")
             if bars and np.any(sd > 0.0)
             else phrase("data")
         )
-        upper.errorbar(run.x, run.y, **errors, **style, label=said, zorder=5 if bars else 1.9)
+        upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
         if counts is not None:
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
@@ -225,8 +225,8 @@ def _refined(region: Region, a: FloatArray, b: FloatArray) -> FloatArray:
         return np.asarray(RectBivariateSpline(region.x, region.y, region.rise)(a, b))
     pairs = np.stack(np.meshgrid(a, b, indexing="ij"), axis=-1)
     with np.errstate(invalid="ignore"):
-        found = RegularGridInterpolator((region.x, region.y), region.rise)(pairs)
-    return np.where(np.isfinite(found), found, np.inf)
+        rise = RegularGridInterpolator((region.x, region.y), region.rise)(pairs)
+    return np.where(np.isfinite(rise), rise, np.inf)
 
 
 def _draw_region(ax: Axes, region: Region) -> None:
@@ -275,7 +275,7 @@ def _draw_region(ax: Axes, region: Region) -> None:
         Patch(facecolor=shade, edgecolor=INK, label=name)
         for shade, name in zip(shades, names, strict=False)
     ]
-    if any(np.all(np.isfinite(one)) for one in region.ellipses.values()):
+    if any(np.all(np.isfinite(outline)) for outline in region.ellipses.values()):
         handles.append(Line2D([], [], color=ORANGE, lw=1.4, ls="--", label=phrase("linear theory")))
     handles.append(
         Line2D([], [], color="white", marker="o", mec=INK, ls="", label=phrase("best values"))

@@ -129,18 +129,20 @@ class CurveFit:
         """
         unknown = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
         values = np.array([self.values[name] for name in self.names])
-        found: dict[str, LinearDerived] = {}
+        quantities: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
-            for one in linear_derived(
+            for quantity in linear_derived(
                 run, self.names, values, self.cov, dof=self._dof, unknown=unknown
             ):
-                own = any(
+                of_run = any(
                     "[" in name
-                    for name, slope in zip(self.names, one.gradient, strict=True)
+                    for name, slope in zip(self.names, quantity.gradient, strict=True)
                     if slope != 0.0
                 )
-                found.setdefault(f"{one.name}[{run.name}]" if own else one.name, one)
-        return found
+                quantities.setdefault(
+                    f"{quantity.name}[{run.name}]" if of_run else quantity.name, quantity
+                )
+        return quantities
 
     def predict(
         self, x: ArrayLike, *, probability: float = 0.95, data: str | None = None
@@ -223,11 +225,11 @@ class CurveFit:
                 "is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve",
                 field="contour",
             )
-        found = contour(self.held, a, b, probabilities, dof=self._dof)
+        profile = contour(self.held, a, b, probabilities, dof=self._dof)
         at = [self.names.index(name) for name in (a, b)]
         known = {p.name: p.label for p in self.problem.parameters}
         return region_of(
-            found,
+            profile,
             best=np.array([self.values[a], self.values[b]]),
             cov=self.cov[np.ix_(at, at)],
             labels=(known[a], known[b]),
@@ -275,15 +277,15 @@ class CurveFit:
             for i, a in enumerate(self.names)
             for j, b in enumerate(self.names[:i])
         ]
-        told = sorted(
+        correlations = sorted(
             (pair for pair in pairs if abs(pair[0]) >= _TOLD_CORRELATION),
             key=lambda pair: -abs(pair[0]),
         )
-        if self.status.ok and told:
+        if self.status.ok and correlations:
             lines.append(
                 phrase("correlations (those below {size} are omitted):", size=_TOLD_CORRELATION)
             )
-            lines += [f"  {names}: {signed(f'{r:+.3f}')}" for r, names in told]
+            lines += [f"  {names}: {signed(f'{r:+.3f}')}" for r, names in correlations]
         return "\n".join(lines)
 
     def _run(self, data: str | None) -> Observations:
@@ -328,13 +330,13 @@ class CurveFit:
         ]
         head = [f"{self.called}: {self.status}", *(f"  {reason}" for reason in self.reasons)]
         head += [f"  {phrase('what to do: {words}', words=words)}" for words in self.advice]
-        said = [
+        lines = [
             *head,
             *rows,
             *self._fixed_words(),
             *(phrase("note: {words}", words=note) for note in self.notes),
         ]
-        return "\n".join(map(one_line, [*said, self._summary()]))
+        return "\n".join(map(one_line, [*lines, self._summary()]))
 
     def _repr_markdown_(self) -> str:
         head = [
@@ -343,7 +345,7 @@ class CurveFit:
         ]
         head += [f"- {phrase('What to do:')} {markdown(words)}" for words in self.advice]
         rows = [(name, value) for name, (_, value) in self._rows()]
-        shown = (
+        lines = (
             ["", table((phrase("parameter"), phrase("value and intervals")), rows)] if rows else []
         )
         notes = [
@@ -353,7 +355,7 @@ class CurveFit:
         return "\n".join(
             [
                 *head,
-                *shown,
+                *lines,
                 "",
                 *(f"- {markdown(note)}" for note in notes),
                 "",
@@ -387,9 +389,9 @@ class CurveFit:
             )
             for name in self.names
         ] + [
-            (name, (relation, f"{shown} ({_derived_words(d)})"))
+            (name, (relation, f"{text} ({_derived_words(d)})"))
             for name, d in self.derived.items()
-            for relation, shown in [
+            for relation, text in [
                 shown_value(
                     d.value,
                     d.sd,

@@ -64,10 +64,10 @@ def fit_curves(
     rng = np.random.default_rng(1) if rng is None else rng
     parts: dict[str, CurveProblem] = {}
     for name, points in data.items():
-        said = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
-        own = {
+        options = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
+        settings = {
             field: of_data_set({} if given is None else given, name, names, field)
-            for field, given in said.items()
+            for field, given in options.items()
         }
         refuse_quantities(cov_y=points.cov_y)
         seen = AxisNames() if axes is None else axes
@@ -77,21 +77,21 @@ def fit_curves(
                 points.y,
                 points.u_x,
                 points.u_y,
-                own["start"],
-                own["fixed"],
-                own["bounds"],
+                settings["start"],
+                settings["fixed"],
+                settings["bounds"],
                 units or {},
                 seen,
             )
         )
-        begin = {one: value for one, value in plain.start.items() if one not in plain.fixed}
+        begin = {item: value for item, value in plain.start.items() if item not in plain.fixed}
         named = unstarted(curve, begin, plain.fixed, tied or {})
         limits = plain.bounds
         if named is not None:
             held, (begin, limits) = (
                 begin,
                 provisional(
-                    named, begin, plain.bounds, own["priors"], {*plain.fixed, *(tied or {})}
+                    named, begin, plain.bounds, settings["priors"], {*plain.fixed, *(tied or {})}
                 ),
             )
         try:
@@ -104,7 +104,7 @@ def fit_curves(
                 cov_y=points.cov_y,
                 u_x=plain.u_x,
                 bounds=limits,
-                priors=own["priors"],
+                priors=settings["priors"],
                 errors=tuple(errors),
                 units=plain.units,
                 axes=plain.axes,
@@ -130,7 +130,7 @@ def fit_curves(
             field="data",
             value=", ".join(names),
         )
-    joint = join(parts, shared=shared, common=[one.parameter_name for one in errors])
+    joint = join(parts, shared=shared, common=[item.parameter_name for item in errors])
     return fit_stated(
         joint, rng, getattr(curve, "n_start", N_START) if n_start is None else n_start
     )
@@ -138,8 +138,8 @@ def fit_curves(
 
 def _check_shared(given: Mapping[str, Mapping[str, Any] | None], shared: Collection[str]) -> None:
     """What all data sets share is not one thing for one of them."""
-    for field, said in given.items():
-        for written in said if isinstance(said, Mapping) else ():
+    for field, entries in given.items():
+        for written in entries if isinstance(entries, Mapping) else ():
             parameter, _, level = str(written).partition("[")
             if level and parameter in shared:
                 raise InputError(

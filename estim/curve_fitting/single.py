@@ -180,10 +180,12 @@ def fit_curve(
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
-    found = (
+    usable = (
         complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     )
-    return _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and found else complete
+    return (
+        _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
+    )
 
 
 def fit_stated(
@@ -238,16 +240,16 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
         symmetry=complete.fit.symmetry,
         aliases=complete.fit.aliases,
     )
-    (found,) = fit.deviations
+    (deviation,) = fit.deviations
     goodness = check_goodness(fit, rng=rng)
-    kept = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
+    solutions = [f for f in complete.findings if f.kind is Kind.SEVERAL_SOLUTIONS]
     tests = [replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)]
     refused = [replace(f, run="") for f in wrong_curves(fit.deviations)]
-    values, names = np.clip(found.mean, *problem.support()).tolist(), fit.names
-    outside = values_outside(dict(zip(names, values, strict=True)), found.intervals)
+    values, names = np.clip(deviation.mean, *problem.support()).tolist(), fit.names
+    outside = values_outside(dict(zip(names, values, strict=True)), deviation.intervals)
     findings = wrong(
         [
-            *kept,
+            *solutions,
             *outside,
             *pressed_limits(fit, fit.values),
             *tests,
@@ -255,17 +257,17 @@ def _fit_discrepancy(posed: CurveProblem, complete: CurveFit, rng: np.random.Gen
             stated_values(fit, check_stated_values(fit)),
         ]
     )
-    about = deviation_finding(found, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
-    sds, near = sds_near_limits(found, problem)
+    about = deviation_finding(deviation, x_unit=posed.axes.x_unit, y_unit=posed.axes.y_unit)
+    sds, near = sds_near_limits(deviation, problem)
     return replace(
         complete,
         values=dict(zip(names, values, strict=True)),
         sds=dict(zip(names, sds.tolist(), strict=True)),
-        intervals=found.intervals,
-        cov=found.cov,
+        intervals=deviation.intervals,
+        cov=deviation.cov,
         chi2=fit.chi2,
         p_value=fit.p_value,
-        sigma=None if complete.sigma is None else found.noise[1],
+        sigma=None if complete.sigma is None else deviation.noise[1],
         status=decide(findings),
         findings=findings,
         remarks=(*near, replace(about, run="")),
@@ -309,7 +311,7 @@ def _concluded(
     perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
     fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best)
-    found = spread(
+    uncertainty = spread(
         fixed,
         best,
         dof=math.inf if sigma is None else dof,
@@ -319,29 +321,31 @@ def _concluded(
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
     # chi^2 is only nearly what it is called
-    if goodness and any(one.normal is None for one in inner.posterior.likelihoods):
+    if goodness and any(item.normal is None for item in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
     stated = [] if conflict is None else [stated_values(inner, conflict)]
     outside = values_outside(
-        dict(zip(fixed.names, best.values.tolist(), strict=True)), found.intervals
+        dict(zip(fixed.names, best.values.tolist(), strict=True)), uncertainty.intervals
     )
     about = curve_findings(
         fixed, best, p_value, chi2, dof, goodness, estimated=sigma is not None, perfect=perfect
     )
-    findings = wrong([*solutions, *outside, *found.open, *about, *stated])
+    findings = wrong([*solutions, *outside, *uncertainty.open, *about, *stated])
     names = tuple(p.name for p in posed.parameters)
-    asked = isinstance(posed, CurveProblem) and posed.lacks is not None
+    modelled = isinstance(posed, CurveProblem) and posed.lacks is not None
     lacking = (
-        [] if findings or perfect or asked else [replace(one, run="") for one in unasked(inner)]
+        []
+        if findings or perfect or modelled
+        else [replace(item, run="") for item in unasked(inner)]
     )
     return CurveFit(
         names=names,
         values=dict(zip(names, best.values.tolist(), strict=True)),
-        sds=dict(zip(names, found.sds.tolist(), strict=True)),
-        intervals=found.intervals,
-        cov=found.cov,
+        sds=dict(zip(names, uncertainty.sds.tolist(), strict=True)),
+        intervals=uncertainty.intervals,
+        cov=uncertainty.cov,
         chi2=chi2,
         dof=dof,
         p_value=p_value,
@@ -349,7 +353,7 @@ def _concluded(
         status=decide(findings),
         findings=findings,
         remarks=(
-            *found.notes,
+            *uncertainty.notes,
             *curve_remarks(
                 inner, best, p_value, chi2, dof, goodness, stated=sigma is None, perfect=perfect
             ),

@@ -74,7 +74,7 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
 
     None of a run whose errors are not normal.
     """
-    problem, named, found = base.problem, base.problem.named(base.values), []
+    problem, named, causes = base.problem, base.problem.named(base.values), []
     whole = np.diag(np.square(base.posterior.prior_slopes(base.values)))
     parts = []
     for run, likelihood in zip(problem.runs, base.posterior.likelihoods, strict=True):
@@ -99,8 +99,8 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
         )
         for stays, back in patterns:
             place, pattern, n_place = _best(matrix, root, back, inverse, stays=stays)
-            found.append(_cause(problem, i, place, pattern, len(patterns) * n_place, stays=stays))
-    return tuple(found)
+            causes.append(_cause(problem, i, place, pattern, len(patterns) * n_place, stays=stays))
+    return tuple(causes)
 
 
 def _best(
@@ -113,14 +113,18 @@ def _best(
     stays : whether all later readings are shifted too.
     """
     size, along, pulled = _squares(root, matrix, stays), back[:, :-1].T, back[:, -1]
-    left = size - np.einsum("pk,pq,qk->k", along, inverse, along)
-    told = left > _SEEN * np.max(size)
+    remainder = size - np.einsum("pk,pq,qk->k", along, inverse, along)
+    determined = remainder > _SEEN * np.max(size)
     if stays:  # a shift from the first readings on, or of the last alone, is that of one reading
         used = np.flatnonzero(matrix.used)
-        told &= np.isin(np.arange(matrix.n_row), used[2:-1])
-    fall = np.where(told, pulled**2 / np.where(told, left, 1.0), 0.0)
+        determined &= np.isin(np.arange(matrix.n_row), used[2:-1])
+    fall = np.where(determined, pulled**2 / np.where(determined, remainder, 1.0), 0.0)
     frame = int(np.argmax(fall))
-    return frame, (matrix @ _shifts(matrix.n_row, frame, frame + 1, stays))[:, 0], int(np.sum(told))
+    return (
+        frame,
+        (matrix @ _shifts(matrix.n_row, frame, frame + 1, stays))[:, 0],
+        int(np.sum(determined)),
+    )
 
 
 def _shifts(n_row: int, first: int, end: int, stays: bool) -> FloatArray:
@@ -131,10 +135,10 @@ def _shifts(n_row: int, first: int, end: int, stays: bool) -> FloatArray:
 
 def _squares(root: Root, matrix: Differences, stays: bool) -> FloatArray:
     """(n_row,) squares of what a shift does to the whitened points."""
-    some = max(1, _AT_ONCE // root.n_obs)
-    starts = range(0, matrix.n_row, some)
+    block = max(1, _AT_ONCE // root.n_obs)
+    starts = range(0, matrix.n_row, block)
     parts = [
-        matrix @ _shifts(matrix.n_row, start, min(start + some, matrix.n_row), stays)
+        matrix @ _shifts(matrix.n_row, start, min(start + block, matrix.n_row), stays)
         for start in starts
     ]
     return np.concatenate([np.sum(root.whiten(part.T) ** 2, axis=1) for part in parts])

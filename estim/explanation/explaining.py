@@ -137,7 +137,7 @@ class Explanation:
 
     @property
     def found(self) -> tuple[Candidate, ...]:
-        return tuple(one for one in self.candidates if one.found)
+        return tuple(candidate for candidate in self.candidates if candidate.found)
 
     @property
     def slip(self) -> Candidate | None:
@@ -150,22 +150,30 @@ class Explanation:
     @property
     def tied(self) -> tuple[Candidate, ...]:
         """The first and those that these data cannot tell from it; none where nothing is found."""
-        found = self.found
-        return tuple(one for one in found if one.gain > found[0].gain - TIED)
+        candidates = self.found
+        return tuple(
+            candidate for candidate in candidates if candidate.gain > candidates[0].gain - TIED
+        )
 
     @property
     def offered(self) -> Candidate | None:
         """The first of these that is an answer and that lines of the campaign say."""
-        return next((one for one in self.tied if one.lines and one.explains), None)
+        return next(
+            (candidate for candidate in self.tied if candidate.lines and candidate.explains), None
+        )
 
     def with_outcomes(self, outcome: Callable[[Candidate], Outcome]) -> Explanation:
         """The same with what fits of the campaign with the first of these give."""
-        asked = [one for one in self.tied if one.posed is not None][:_MOST_POSED]
+        leading = [candidate for candidate in self.tied if candidate.posed is not None][
+            :_MOST_POSED
+        ]
         return replace(
             self,
             candidates=tuple(
-                replace(one, outcome=outcome(one)) if one in asked else one
-                for one in self.candidates
+                replace(candidate, outcome=outcome(candidate))
+                if candidate in leading
+                else candidate
+                for candidate in self.candidates
             ),
         )
 
@@ -212,14 +220,14 @@ def explain(
                 fits[cause.name] = candidate, fit
         if progress is not None:
             progress(done, len(every))
-    best = max((one.gain for one, _ in fits.values()), default=0.0)
+    best = max((entry.gain for entry, _ in fits.values()), default=0.0)
     ordered = sorted(
         fits.values(),
         key=lambda pair: (not (pair[0].slip and pair[0].gain > best - TIED), -pair[0].gain),
     )
     tested = [
-        _tested(one, fit, rng) if i < _MOST_TESTED and one.found else one
-        for i, (one, fit) in enumerate(ordered)
+        _tested(entry, fit, rng) if i < _MOST_TESTED and entry.found else entry
+        for i, (entry, fit) in enumerate(ordered)
     ]
     names = tuple(run.name for run in plain.runs)
     return Explanation(names, _tested(Candidate("", "", (), "", 0.0, ()), base, rng), tuple(tested))
@@ -303,15 +311,15 @@ def _numbers(cause: Cause, fit: Fit) -> tuple[Estimated, ...]:
     if cause.scanned is not None:
         return (Estimated(cause.scanned.name, cause.scanned.value, math.nan, cause.scanned.label),)
     parameters = {p.name: p for p in cause.problem.parameters}
-    found = []
+    estimates = []
     for name in cause.parameters:
         i = fit.names.index(name)
-        found.append(
+        estimates.append(
             Estimated(
                 name, float(fit.values[i]), float(fit.sds[i]) * _larger(fit), parameters[name].label
             )
         )
-    return tuple(found)
+    return tuple(estimates)
 
 
 def _larger(fit: Fit) -> float:

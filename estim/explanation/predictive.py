@@ -81,24 +81,24 @@ def predictive_checks(
     none of runs whose errors are not normal.
     """
     problem = posterior.problem
-    found: dict[str, tuple[Predicted, ...]] = {}
+    checks: dict[str, tuple[Predicted, ...]] = {}
     for group, likelihood in zip(problem.groups, posterior.likelihoods, strict=True):
         if any(run.motion is None for run in group.runs):
             continue
-        some = draws[np.linspace(0, draws.shape[0] - 1, min(N_DRAW, draws.shape[0])).astype(int)]
-        drawn = _again(likelihood, problem.named, some, rng)
+        subset = draws[np.linspace(0, draws.shape[0] - 1, min(N_DRAW, draws.shape[0])).astype(int)]
+        drawn = _again(likelihood, problem.named, subset, rng)
         if drawn is None:
             continue
         again, used = drawn
         points = _points(likelihood, group.runs)
-        for run, own, y in zip(
+        for run, run_points, y in zip(
             group.runs,
             points,
             np.split(again, np.cumsum([run.n_obs for run in group.runs])[:-1], axis=1),
             strict=True,
         ):
-            found[run.name] = _of_run(run, own, y, own.bind(problem.named(used)))
-    return tuple(one for run in problem.runs for one in found.get(run.name, ()))
+            checks[run.name] = _of_run(run, run_points, y, run_points.bind(problem.named(used)))
+    return tuple(check for run in problem.runs for check in checks.get(run.name, ()))
 
 
 def _points(likelihood: Likelihood, runs: tuple[Observations, ...]) -> tuple[Points, ...]:
@@ -130,10 +130,13 @@ def _again(
     curve = np.broadcast_to(points.value(named(few)), (few.shape[0], points.y.size))
     each = draws.shape[0] // few.shape[0]
     sets = []
-    for one, values in zip(curve, few, strict=True):
+    for expected, values in zip(curve, few, strict=True):
         root = normal.root(named(values))
         sets.append(
-            one + points.y - likelihood.y + root.coloured(rng.standard_normal((each, one.size)))
+            expected
+            + points.y
+            - likelihood.y
+            + root.coloured(rng.standard_normal((each, expected.size)))
         )
     return np.vstack(sets), np.repeat(few, each, axis=0)
 
@@ -192,7 +195,7 @@ def _of_motion(
     """Of a motion x, v (n,) and those again (n_set, n), in the order of the motion."""
     here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
     first, last = _ends(x.size)
-    found = [
+    statistics = [
         _compared(
             run,
             "largest_speed",
@@ -207,14 +210,14 @@ def _of_motion(
     if first.stop <= top < x.size - (last.stop - last.start):
         observed = x[[top]]
         again = np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
-        found.append(
+        statistics.append(
             _predicted(
                 run, "its_place", phrase("position of the largest speed"), here, observed, again
             )
         )
         if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
             end = x[last]
-            found.append(
+            statistics.append(
                 _compared(
                     run,
                     "turning_point",
@@ -233,12 +236,12 @@ def _of_motion(
     words = phrase(
         "energy at the end minus energy at the start, relative to the largest kinetic energy"
     )
-    return (*found, _predicted(run, "energy", words, percent, lost[0], lost[1]))
+    return (*statistics, _predicted(run, "energy", words, percent, lost[0], lost[1]))
 
 
 def _ends(n: int) -> tuple[slice, slice]:
-    some = min(max(_LEAST, n // _PART), n)
-    return slice(0, some), slice(n - some, n)
+    size = min(max(_LEAST, n // _PART), n)
+    return slice(0, size), slice(n - size, n)
 
 
 def _energy(

@@ -50,43 +50,43 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     """
     by_name: dict[str, list[tuple[str, Candidate]]] = {}
     for explanation in explanations:
-        for one in (candidate for candidate in explanation.candidates if not candidate.slip):
-            by_name.setdefault(split_level(one.name)[0], []).append((explanation.runs[0], one))
-    found = []
+        for cause in (candidate for candidate in explanation.candidates if not candidate.slip):
+            by_name.setdefault(split_level(cause.name)[0], []).append((explanation.runs[0], cause))
+    causes = []
     for name, entries in by_name.items():
-        gain = sum(one.gain for _, one in entries)
+        gain = sum(cause.gain for _, cause in entries)
         if (
             len(entries) > 1
             and gain >= FOUND
             and entries[0][1].numbers
             and math.isfinite(entries[0][1].numbers[0].sd)
         ):
-            means, p = _together([one for _, one in entries])
-            showing = tuple(run for run, one in entries if one.found)
-            found.append(
+            means, p = _together([cause for _, cause in entries])
+            showing = tuple(run for run, cause in entries if cause.found)
+            causes.append(
                 CauseOfRuns(name, entries[0][1].words, showing, len(explanations), gain, means, p)
             )
-    return tuple(sorted(found, key=lambda one: -one.gain))
+    return tuple(sorted(causes, key=lambda cause: -cause.gain))
 
 
 def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]:
     means, chi2, dof = [], 0.0, 0
-    for numbers in zip(*(one.numbers for one in candidates), strict=True):
-        told = [one for one in numbers if one.sd > 0.0]  # nan: on an edge
-        if not told:
+    for numbers in zip(*(item.numbers for item in candidates), strict=True):
+        informative = [item for item in numbers if item.sd > 0.0]  # nan: on an edge
+        if not informative:
             continue
-        values = np.array([one.value for one in told])
-        weights = np.array([one.sd for one in told]) ** -2.0
+        values = np.array([item.value for item in informative])
+        weights = np.array([item.sd for item in informative]) ** -2.0
         mean = float(np.sum(weights * values) / np.sum(weights))
         means.append(Mean(mean, float(np.sum(weights) ** -0.5), numbers[0].label))
-        chi2, dof = chi2 + float(np.sum(weights * (values - mean) ** 2)), dof + len(told) - 1
+        chi2, dof = chi2 + float(np.sum(weights * (values - mean) ** 2)), dof + len(informative) - 1
     return tuple(means), chi2_p(chi2, dof) if dof > 0 else math.nan
 
 
 def verdict(explanation: Explanation) -> Finding:
     """What the candidates tell together."""
     tied = explanation.tied
-    answers = tuple(one for one in tied if one.explains)
+    answers = tuple(candidate for candidate in tied if candidate.explains)
     first = next(iter(answers or tied), None)
     kind = Kind.CAUSE_UNKNOWN
     if first is not None:
@@ -97,6 +97,6 @@ def verdict(explanation: Explanation) -> Finding:
             if len(answers) > 1
             else Kind.CAUSE_NAMED
         )
-    names = tuple(one.words for one in answers or tied)
+    names = tuple(candidate.words for candidate in answers or tied)
     gain = math.nan if first is None else first.gain
     return Finding(kind, size=gain, names=names, numbers={"tried": len(explanation.candidates)})

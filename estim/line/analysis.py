@@ -102,17 +102,17 @@ class LineAnalysis:
 
         The line does not use the stated value, so this is no fault of the line.
         """
-        found = self.readings["posterior"]
+        reading = self.readings["posterior"]
         stated = self.gamma_masses
-        if not self.status.ok or stated is None or not abs(found.e_n) > 1.0:
+        if not self.status.ok or stated is None or not abs(reading.e_n) > 1.0:
             return ""
         numbers = {
-            "line": found.gamma.value,
-            "u_line": found.gamma.u,
+            "line": reading.gamma.value,
+            "u_line": reading.gamma.u,
             "stated": stated.value,
             "u_stated": stated.u,
         }
-        return tell(Finding(Kind.GAMMA_DISAGREES, size=found.e_n, numbers=numbers))
+        return tell(Finding(Kind.GAMMA_DISAGREES, size=reading.e_n, numbers=numbers))
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""

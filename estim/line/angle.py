@@ -192,8 +192,8 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
         score as in Kleibergen 2002, Econometrica 70, 1781.
     """
     if points.cov is not None:
-        found = joint_profile(np.ravel(angle), points.x, points.y, points.cov)
-        return Profile(*(values.reshape(np.shape(angle)) for values in found))
+        joint = joint_profile(np.ravel(angle), points.x, points.y, points.cov)
+        return Profile(*(values.reshape(np.shape(angle)) for values in joint))
     s, c = np.sin(angle)[..., None], np.cos(angle)[..., None]
     variance = s * s * points.var_x - 2.0 * s * c * points.cov_xy + c * c * points.var_y
     # a point exact in x alone has no variance across a vertical line: its floor is the rounding of

@@ -50,8 +50,8 @@ def points_findings(fit: LineFit) -> list[Finding]:
         return []
     scatter = Finding(Kind.POINTS_SCATTER, p=fit.p_value, size=fit.chi2, numbers={"dof": fit.dof})
     return [
-        scatter if one.test == "chi2" else one
-        for one in failed_tests((line_goodness(fit),), dof=fit.dof)
+        scatter if finding.test == "chi2" else finding
+        for finding in failed_tests((line_goodness(fit),), dof=fit.dof)
     ]
 
 

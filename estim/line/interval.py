@@ -79,17 +79,17 @@ def _angles_around(best: float, excess: Callable[[FloatArray], FloatArray]) -> t
     def scalar(angle: float) -> float:
         return float(excess(np.asarray(angle)))
 
-    found: list[float] = []
+    angles: list[float] = []
     for sign, room in ((-1.0, best + np.pi / 2), (1.0, np.pi / 2 - best)):
         steps = np.concatenate([[0.0], np.geomspace(1e-9, 1.0, 500)]) * max(room, 0.0)
         outside = np.flatnonzero(excess(best + sign * steps) > 0.0)
         if len(outside) == 0:
-            found.append(sign * np.inf)
+            angles.append(sign * np.inf)
             continue
         first = int(outside[0])
         if first == 0:  # a perfect fit whose scale is zero: the interval has no width
-            found.append(best)
+            angles.append(best)
             continue
         inner, outer = best + sign * steps[first - 1], best + sign * steps[first]
-        found.append(float(brentq(scalar, inner, outer, xtol=1e-300, rtol=1e-15)))
-    return found[0], found[1]
+        angles.append(float(brentq(scalar, inner, outer, xtol=1e-300, rtol=1e-15)))
+    return angles[0], angles[1]

@@ -64,11 +64,11 @@ def with_common(
     """The same with errors that all readings share; relative ones are shares of x and y (n_obs,),
     best the values of a line.
     """
-    n, found = x.size, joint.copy()
-    for one in common:
-        part = slice(0, n) if one.axis == "x" else slice(n, 2 * n)
-        found[part, part] += one.covariance(x if one.axis == "x" else y)
-    return found
+    n, total = x.size, joint.copy()
+    for error in common:
+        part = slice(0, n) if error.axis == "x" else slice(n, 2 * n)
+        total[part, part] += error.covariance(x if error.axis == "x" else y)
+    return total
 
 
 def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:

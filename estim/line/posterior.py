@@ -272,7 +272,7 @@ def line_mode(posterior: LinePosterior) -> LineMode:
         )
         return np.asarray(matrix / h**2)
 
-    found = minimize(
+    optimum = minimize(
         value,
         np.zeros(n_par),
         method="trust-exact",
@@ -280,14 +280,14 @@ def line_mode(posterior: LinePosterior) -> LineMode:
         hess=hessian,
         options={"gtol": 1e-4},
     )
-    curvature = hessian(found.x)
+    curvature = hessian(optimum.x)
     peaked = bool(np.all(np.isfinite(curvature)) and np.all(np.linalg.eigvalsh(curvature) > 0.0))
     cov = (
         np.linalg.inv(curvature) * np.outer(step, step)
         if peaked
         else np.full((n_par, n_par), np.nan)
     )
-    steepness = gradient(found.x)
+    steepness = gradient(optimum.x)
     distance = (
         float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
     )
@@ -296,7 +296,7 @@ def line_mode(posterior: LinePosterior) -> LineMode:
         if distance < 1e-2
         else phrase("The search for the mode did not converge to a peak of the posterior density.")
     )
-    values = np.asarray(start + step * found.x)
+    values = np.asarray(start + step * optimum.x)
     values.flags.writeable = cov.flags.writeable = False
     return LineMode(values, cov, message)
 

@@ -167,20 +167,20 @@ class TrialsAnalysis:
         """
         if not self.status.ok:
             return ()
-        found, said = self.ways["both"], []
-        if self.gamma_masses is not None and abs(found.e_n) > 1.0:
-            gammas = (("trials", found.quantity), ("stated", self.gamma_masses))
-            said.append(Finding(Kind.TRIALS_DISAGREE, size=found.e_n, numbers=_numbers(gammas)))
+        both, findings = self.ways["both"], []
+        if self.gamma_masses is not None and abs(both.e_n) > 1.0:
+            gammas = (("trials", both.quantity), ("stated", self.gamma_masses))
+            findings.append(Finding(Kind.TRIALS_DISAGREE, size=both.e_n, numbers=_numbers(gammas)))
         if self.ends_apart is not None and abs(self.ends_apart.e_n) > 1.0:
             apart = self.ends_apart
-            said.append(
+            findings.append(
                 Finding(
                     Kind.ENDS_DISAGREE,
                     size=apart.e_n,
                     numbers=_numbers((("apart", apart.difference),)) | {"sds": apart.sds},
                 )
             )
-        return tuple(map(tell, said))
+        return tuple(map(tell, findings))
 
     def column(self, name: str) -> FloatArray:
         """(n_draw,) draws of one unknown."""
@@ -250,10 +250,10 @@ def analyse_trials(
         variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
         variants |= {"free": trials.without_release()} if trials.release > 0.0 else {}
         for i, (name, variant) in enumerate(variants.items()):
-            found = weigh(
+            weighted = weigh(
                 release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i)
             )
-            ways[name] = _way(found.draws[:, 0], gamma_masses, found.reliable)
+            ways[name] = _way(weighted.draws[:, 0], gamma_masses, weighted.reliable)
         apart = (
             _ends_apart(trials, resistance, rng=stream(seed, Stream.RELEASE_DRAWS, len(variants)))
             if len(trials.ends) > 1
@@ -262,7 +262,7 @@ def analyse_trials(
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
-    told: dict[str, TrialInformation] = {
+    information: dict[str, TrialInformation] = {
         name: TrialInformation(
             float(values[name].std() / posterior.priors[name].sd),
             float(np.corrcoef(values[name], values["gamma"])[0, 1]),
@@ -286,7 +286,7 @@ def analyse_trials(
         thresholds(trials, values["scatter"]),
         Quantity(float(above.mean()), float(above.std(ddof=1))),
         phi_mean,
-        told,
+        information,
         correlation,
         gamma_masses,
         findings,
@@ -296,19 +296,19 @@ def analyse_trials(
 
 def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
     summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
-    found = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
-    return Way(summary, math.nan if gamma_masses is None else e_n(found, gamma_masses), reliable)
+    estimate = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
+    return Way(summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable)
 
 
 def _ends_apart(
     trials: Trials, resistance: Prior | float, *, rng: np.random.Generator
 ) -> EndsApart | None:
     """None where the importance weights cannot be trusted."""
-    found = weigh(release_posterior(trials, resistance, split=True), rng=rng)
-    difference = found.draws[:, 0] - found.draws[:, 1]
+    weighted = weigh(release_posterior(trials, resistance, split=True), rng=rng)
+    difference = weighted.draws[:, 0] - weighted.draws[:, 1]
     return (
         EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1))))
-        if found.reliable
+        if weighted.reliable
         else None
     )
 

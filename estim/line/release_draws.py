@@ -90,7 +90,7 @@ def sample(
     seed : of the draws.
     """
     optima = Optima(*rough_start(posterior, rng))
-    found = certified_chain(
+    certified = certified_chain(
         posterior,
         optima,
         target=target,
@@ -99,4 +99,4 @@ def sample(
         support=posterior.support,
         progress=progress,
     )
-    return found.chain, found.comparison
+    return certified.chain, certified.comparison

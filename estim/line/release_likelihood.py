@@ -244,10 +244,10 @@ def rough_gamma(trials: Trials) -> float:
     """sin(phi)/sin(theta) halfway between the outcomes, the middle one of all tilts; for starting
     values only.
     """
-    found = []
+    gammas = []
     for tilt in trials.tilts:
         inside = np.minimum(tilt.theta, np.pi - tilt.theta)
         highest = float(np.max(inside[~tilt.climbed], initial=0.0))
         lowest = float(np.min(inside[tilt.climbed], initial=0.5 * np.pi))
-        found.append(abs(math.sin(tilt.phi)) / max(math.sin(0.5 * (highest + lowest)), 1e-3))
-    return min(max(float(np.median(found)), 0.01), 0.9)
+        gammas.append(abs(math.sin(tilt.phi)) / max(math.sin(0.5 * (highest + lowest)), 1e-3))
+    return min(max(float(np.median(gammas)), 0.01), 0.9)

@@ -32,12 +32,12 @@ class Correlated:
     def words(self) -> list[str]:
         """What is stated, for a report."""
         files = ((phrase("x, then y,"), self.cov), ("x", self.cov_x), ("y", self.cov_y))
-        said = [
+        sentences = [
             phrase("covariances of {what} from {file}", what=what, file=path.name)
             for what, path in files
             if path is not None
         ]
-        return said + [_shared(one) for one in self.common]
+        return sentences + [_shared(error) for error in self.common]
 
     def __bool__(self) -> bool:
         return bool(self.words)
@@ -97,9 +97,11 @@ def stated_covariance(
     else:
         joint = _own_errors(stated, n, u_x, u_y, r_xy, dialect)
     at = y
-    if any(one.relative and one.axis == "y" for one in stated.common):
+    if any(error.relative and error.axis == "y" for error in stated.common):
         alone = fit_line(
-            x, y, cov=with_common(joint, [one for one in stated.common if not one.relative], x, y)
+            x,
+            y,
+            cov=with_common(joint, [error for error in stated.common if not error.relative], x, y),
         )
         at = alone.intercept + alone.slope * x
     return with_common(joint, stated.common, x, at)
@@ -114,7 +116,9 @@ def _own_errors(
     dialect: Dialect,
 ) -> FloatArray:
     """(2 n, 2 n) covariance of each point alone, or of the axes whose matrix is stated."""
-    own = [np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)]
+    uncertainties = [
+        np.broadcast_to(0.0 if u is None else np.asarray(u, dtype=float), n) for u in (u_x, u_y)
+    ]
     cov_x, cov_y = (
         None if path is None else read_matrix(path, n, axis, dialect)
         for path, axis in ((stated.cov_x, "x"), (stated.cov_y, "y"))
@@ -124,7 +128,9 @@ def _own_errors(
             "also needs the uncertainty of each reading: --uy, --ux, or a matrix",
             field=f"--common-{stated.common[0].axis}",
         )
-    return joint_covariance(own[0], own[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y)
+    return joint_covariance(
+        uncertainties[0], uncertainties[1], np.broadcast_to(r_xy, n), cov_x=cov_x, cov_y=cov_y
+    )
 
 
 def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArray:

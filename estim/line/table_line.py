@@ -123,10 +123,12 @@ class StraightLine:
     def message(self) -> str:
         """What a reader must know before using the numbers; "" if nothing."""
         # which the fit says itself
-        said = (tell(one) for one in self.findings if one.kind is not Kind.POINTS_SCATTER)
+        sentences = (
+            tell(finding) for finding in self.findings if finding.kind is not Kind.POINTS_SCATTER
+        )
         return " ".join(
             [self.fit.message] * bool(self.fit.message)
-            + [f"{words[0].upper()}{words[1:]}." for words in said]
+            + [f"{words[0].upper()}{words[1:]}." for words in sentences]
         )
 
 
@@ -160,10 +162,10 @@ def straight_line(
     columns = _with_axes(columns, layout)
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
-    found = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
+    uncertainties = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
     u_x, u_y = (
         u or (name and name_and_unit(name)[0])
-        for u, name in zip((columns.u_x, columns.u_y), found, strict=True)
+        for u, name in zip((columns.u_x, columns.u_y), uncertainties, strict=True)
     )
     wanted = replace(columns, u_x=u_x, u_y=u_y, r_xy=columns.r_xy or "r_xy")
     named = [
@@ -240,10 +242,10 @@ def straight_line(
     predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
     inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
     slope = slope_interval(fit, probability=probability)
-    said = [
+    used = [
         (key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns
     ]
-    told, facts = columns_sentence(said, table.unread), (*table.facts, *table.warnings)
+    sentence, facts = columns_sentence(used, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
         path,
         table.sha256,
@@ -254,7 +256,7 @@ def straight_line(
         probability,
         predictions,
         inverses,
-        told,
+        sentence,
         facts,
         tuple(stated.words),
         tuple(points_findings(fit)),
@@ -276,7 +278,7 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
     elif len(others := [name for name in bare if name not in (x, y)]) == 1:
         x, y = x or others[0], y or others[0]
     if missing := [option for option, name in (("--x", x), ("--y", y)) if not name]:
-        known = listed([found for found in layout.names if found])
+        known = listed([column for column in layout.names if column])
         rule = f"must be named by {' and '.join(missing)}"
         raise InputError(
             rule,

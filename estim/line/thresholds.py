@@ -58,16 +58,16 @@ def thresholds(trials: Trials, scatter: FloatArray) -> tuple[Threshold, ...]:
     angles = np.linspace(0.0, 0.5 * np.pi, n_angle)
     spread = np.quantile(scatter, (np.arange(_N_SCATTER) + 0.5) / _N_SCATTER)[:, None]
     starts = np.broadcast_to(angles, (_N_SCATTER, n_angle))
-    found = []
+    results = []
     for end in (LOW, HIGH):
-        for part in (one for tilt in trials.tilts if (one := tilt.end(end)).theta.size):
+        for part in (subset for tilt in trials.tilts if (subset := tilt.end(end)).theta.size):
             logs = outcomes(part, end, starts, spread, None)
             shapes = np.exp(logs - logs.max(axis=1, keepdims=True))
             density = np.mean(shapes / shapes.sum(axis=1, keepdims=True), axis=0)
             below = np.cumsum(density) - 0.5 * density
             at = np.interp(QUANTILES, below / below[-1], angles)
             at = at if end == LOW else np.pi - at[::-1]
-            found.append(
+            results.append(
                 Threshold(end, part.phi, part.theta.size, int(np.count_nonzero(part.climbed)), at)
             )
-    return tuple(found)
+    return tuple(results)

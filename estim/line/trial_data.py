@@ -36,8 +36,8 @@ class Tilt:
 
     def end(self, end: str) -> Tilt:
         """The trials at one end: angles below 90 degrees ("min") or the others ("max")."""
-        kept = (self.theta < 0.5 * np.pi) == (end == LOW)
-        return Tilt(self.phi, self.theta[kept], self.climbed[kept])
+        mask = (self.theta < 0.5 * np.pi) == (end == LOW)
+        return Tilt(self.phi, self.theta[mask], self.climbed[mask])
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +79,8 @@ class Trials:
 
     def end(self, end: str) -> Trials:
         """The trials at one end alone."""
-        kept = [one for tilt in self.tilts if (one := tilt.end(end)).theta.size]
-        return self._with(tuple(kept), self.release)
+        tilts = [part for tilt in self.tilts if (part := tilt.end(end)).theta.size]
+        return self._with(tuple(tilts), self.release)
 
     def without_release(self) -> Trials:
         """The same trials, taken as released without any cost."""
@@ -104,7 +104,10 @@ def by_tilt(phi: FloatArray, theta: FloatArray, climbed: NDArray[np.bool_]) -> t
     """Trials (n,) grouped by the reading of the tilt, in its order; equal readings are one setting
     of the ramp.
     """
-    return tuple(Tilt(float(one), theta[phi == one], climbed[phi == one]) for one in np.unique(phi))
+    return tuple(
+        Tilt(float(reading), theta[phi == reading], climbed[phi == reading])
+        for reading in np.unique(phi)
+    )
 
 
 def read_trials(source: CampaignFile) -> Trials:

@@ -90,15 +90,15 @@ def inputs_of(name: str, table: InputTable) -> tuple[Input, ...]:
     else:
         value, u, half = _value(table)
         base = _stated(name, table, value, unit=table.unit, u=u, half_width=half, may_be_exact=True)
-    found = [base]
+    inputs = [base]
     for part, component in table.components.items():
         try:
-            found.append(_stated(f"{name}: {part}", component, 0.0, unit=table.unit, scale=value))
+            inputs.append(_stated(f"{name}: {part}", component, 0.0, unit=table.unit, scale=value))
         except InputError as error:
             raise InputError(
                 error.rule, field=f"components.{part}.{error.field}", value=error.value
             ) from None
-    return tuple(found)
+    return tuple(inputs)
 
 
 def _value(table: InputTable) -> tuple[float, float | None, float | None]:
@@ -159,10 +159,10 @@ def _stated(
         "U": table.U,
         "half_width": table.half_width,
     }
-    said = [key for key, number in given.items() if number is not None]
-    if len(said) > 1:
-        raise InputError(f"does not go with '{said[0]}': state the uncertainty once", field=said[1])
-    for key in said:
+    keys = [key for key, number in given.items() if number is not None]
+    if len(keys) > 1:
+        raise InputError(f"does not go with '{keys[0]}': state the uncertainty once", field=keys[1])
+    for key in keys:
         if not (math.isfinite(given[key] or 0.0) and (given[key] or 0.0) > 0.0):
             raise InputError(
                 "must be > 0 (leave it out for an exact value)", field=key, value=given[key]

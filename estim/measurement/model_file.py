@@ -119,11 +119,11 @@ class MeasurementModel:
             )
             for quantity in self.quantities
         }
-        found = []
+        results = []
         for output in self.outputs:
             symbols[output.name] = evaluate(output.formula.tree, symbols)
-            found.append(symbols[output.name])
-        return found
+            results.append(symbols[output.name])
+        return results
 
 
 def read_model(path: Path) -> MeasurementModel:
@@ -203,7 +203,7 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
         raise places.error(
             f"must hold a formula, or 1 to {_MOST_OUTPUTS} tables [measurand.NAME]", ("measurand",)
         )
-    found = []
+    outputs = []
     for name, raw in tables.items():
         path = ("measurand",) if alone else ("measurand", name)
         if not isinstance(raw, dict):
@@ -222,8 +222,8 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
             formula = read_formula(table.formula, field="formula")
         except InputError as error:
             raise places.error(error.rule, (*path, "formula"), value=error.value) from None
-        found.append(Output(name, formula, table.unit or "1", table.meaning, table.unit))
-    return tuple(found)
+        outputs.append(Output(name, formula, table.unit or "1", table.meaning, table.unit))
+    return tuple(outputs)
 
 
 def _check_name(name: str, path: Sequence[str], places: Places) -> None:
@@ -284,7 +284,7 @@ def _in_units(
     """The outputs with the units that follow where none were stated.  Raises InputError where a
     stated one is another, or a sine takes degrees.
     """
-    units, found = {quantity.name: quantity.unit for quantity in quantities}, []
+    units, completed = {quantity.name: quantity.unit for quantity in quantities}, []
     for output in outputs:
         symbols = {name: name for name in (*output.formula.names, "x")}
         try:
@@ -296,9 +296,9 @@ def _in_units(
                 path if error.value is None else (*path[:-1], "unit"),
                 value=error.value or output.formula.text,
             ) from None
-        found.append(replace(output, unit=unit))
+        completed.append(replace(output, unit=unit))
         units[output.name] = unit
-    return tuple(found)
+    return tuple(completed)
 
 
 def _place_of_formula(output: Output, places: Places) -> tuple[str, ...]:
@@ -315,14 +315,17 @@ def _correlations(
     """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
     parts = {part.name: part for quantity in quantities for part in quantity.parts}
     pairs: dict[tuple[str, str], float] = {}
-    found: list[tuple[list[str], float, tuple[str | int, ...]]] = []
-    found += [(one.between, one.r, ("correlations", i)) for i, one in enumerate(top.correlations)]
+    entries: list[tuple[list[str], float, tuple[str | int, ...]]] = []
+    entries += [
+        (correlation.between, correlation.r, ("correlations", i))
+        for i, correlation in enumerate(top.correlations)
+    ]
     for i, group in enumerate(top.simultaneous):
-        found += [
+        entries += [
             ([a, b], r, ("simultaneous", i))
             for (a, b), r in _of_readings(top, group, places, ("simultaneous", i)).items()
         ]
-    for between, r, path in found:
+    for between, r, path in entries:
         if len(between) != 2 or between[0] == between[1]:
             raise places.error("must name two inputs", (*path, "between"), value=", ".join(between))
         for name in between:
@@ -364,12 +367,12 @@ def _together(quantity: Quantity, top: _TopTable) -> Quantity:
     at = next((i for i, group in enumerate(top.simultaneous) if quantity.name in group), None)
     if at is None:
         return quantity
-    own, *others = quantity.parts
+    base, *others = quantity.parts
     joint_dof = (
-        own.dof + 1.0 - len(top.simultaneous[at]) if top.simultaneous_dof == "n - N" else 0.0
+        base.dof + 1.0 - len(top.simultaneous[at]) if top.simultaneous_dof == "n - N" else 0.0
     )
     return replace(
-        quantity, parts=(replace(own, group=f"readings {at}", joint_dof=joint_dof), *others)
+        quantity, parts=(replace(base, group=f"readings {at}", joint_dof=joint_dof), *others)
     )
 
 

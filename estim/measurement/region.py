@@ -57,7 +57,7 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
     own distances (JCGM 102, 6.5, 7.7).  Rectangle: k = normal quantile at 1 - (1 - p)/4, and the
     quantile of the larger standardised distance (JCGM 102, 6.5, 7.7).
     """
-    found = []
+    results = []
     p = sampled.probability
     for i, j in combinations(range(linear.value.size), 2):
         pair = [i, j]
@@ -69,7 +69,7 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
             continue
         standardised = np.max(np.abs(draws - mean) / np.sqrt(np.diag(drawn)), axis=1)
         k2 = float(chi2_quantile(p, 2))
-        found.append(
+        results.append(
             Region(
                 (i, j),
                 p,
@@ -84,7 +84,7 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
                 float(np.mean(_squares(draws, linear.value[pair], covariance) <= k2)),
             )
         )
-    return tuple(found)
+    return tuple(results)
 
 
 def _squares(draws: FloatArray, centre: FloatArray, covariance: FloatArray) -> FloatArray:

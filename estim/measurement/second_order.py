@@ -29,12 +29,12 @@ def second_order_u(model: MeasurementModel) -> FloatArray | None:
     """
     if model.correlation is not None:
         return None
-    uncertain = [one for one in model.inputs if one.u > 0.0]
+    uncertain = [quantity for quantity in model.inputs if quantity.u > 0.0]
     n_out = len(model.outputs)
     if any(
         size != 0.0 and not 1.0 / _LARGEST <= size <= _LARGEST
-        for one in uncertain
-        for size in (abs(one.value), one.u)
+        for quantity in uncertain
+        for size in (abs(quantity.value), quantity.u)
     ):
         return np.full(n_out, math.nan)
     variance = np.zeros(n_out)
@@ -62,7 +62,9 @@ def _at(model: MeasurementModel, first: str, second: str) -> list[Any]:
     """The outputs as nested dual numbers: the derivative by `first` is level a, the one by `second`
     is levels b and c.
     """
-    symbols: Mapping[str, Any] = {one.name: np.float64(one.value) for one in model.inputs}
+    symbols: Mapping[str, Any] = {
+        quantity.name: np.float64(quantity.value) for quantity in model.inputs
+    }
     carried = {
         name: Dual(
             Dual(Dual(value, {"a": float(name == first)}), {"b": float(name == second)}),

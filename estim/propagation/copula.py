@@ -61,7 +61,7 @@ def draw_inputs(
     if np.count_nonzero(ordered) > len(inputs):
         variance, axes = np.linalg.eigh(ordered)
         normal = (axes * np.sqrt(np.maximum(variance, 0.0))) @ axes.T @ normal
-    dof_of = {one.group: one.drawn_dof for one in inputs if one.group}
+    dof_of = {quantity.group: quantity.drawn_dof for quantity in inputs if quantity.group}
     wider = {
         name: np.sqrt(dof_of[name] / rng.chisquare(dof_of[name], n_draw)) for name in sorted(dof_of)
     }
@@ -71,7 +71,7 @@ def draw_inputs(
         * (z * wider[inputs[i].group] if inputs[i].group else standard_score(inputs[i], z))
         for i, z in zip(order, normal, strict=True)
     }
-    return {one.name: drawn[one.name] for one in inputs}
+    return {quantity.name: drawn[quantity.name] for quantity in inputs}
 
 
 def standard_score(one: Input, z: FloatArray) -> FloatArray:
@@ -85,10 +85,10 @@ def standard_score(one: Input, z: FloatArray) -> FloatArray:
 def _copula_coefficient(first: Input, second: Input, target: float) -> float:
     from scipy.optimize import brentq
 
-    for one in (first, second):
-        if math.isinf(one.standard_deviation):
+    for quantity in (first, second):
+        if math.isinf(quantity.standard_deviation):
             rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
-            raise InputError(rule, field="correlation", value=one.name)
+            raise InputError(rule, field="correlation", value=quantity.name)
     if not (first.distribution in SYMMETRIC and second.distribution in SYMMETRIC):
         return skewed_coefficient(
             lambda z: standard_score(first, z),
@@ -98,7 +98,8 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
         )
     z, weight = _half_line()
     scores = [
-        standard_score(one, z) * one.drawn_scale / one.standard_deviation for one in (first, second)
+        standard_score(quantity, z) * quantity.drawn_scale / quantity.standard_deviation
+        for quantity in (first, second)
     ]
     product = _hermite(scores[0]) * _hermite(scores[1])
     same = (first.distribution, first.drawn_dof, first.shape) == (

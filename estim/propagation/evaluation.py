@@ -149,15 +149,23 @@ def gradient(function: MeasurementFunction, inputs: Sequence[Input]) -> Gradient
     reported), not the difference quotient over +/- u of the note to GUM 5.1.3: that one mixes in
     the third derivative and hides a nonlinearity that `compare` is meant to find.
     """
-    point = {one.name: one.value for one in inputs}
+    point = {quantity.name: quantity.value for quantity in inputs}
     value = evaluate_point(function, point)
     tables = []
-    for one in inputs:
-        scale = max(one.u, 1e-6 * abs(one.value)) if one.u > 0.0 else (1e-3 * abs(one.value) or 1.0)
+    for quantity in inputs:
+        scale = (
+            max(quantity.u, 1e-6 * abs(quantity.value))
+            if quantity.u > 0.0
+            else (1e-3 * abs(quantity.value) or 1.0)
+        )
         steps = np.asarray(scale * 0.5 ** np.arange(3, 3 + _N_STEP), dtype=np.float64)
-        above, below = one.value + steps, one.value - steps
-        right = np.array([evaluate_point(function, point | {one.name: float(x)}) for x in above])
-        left = np.array([evaluate_point(function, point | {one.name: float(x)}) for x in below])
+        above, below = quantity.value + steps, quantity.value - steps
+        right = np.array(
+            [evaluate_point(function, point | {quantity.name: float(x)}) for x in above]
+        )
+        left = np.array(
+            [evaluate_point(function, point | {quantity.name: float(x)}) for x in below]
+        )
         with np.errstate(all="ignore"):
             difference = (right - left) / (above - below).reshape(-1, *(1,) * value.ndim)
             rounding = (

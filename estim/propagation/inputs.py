@@ -231,18 +231,20 @@ def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
     checked = tuple(inputs)
     if not checked:
         raise InputError("must hold at least one Input", field="inputs")
-    for position, one in enumerate(checked):
-        if not isinstance(one, Input):
-            raise InputError("must be an Input", field=f"inputs[{position}]", value=one)
-    for group in {one.group for one in checked} - {""}:
+    for position, quantity in enumerate(checked):
+        if not isinstance(quantity, Input):
+            raise InputError("must be an Input", field=f"inputs[{position}]", value=quantity)
+    for group in {quantity.group for quantity in checked} - {""}:
         kinds = {
-            (one.distribution, one.dof, one.drawn_dof) for one in checked if one.group == group
+            (quantity.distribution, quantity.dof, quantity.drawn_dof)
+            for quantity in checked
+            if quantity.group == group
         }
         if len(kinds) > 1 or next(iter(kinds))[0] != "t":
             raise InputError(
                 "must be made of t distributions with the same dof", field="group", value=group
             )
-    names = [one.name for one in checked]
+    names = [quantity.name for quantity in checked]
     for name in names:
         if names.count(name) > 1:
             raise InputError("must hold each name once", field="inputs", value=name)
@@ -258,17 +260,17 @@ def correlation_matrix(inputs: Sequence[Input], correlation: Correlation | None)
     correlation with a constant, a matrix of the wrong shape, not symmetric or without ones on the
     diagonal, and one that no quantities can have (a negative eigenvalue).
     """
-    names = [one.name for one in inputs]
+    names = [quantity.name for quantity in inputs]
     if correlation is None:
         matrix = np.eye(len(names))
     elif isinstance(correlation, Mapping):
         matrix = _matrix_from_pairs(names, correlation)
     else:
         matrix = _checked_matrix(names, correlation)
-    for i, one in enumerate(inputs):
-        if one.u == 0.0 and np.count_nonzero(matrix[i]) > 1:
+    for i, quantity in enumerate(inputs):
+        if quantity.u == 0.0 and np.count_nonzero(matrix[i]) > 1:
             raise InputError(
-                "must be 0 for a constant (u = 0)", field="correlation", value=one.name
+                "must be 0 for a constant (u = 0)", field="correlation", value=quantity.name
             )
     smallest = float(np.linalg.eigvalsh(matrix)[0])
     if smallest < -PSD_TOLERANCE:

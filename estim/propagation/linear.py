@@ -79,12 +79,13 @@ class LinearResult:
         """
         from uncertainties import correlated_values_norm
 
-        pairs = [(one.value, one.u) for one in self.inputs]
+        pairs = [(quantity.value, quantity.u) for quantity in self.inputs]
         variables = correlated_values_norm(
-            pairs, self.correlation, tags=[one.name for one in self.inputs]
+            pairs, self.correlation, tags=[quantity.name for quantity in self.inputs]
         )
         deviations = [
-            variable - one.value for variable, one in zip(variables, self.inputs, strict=True)
+            variable - quantity.value
+            for variable, quantity in zip(variables, self.inputs, strict=True)
         ]
         slopes = self.sensitivities.reshape(len(self.inputs), -1)
         outputs = np.empty(self.value.size, dtype=object)
@@ -155,7 +156,7 @@ def uncertainty_components(inputs: Sequence[Input], sensitivities: FloatArray) -
     """c_i u_i with its sign, (n_in, n_out), n_out = 1 for a scalar output; 0 for a constant,
     whatever its derivative.
     """
-    u_in = np.array([one.u for one in inputs])[:, np.newaxis]
+    u_in = np.array([quantity.u for quantity in inputs])[:, np.newaxis]
     return np.asarray(np.where(u_in == 0.0, 0.0, sensitivities.reshape(len(inputs), -1) * u_in))
 
 
@@ -236,18 +237,20 @@ def _derivative_notes(
         if undefined.any()
         else []
     )
-    for one, component, error, kink in zip(
+    for quantity, component, error, kink in zip(
         inputs,
         components,
         slopes.error.reshape(len(inputs), -1),
         slopes.kink.reshape(len(inputs), -1),
         strict=True,
     ):
-        if one.u == 0.0:
+        if quantity.u == 0.0:
             continue
         missing = ~np.isfinite(component) & ~undefined
-        rough = ~missing & ~undefined & (u > 0.0) & (error * one.u > _INACCURATE * u)
-        bent = ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * one.u > _KINK * u))
+        rough = ~missing & ~undefined & (u > 0.0) & (error * quantity.u > _INACCURATE * u)
+        bent = (
+            ~missing & ~undefined & (~np.isfinite(kink) | (np.abs(kink) * quantity.u > _KINK * u))
+        )
         for affected, text in (
             (
                 missing,
@@ -255,7 +258,7 @@ def _derivative_notes(
                     "there is no derivative with respect to '{name}': the function is "
                     "undefined next to the estimate, so u is "
                     "unknown",
-                    name=one.name,
+                    name=quantity.name,
                 ),
             ),
             (
@@ -263,7 +266,7 @@ def _derivative_notes(
                 phrase(
                     "the slope with respect to '{name}' differs on the two sides of the "
                     "estimate: u is computed from their mean",
-                    name=one.name,
+                    name=quantity.name,
                 ),
             ),
             (
@@ -271,15 +274,15 @@ def _derivative_notes(
                 phrase(
                     "the derivative with respect to '{name}' is known only to a relative "
                     "accuracy of {share:.1g}",
-                    name=one.name,
-                    share=_worst(error, component, one.u),
+                    name=quantity.name,
+                    share=_worst(error, component, quantity.u),
                 ),
             ),
         ):
             if affected.any():
                 notes.append(how_many(affected, scalar=scalar) + text)
     flat = (u == 0.0) & ~undefined
-    if flat.any() and any(one.u > 0.0 for one in inputs):
+    if flat.any() and any(quantity.u > 0.0 for quantity in inputs):
         notes.append(
             how_many(flat, scalar=scalar)
             + phrase(

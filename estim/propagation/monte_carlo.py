@@ -180,7 +180,7 @@ def propagate_monte_carlo(
     check_probability(probability)
     _check_choices(n_draw, max_draw, n_digits, watched, probability)
     copula = copula_matrix(checked, matrix)
-    value = evaluate_point(function, {one.name: one.value for one in checked})
+    value = evaluate_point(function, {quantity.name: quantity.value for quantity in checked})
     n_out = None if value.ndim == 0 else value.size
     sizes = _block_sizes(
         n_draw, max_draw or min(_MOST_DRAWS, _MOST_VALUES // value.size), probability
@@ -369,12 +369,12 @@ def _undefined_notes(undefined: FloatArray, conditional: bool, *, scalar: bool) 
             "on the function being defined)"
         )
     )
-    said = {"share": 100.0 * undefined.max(), "consequence": consequence}
+    values = {"share": 100.0 * undefined.max(), "consequence": consequence}
     if scalar:
-        return [phrase("{share:.3g} % of the draws give no finite value: {consequence}", **said)]
+        return [phrase("{share:.3g} % of the draws give no finite value: {consequence}", **values)]
     return [
         how_many(affected, scalar=scalar)
-        + phrase("up to {share:.3g} % of the draws give no finite value: {consequence}", **said)
+        + phrase("up to {share:.3g} % of the draws give no finite value: {consequence}", **values)
     ]
 
 
@@ -411,26 +411,26 @@ def _unstable_note(
 
 def _input_notes(inputs: Sequence[Input]) -> list[str]:
     notes = []
-    for one in inputs:
-        if one.u == 0.0:
+    for quantity in inputs:
+        if quantity.u == 0.0:
             continue
-        if math.isinf(one.standard_deviation):
+        if math.isinf(quantity.standard_deviation):
             notes.append(
                 phrase(
                     "'{name}' (t, dof {dof:g}) has no standard deviation: mean and u may "
                     "not converge, so quote intervals only",
-                    name=one.name,
-                    dof=one.drawn_dof,
+                    name=quantity.name,
+                    dof=quantity.drawn_dof,
                 )
             )
-        if one.distribution not in ("t", "standardised-t") and math.isfinite(one.dof):
+        if quantity.distribution not in ("t", "standardised-t") and math.isfinite(quantity.dof):
             notes.append(
                 phrase(
                     "'{name}' is drawn from a {distribution} distribution: its {dof:g} "
                     "degrees of freedom are not used",
-                    name=one.name,
-                    distribution=one.distribution,
-                    dof=one.dof,
+                    name=quantity.name,
+                    distribution=quantity.distribution,
+                    dof=quantity.dof,
                 )
             )
     return notes

@@ -93,8 +93,8 @@ def budget(linear: LinearResult, *, output: int | None = None) -> Budget:
     u = float(linear.u.reshape(-1)[at])
     relative = components / u if u > 0.0 else np.full_like(components, np.nan)
     rows = [
-        BudgetRow(one, float(c), float(abs(component)), float(100.0 * part**2))
-        for one, c, component, part in zip(
+        BudgetRow(quantity, float(c), float(abs(component)), float(100.0 * part**2))
+        for quantity, c, component, part in zip(
             linear.inputs,
             linear.sensitivities.reshape(len(components), -1)[:, at],
             components,
@@ -176,7 +176,7 @@ def budget_along(linear: LinearResult, x: ArrayLike) -> BudgetAlong:
     abscissa = frozen(real_numbers(x, "x"))
     if abscissa.shape != linear.value.shape:
         raise InputError(f"must be shaped {linear.value.shape}", field="x", value=abscissa.shape)
-    names = tuple(one.name for one in linear.inputs)
+    names = tuple(quantity.name for quantity in linear.inputs)
     components = uncertainty_components(linear.inputs, linear.sensitivities)
     relative = components / np.where(linear.u > 0.0, linear.u, np.nan)
     shares = 100.0 * relative**2

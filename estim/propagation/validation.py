@@ -183,7 +183,7 @@ def _check_comparable(
     linear: LinearResult, monte_carlo: MonteCarloResult, n_digits: object, kind: object
 ) -> None:
     def described(result: LinearResult | MonteCarloResult) -> list[tuple[str, float, float]]:
-        return [(one.name, one.value, one.u) for one in result.inputs]
+        return [(quantity.name, quantity.value, quantity.u) for quantity in result.inputs]
 
     if described(linear) != described(monte_carlo) or not np.array_equal(
         linear.correlation, monte_carlo.correlation

@@ -293,15 +293,15 @@ def line_numbers(lines: Sequence[int]) -> str:
     there are.
     """
     starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
-    said: list[str] = []
+    parts: list[str] = []
     for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
         alone = end - first < 3
-        shown = (
+        stretch = (
             [str(line) for line in lines[first:end]]
             if alone
             else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
         )
-        if len(said) + len(shown) > _MOST_TOLD:
-            return ", ".join([*said, phrase("and {n} more", n=len(lines) - first)])
-        said += shown
-    return ", ".join(said)
+        if len(parts) + len(stretch) > _MOST_TOLD:
+            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - first)])
+        parts += stretch
+    return ", ".join(parts)

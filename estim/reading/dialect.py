@@ -95,14 +95,14 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where
     the name states none, as `ln(U/V)` and `s(t)`.
     """
-    said = _UNIT_BEHIND_IN.fullmatch(cell.strip())
-    if said is not None and is_unit(said[2]):
-        return said[1].strip(), said[2].strip()
+    in_match = _UNIT_BEHIND_IN.fullmatch(cell.strip())
+    if in_match is not None and is_unit(in_match[2]):
+        return in_match[1].strip(), in_match[2].strip()
     bare = cell.startswith("u(") and is_uncertainty(cell)
-    found = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
-    if found is None:
+    match = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
+    if match is None:
         return cell.strip(), ""
-    name, slash, blank, round_, square, other, unit = found.groups()
+    name, slash, blank, round_, square, other, unit = match.groups()
     if other is not None:
         return other.strip(), unit.strip()
     inside = (round_ or square).strip()
@@ -130,8 +130,8 @@ def is_uncertainty(name: str) -> bool:
     """Whether a column is called as that of an uncertainty, without its unit: `u_U`, or `u(U)`
     where U is no unit (`u(cm)` is a length u).
     """
-    found = _UNCERTAINTY.fullmatch(name.strip())
-    return found is not None and not (found[1] and is_unit(found[1]))
+    match = _UNCERTAINTY.fullmatch(name.strip())
+    return match is not None and not (match[1] and is_unit(match[1]))
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -145,10 +145,10 @@ def shown_delimiter(*lines: str) -> str:
     """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
     do, commas unless in numbers of the last.
     """
-    if found := next(
+    if delimiter := next(
         (mark for line in reversed(lines) for mark in ("\t", ";", "|") if mark in line), None
     ):
-        return found
+        return delimiter
     line = lines[-1]
     words = line.split()
     return (
@@ -172,7 +172,7 @@ def decimal_mark(
     if stated is not None:
         return {"point": ".", "comma": ","}[stated]
     first: dict[str, tuple[int, str]] = {}
-    told = False
+    certain = False
     for number, cells in rows:
         for place in wanted:
             cell = cells[place]
@@ -180,7 +180,7 @@ def decimal_mark(
             if mark is None or not looks_like_a_number(cell):
                 continue
             first.setdefault(mark, (number, cell))
-            told = told or (mark == "," and _GROUPED.fullmatch(cell) is None)
+            certain = certain or (mark == "," and _GROUPED.fullmatch(cell) is None)
     if len(first) == 2:
         line, cell = max(first.values())
         rule = (
@@ -194,13 +194,13 @@ def decimal_mark(
             file=file,
             line=line,
         )
-    if "," in first and not told:
-        told = any(
+    if "," in first and not certain:
+        certain = any(
             looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
             for _, cells in rows
             for cell in cells
         )
-        if not told:
+        if not certain:
             line, cell = first[","]
             rule = (
                 "may part thousands or be a decimal comma, in every number that has one: say "
@@ -249,15 +249,15 @@ def split_row(line: str, delimiter: str, file: str, number: int) -> list[str]:
 
 def is_column(name: str, names: Sequence[str]) -> bool:
     """Whether a column is called `name`, just so or before its unit."""
-    return any(name in (found, name_and_unit(found)[0]) for found in names)
+    return any(name in (column, name_and_unit(column)[0]) for column in names)
 
 
 def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> int:
     """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
     what there is.
     """
-    places = [i for i, found in enumerate(names) if found == name] or [
-        i for i, found in enumerate(names) if name_and_unit(found)[0] == name
+    places = [i for i, column in enumerate(names) if column == name] or [
+        i for i, column in enumerate(names) if name_and_unit(column)[0] == name
     ]
     if not places:
         raise InputError(
@@ -265,7 +265,7 @@ def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> in
             field=name,
             file=file,
             line=line,
-            quoted=f"the header has {listed([found for found in names if found])}",
+            quoted=f"the header has {listed([column for column in names if column])}",
         )
     if len(places) > 1:
         rule = (

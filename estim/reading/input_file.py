@@ -64,16 +64,16 @@ def _check_status(status: os.stat_result, shown_as: str, limit: int) -> None:
 
 def _read(handle: int, limit: int) -> bytes:
     """Bytes up to the end of the file, at most `limit` of them, however long it says it is."""
-    parts, left = [], limit
-    while left > 0 and (part := os.read(handle, min(left, 1024**2))):
+    parts, remaining = [], limit
+    while remaining > 0 and (part := os.read(handle, min(remaining, 1024**2))):
         parts.append(part)
-        left -= len(part)
+        remaining -= len(part)
     return b"".join(parts)
 
 
 def _too_large(limit: int, size: object, shown_as: str) -> InputError:
-    shown = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
-    return InputError(f"must be at most {shown}", field="size", value=size, file=shown_as)
+    maximum = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
+    return InputError(f"must be at most {maximum}", field="size", value=size, file=shown_as)
 
 
 def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str, str]:
@@ -175,5 +175,5 @@ def line_after_comment(text: str) -> int | None:
     r"""Number of the first line that a \r alone parts from a comment though other lines end with
     \n: some programs show it as part of the comment.
     """
-    found = _HIDDEN_ROWS.search(text) if "\n" in text else None
-    return None if found is None else len(_LINE_END.findall(text[: found.end()])) + 1
+    match = _HIDDEN_ROWS.search(text) if "\n" in text else None
+    return None if match is None else len(_LINE_END.findall(text[: match.end()])) + 1

@@ -168,9 +168,9 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
         for number, line in (layout.rows[0], layout.rows[-1])
     )
     rows = [cells + [""] * len(layout.names) for cells in (first, last)]
-    kept = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    shown = {i for i in kept if any(looks_like_a_number(cells[i]) for cells in rows)}
-    balance = dict.fromkeys(set(kept) - shown, 0)  # numbers less words
+    candidates = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
+    numeric = {i for i in candidates if any(looks_like_a_number(cells[i]) for cells in rows)}
+    balance = dict.fromkeys(set(candidates) - numeric, 0)  # numbers less words
     held = set[int]()
     for _, line in layout.rows if balance else ():
         for i, cell in enumerate(_cells(line, layout.delimiter)):
@@ -178,8 +178,8 @@ def numeric_columns(layout: Layout) -> tuple[str, ...]:
                 number = looks_like_a_number(cell)
                 balance[i] += 1 if number else -1
                 held |= {i} if number else set()
-    shown |= {i for i in held if balance[i] >= 0}
-    return tuple(layout.names[i] for i in kept if i in shown)
+    numeric |= {i for i in held if balance[i] >= 0}
+    return tuple(layout.names[i] for i in candidates if i in numeric)
 
 
 def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
@@ -344,11 +344,11 @@ def _header(
         if _RULE.fullmatch(line) or (percent and not fits):
             continue
         over = _trimmed(_cells(above[i - 1][1], delimiter)) if i else []
-        said = _cells(line, delimiter)
-        of_units = _are_units(said) and widths[0] <= len(said) <= max(widths)
+        untrimmed = _cells(line, delimiter)
+        of_units = _are_units(untrimmed) and widths[0] <= len(untrimmed) <= max(widths)
         below_names = of_units or (fits and _all_in(needed, over) and not _all_in(needed, cells))
         if not units and widths[0] <= len(over) <= widths[1] and below_names:
-            units = said if of_units else cells
+            units = untrimmed if of_units else cells
             continue
         if not fits and any(name in cells for name in needed):
             raise _odd_row(rows, len(cells), delimiter, file)
@@ -369,7 +369,9 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
     """Raises InputError where the line over the first row looks like one more, with something in it
     that is no number.
     """
-    number, line = next((one for one in reversed(above) if not _RULE.fullmatch(one[1])), (0, ""))
+    number, line = next(
+        (entry for entry in reversed(above) if not _RULE.fullmatch(entry[1])), (0, "")
+    )
     cells = _trimmed(_cells(line, delimiter))
     if (
         not widths[0] <= len(cells) <= widths[1]
@@ -393,13 +395,13 @@ def _named(
     cells: list[str], units: list[str], line: int
 ) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
     """Names, their line, and units: those of a line of their own, or in the names."""
-    told = units + [""] * len(cells)
+    padded = units + [""] * len(cells)
     return (
         tuple(cells),
         line,
         tuple(
             _unit_in(unit) or name_and_unit(cell)[1]
-            for cell, unit in zip(cells, told, strict=False)
+            for cell, unit in zip(cells, padded, strict=False)
         ),
     )
 

@@ -99,15 +99,15 @@ class Run:
                     f"line {self.lines[row]}"
                 )
                 raise InputError(rule, field="leave_out_s", value=time)
-        kept = np.setdiff1d(np.arange(t.size), rows)
-        columns = {name: column[kept] for name, column in self.columns.items()}
+        remaining = np.setdiff1d(np.arange(t.size), rows)
+        columns = {name: column[remaining] for name, column in self.columns.items()}
         for column in columns.values():
             column.setflags(write=False)
         return replace(
             self,
             columns=MappingProxyType(columns),
-            lines=self.lines[kept],
-            left_out=t.size - kept.size,
+            lines=self.lines[remaining],
+            left_out=t.size - remaining.size,
         )
 
     def error(self, rule: str, column: str, row: int) -> InputError:
@@ -160,18 +160,20 @@ def read_run(
         path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect
     )
     names = set(table.columns)
-    shown = ", ".join(table.columns)
+    header = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):
         raise InputError(
             "must hold exactly one of x_m and theta_rad",
             field="header",
-            value=shown,
+            value=header,
             file=table.file,
             line=table.header_line,
         )
     if not {"t_s", "v_m_s", "omega_rad_s"} & names:
         rule = "must hold a time (t_s) or a speed (v_m_s, omega_rad_s)"
-        raise InputError(rule, field="header", value=shown, file=table.file, line=table.header_line)
+        raise InputError(
+            rule, field="header", value=header, file=table.file, line=table.header_line
+        )
     _check_numbers(table)
     return run_of_table(table, name)
 

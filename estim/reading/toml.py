@@ -79,13 +79,13 @@ def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
         return tree, Places(file, locate_keys(text))
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).rpartition(" (at ")
-        found = re.match(r"line (\d+), column \d+\)", place)
+        match = re.match(r"line (\d+), column \d+\)", place)
         raise InputError(
             "is not valid TOML",
             quoted=message,
             file=file,
             field="file",
-            line=int(found[1]) if found else None,
+            line=int(match[1]) if match else None,
         ) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise InputError("is not valid TOML", quoted=str(error), file=file, field="file") from None
@@ -147,8 +147,8 @@ def _statements(text: str) -> Iterator[tuple[int, list[str]]]:
     """
     number, first, depth, value = 1, 1, 0, False
     tokens: list[str] = []
-    for found in _TOKEN.finditer(text):
-        token = found[0]
+    for match in _TOKEN.finditer(text):
+        token = match[0]
         if token == "\n" and depth <= 0:
             if tokens:
                 yield first, tokens

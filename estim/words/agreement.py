@@ -37,17 +37,17 @@ def _stated(verdict: str, f: Finding) -> str:
 
 def _pull(f: Finding) -> str:
     (stated,) = f.parameters
-    said = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
+    values = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
     if f.size > 0.0:
         return phrase(
             "{symbol} was stated as {value}, {size:.1f} standard deviations below what the "
             "rest implies",
-            **said,
+            **values,
         )
     return phrase(
         "{symbol} was stated as {value}, {size:.1f} standard deviations above what the "
         "rest implies",
-        **said,
+        **values,
     )
 
 
@@ -105,11 +105,11 @@ def common_error(name: str, size: float, along: float | None) -> str:
     None where there are several or none.
     """
     factor, words = _COMMON[name]
-    said = f"{size * factor:.3g}"
+    amount = f"{size * factor:.3g}"
     return (
-        phrase(words, size=said)
+        phrase(words, size=amount)
         if along is None
-        else phrase("{size} mm of sag on a {length:.3g} m ramp", size=said, length=along)
+        else phrase("{size} mm of sag on a {length:.3g} m ramp", size=amount, length=along)
     )
 
 

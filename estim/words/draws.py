@@ -46,11 +46,11 @@ def _difference(f: Finding) -> str:
 
 
 def _unreliable(f: Finding) -> str:
-    shown = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
+    k_hat = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
     return phrase(
         "the importance weights are unreliable: k-hat is {shown}, above {limit}, after "
         "{draws:.0f} draws",
-        shown=shown,
+        shown=k_hat,
         limit=f.numbers["limit"],
         draws=f.numbers["draws"],
     )

@@ -58,7 +58,9 @@ def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
     if not findings:
         return ""
     tests = {
-        one.test for one in findings if one.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)
+        finding.test
+        for finding in findings
+        if finding.kind in (Kind.CURVE_LACKS, Kind.RESIDUALS_TOO_LARGE)
     }
     if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
         return phrase("look at the outlying reading")

@@ -31,11 +31,11 @@ def behind(shown: Label) -> str:
 
 def value_words(amount: Amount) -> str:
     """'60.1 °'."""
-    shown = amount.label
+    label = amount.label
     return (
         f"{amount.value:.6g}"
-        if shown is None
-        else f"{amount.value * shown.factor:.4g}{behind(shown)}"
+        if label is None
+        else f"{amount.value * label.factor:.4g}{behind(label)}"
     )
 
 

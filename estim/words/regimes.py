@@ -26,24 +26,24 @@ def sure(p: float) -> str:
 
 def _off(f: Finding) -> str:
     n = f.numbers
-    said = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
+    values = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
     if n["sets_off"] < 0.5:
         return phrase(
             "run {run}: with these values it should not start in this direction, but its "
             "recording extends to {farthest:.3g} m ({sure})",
-            **said,
+            **values,
         )
     if math.isnan(n["expected"]):
         return phrase(
             "run {run}: with these values it should keep rolling, but its recording "
             "extends only to {farthest:.3g} m ({sure})",
-            **said,
+            **values,
         )
     return phrase(
         "run {run}: with these values it should turn back at {expected:.3g} m, but its "
         "recording extends to {farthest:.3g} m ({sure})",
         expected=n["expected"],
-        **said,
+        **values,
     )
 
 

@@ -40,13 +40,13 @@ def _scatter(f: Finding) -> str:
 
 
 def _trials(f: Finding) -> str:
-    found, stated = (
+    measured, stated = (
         format_quantity(f.numbers[which], f.numbers[f"u_{which}"]) for which in ("trials", "stated")
     )
     return phrase(
         "γ of the trials, {found}, and γ as stated, {stated}, disagree: E_n = {e_n:+.1f}; "
         "the trials do not use the stated value",
-        found=found,
+        found=measured,
         stated=stated,
         e_n=f.size,
     )
@@ -99,38 +99,38 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
         they are free.
     correlation : of the two in the posterior; nan where one of them is not free.
     """
-    said, shown = [], signed(f"{correlation:+.2f}")
+    sentences, coefficient = [], signed(f"{correlation:+.2f}")
     for name, share in shares.items():
         if name in _SHARES:
-            said.append(
+            sentences.append(
                 phrase(_SHARES[name][(share >= _LEARNT) + (share >= _SILENT)], share=100 * share)
             )
     if math.isnan(correlation):
-        said.append(
+        sentences.append(
             phrase(
                 "only one of c_rr and the release is free here, so it absorbs everything "
                 "that raises the angles, whatever the cause"
             )
         )
     elif correlation < -_LEARNT:
-        said.append(
+        sentences.append(
             phrase(
                 "the two are strongly correlated ({r}), so only their sum is well determined",
-                r=shown,
+                r=coefficient,
             )
         )
     elif max(shares.get(name, 0.0) for name in _SHARES) > _LEARNT:
-        said.append(
+        sentences.append(
             phrase(
                 "the two are only weakly correlated ({r}), but because their priors "
                 "constrain them, not because the trials "
                 "distinguish them",
-                r=shown,
+                r=coefficient,
             )
         )
     else:
-        said.append(phrase("the trials distinguish the two (correlation {r})", r=shown))
-    return said
+        sentences.append(phrase("the trials distinguish the two (correlation {r})", r=coefficient))
+    return sentences
 
 
 WORDS: Table = MappingProxyType(

@@ -159,7 +159,7 @@ def _alike(f: Finding) -> str:
 
 
 def _covered(f: Finding) -> str:
-    said = {"size": f.size, "failed": _tests(f), "chi2": f.numbers["chi2"]}
+    values = {"size": f.size, "failed": _tests(f), "chi2": f.numbers["chi2"]}
     if len(f.names) > 1:
         return _of_run(f) + phrase(
             "the stated error is conservative: the residuals are {size:.2g} times the "
@@ -167,7 +167,7 @@ def _covered(f: Finding) -> str:
             "taken together they are smaller than one stated standard deviation (chi2 = "
             "{chi2:.2g}); the stated value is kept, and "
             "{failed} are disregarded",
-            **said,
+            **values,
         )
     return _of_run(f) + phrase(
         "the stated error is conservative: the residuals are {size:.2g} times the stated "
@@ -175,24 +175,24 @@ def _covered(f: Finding) -> str:
         "together they are smaller than one stated standard deviation (chi2 = {chi2:.2g}); "
         "the stated value is kept, and {failed} is "
         "disregarded",
-        **said,
+        **values,
     )
 
 
 def _few(f: Finding) -> str:
-    said = {"n": f.size, "share": 100.0 * f.numbers["coverage"]}
+    values = {"n": f.size, "share": 100.0 * f.numbers["coverage"]}
     if f.size > 1:
         return phrase(
             "there are only {n:.0f} degrees of freedom: value ± standard error contains "
             "the true value in {share:.0f} % of such "
             "experiments, not in 68 %; the intervals (Student's t) have their nominal coverage",
-            **said,
+            **values,
         )
     return phrase(
         "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
         "value in {share:.0f} % of such experiments, "
         "not in 68 %; the intervals (Student's t) have their nominal coverage",
-        **said,
+        **values,
     )
 
 

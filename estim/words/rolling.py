@@ -11,12 +11,12 @@ from estim.words.table import Table
 
 def _needs(f: Finding) -> str:
     n = f.numbers
-    said = {"where": n["where"], "unit": f.names[0]}
+    values = {"where": n["where"], "unit": f.names[0]}
     if math.isinf(n["typical"]):
         return phrase(
             "near {where:.2g} {unit} no friction is sufficient: the ramp would have to "
             "pull on the body",
-            **said,
+            **values,
         )
     if math.isinf(n["enough"]):
         return phrase(
@@ -24,7 +24,7 @@ def _needs(f: Finding) -> str:
             "{where:.2g} {unit} along the path; no friction "
             "coefficient is sufficient with probability 95 %",
             typical=n["typical"],
-            **said,
+            **values,
         )
     return phrase(
         "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
@@ -32,7 +32,7 @@ def _needs(f: Finding) -> str:
         "sufficient with probability 95 %",
         typical=n["typical"],
         enough=n["enough"],
-        **said,
+        **values,
     )
 
 

@@ -35,7 +35,7 @@ def _uneven(f: Finding) -> str:
 
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
-    said = {
+    values = {
         "name": f.parameters[0].name,
         "how": direction_words(f.test),
         "p": 100 * p,
@@ -46,12 +46,12 @@ def _coverage(f: Finding) -> str:
         return phrase(
             "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
             "Monte-Carlo standard deviations too few)",
-            **said,
+            **values,
         )
     return phrase(
         "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
         "Monte-Carlo standard deviations too many)",
-        **said,
+        **values,
     )
 
 

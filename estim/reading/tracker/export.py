@@ -184,11 +184,11 @@ def _without_copies(
     numbers: list[int], rows: list[list[float]]
 ) -> tuple[list[int], list[list[float]], int]:
     """Rows that are no exact copy of the row before (a blank copies a blank)."""
-    kept = [0] if rows else []
+    distinct = [0] if rows else []
     for i in range(1, len(rows)):
         if repr(rows[i]) != repr(rows[i - 1]):
-            kept.append(i)
-    return [numbers[i] for i in kept], [rows[i] for i in kept], len(rows) - len(kept)
+            distinct.append(i)
+    return [numbers[i] for i in distinct], [rows[i] for i in distinct], len(rows) - len(distinct)
 
 
 # the header
@@ -206,8 +206,8 @@ def _delimiter(line: str) -> str:
 
 def _named(cell: str) -> tuple[str, str]:
     """Name and unit of a column: ("x", "cm") for `x (cm)`, ("x", "") for `x`."""
-    found = _NAME.fullmatch(cell.strip())
-    return (found[1].strip(), found[2]) if found else (cell.strip(), "")
+    match = _NAME.fullmatch(cell.strip())
+    return (match[1].strip(), match[2]) if match else (cell.strip(), "")
 
 
 def _is_header(line: str) -> bool:

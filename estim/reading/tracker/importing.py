@@ -102,11 +102,11 @@ def refuse_bare_export(path: Path, shown_as: str) -> None:
     """Raises InputError for a text export that may as well be a table of times and distances: read
     as a track, its zero would move.
     """
-    found = bare_header(
+    bare = bare_header(
         read_bytes(path, shown_as=shown_as)[:20_000].decode("utf-8-sig", errors="replace")
     )
-    if found is not None:
-        line, header = found
+    if bare is not None:
+        line, header = bare
         rule = (
             "may be a table or an export of Tracker, which is counted from its first point: "
             "for a table write t_s,x_m (s, m from the release), "
@@ -193,23 +193,26 @@ def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_
         "frame": frames,
         "across_m": imported.ramp.across,
     }
-    found = {name: column[rows] for name, column in held.items() if column is not None} | {
+    columns = {name: column[rows] for name, column in held.items() if column is not None} | {
         "t_s": imported.t,
         "x_m": imported.x,
     }
     for name in needed:
-        if name not in found:
+        if name not in columns:
             raise InputError(
-                "is missing", field=name, quoted=f"a track has {listed(list(found))}", file=shown_as
+                "is missing",
+                field=name,
+                quoted=f"a track has {listed(list(columns))}",
+                file=shown_as,
             )
-    for column in found.values():
+    for column in columns.values():
         column.setflags(write=False)
     along = bool({"x_m", "across_m"} & set(needed))
     facts = (
         imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
     )
     warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
-    named = MappingProxyType({name: found[name] for name in needed})
+    named = MappingProxyType({name: columns[name] for name in needed})
     units = {name: _UNITS.get(name, "m") for name in needed}
     return Table(
         shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, units, imported=True
@@ -294,10 +297,10 @@ def stated_tilt(facts: Sequence[str]) -> Quantity | None:
     """
     number = r"(-?\d{1,4}\.\d{3})"
     for fact in facts:
-        if found := re.match(
+        if match := re.match(
             rf"tilt of the fitted line {number} deg .* standard uncertainty {number} deg", fact
         ):
-            return Quantity(math.radians(float(found[1])), math.radians(abs(float(found[2]))))
+            return Quantity(math.radians(float(match[1])), math.radians(abs(float(match[2]))))
     return None
 
 

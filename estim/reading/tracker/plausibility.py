@@ -32,11 +32,11 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...
     on.
     """
     t, along = track.t[from_row:], ramp.along[from_row:]
-    found = [*_times(t), *_scale(t, along)]
-    found += _off_line(along, ramp)
-    found += _first_speed(t, along)
-    found += _speed_column(track, ramp)
-    return tuple(found)
+    sentences = [*_times(t), *_scale(t, along)]
+    sentences += _off_line(along, ramp)
+    sentences += _first_speed(t, along)
+    sentences += _speed_column(track, ramp)
+    return tuple(sentences)
 
 
 def missing_frames(t: FloatArray) -> tuple[str, ...]:
@@ -56,7 +56,7 @@ def of_any_curve(warnings: Iterable[str]) -> tuple[str, ...]:
     return tuple(
         words
         for words in warnings
-        if not any(said in words or phrase(said) in words for said in of_release)
+        if not any(sentence in words or phrase(sentence) in words for sentence in of_release)
     )
 
 
@@ -70,10 +70,10 @@ def _steps(t: FloatArray) -> tuple[float, FloatArray]:
 def _times(t: FloatArray) -> list[str]:
     usual, steps = _steps(t)
     whole = np.rint(steps)
-    found = []
+    sentences = []
     missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
     if missing:
-        found.append(
+        sentences.append(
             phrase(
                 "{k} of {n} frames are missing: no speed can be computed next to them",
                 k=missing,
@@ -82,7 +82,7 @@ def _times(t: FloatArray) -> list[str]:
         )
     if np.any(np.abs(steps - whole) > 0.1) or np.any(whole < 1):
         worst = int(np.argmax(np.abs(steps - whole)))
-        found.append(
+        sentences.append(
             phrase(
                 "the times are not spaced by whole multiples of {usual:.5g} s (after t = "
                 "{t:.6g} s), so no speeds can be computed from differences",
@@ -90,7 +90,7 @@ def _times(t: FloatArray) -> list[str]:
                 t=t[worst],
             )
         )
-    return found
+    return sentences
 
 
 def _scale(t: FloatArray, along: FloatArray) -> list[str]:
@@ -169,16 +169,16 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
             if track.speed is None
             else [phrase("the column v is not used: {why}", why=phrase(_SPEEDS_MADE))]
         )
-    found = []
+    sentences = []
     v = track.speed[1:-1]
     span = track.t[2:] - track.t[:-2]
     usual, _ = _steps(track.t)
-    made = np.hypot(track.x[2:] - track.x[:-2], track.y[2:] - track.y[:-2]) / span
+    computed = np.hypot(track.x[2:] - track.x[:-2], track.y[2:] - track.y[:-2]) / span
     compared = np.isfinite(v) & (span < 2.5 * usual)
     if np.any(compared):
-        off = float(np.sqrt(np.mean((v - made)[compared] ** 2)))
-        if off > _SPEED * float(np.max(made)):
-            found.append(
+        off = float(np.sqrt(np.mean((v - computed)[compared] ** 2)))
+        if off > _SPEED * float(np.max(computed)):
+            sentences.append(
                 phrase(
                     "the column v is not the central difference of x and y (they differ by "
                     "{off:.3g} m/s, rms): v, the times or the "
@@ -195,8 +195,8 @@ def _speed_column(track: Track, ramp: Ramp) -> list[str]:
             "{why}",
             why=phrase(_SPEEDS_MADE),
         )
-        found.append(words)
-    return found
+        sentences.append(words)
+    return sentences
 
 
 def odd_intervals(intervals: Mapping[str, float]) -> dict[str, str]:

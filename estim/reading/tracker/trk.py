@@ -97,13 +97,13 @@ def read_tracker(
     axes = _read_axes(panel)
     factor, unit_fact = _unit(panel, unit)
     marked = points.indexed()
-    kept = [frame for frame in sorted(marked) if clip.includes(frame)]
-    frames = np.array(kept, dtype=np.int64)
-    pixels = np.array([[marked[frame].number(c) for c in ("x", "y")] for frame in kept]).reshape(
-        -1, 2
-    )
+    included = [frame for frame in sorted(marked) if clip.includes(frame)]
+    frames = np.array(included, dtype=np.int64)
+    pixels = np.array(
+        [[marked[frame].number(c) for c in ("x", "y")] for frame in included]
+    ).reshape(-1, 2)
     world = axes.world(frames, pixels) * factor
-    outside = len(marked) - len(kept)
+    outside = len(marked) - len(included)
     left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
     facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
     return Track(
@@ -114,7 +114,7 @@ def read_tracker(
         x=world[:, 0].copy(),
         y=world[:, 1].copy(),
         frames=frames,
-        lines=np.array([marked[frame].line for frame in kept], dtype=np.int64),
+        lines=np.array([marked[frame].line for frame in included], dtype=np.int64),
         speed=None,
         calibration=facts,
         warnings=(*clip.warnings, *axes.warnings(), *_stick_warnings(panel, axes)),
@@ -123,18 +123,18 @@ def read_tracker(
 
 def _tracks(panel: Element) -> list[tuple[str, str, Element]]:
     """Name, kind (the last part of its class) and object of every track."""
-    found = panel.find("tracks")
+    element = panel.find("tracks")
     objects = (
-        [item.parts[0] for item in found.parts if item.parts and item.parts[0].tag == "object"]
-        if found
+        [item.parts[0] for item in element.parts if item.parts and item.parts[0].tag == "object"]
+        if element
         else []
     )
     return [(_name(track), track.kind.rpartition(".")[2], track) for track in objects]
 
 
 def _name(track: Element) -> str:
-    found = track.find("name")
-    return " ".join(found.text.split())[:100] if found and found.text else "unnamed"
+    element = track.find("name")
+    return " ".join(element.text.split())[:100] if element and element.text else "unnamed"
 
 
 def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
@@ -296,13 +296,13 @@ def _unequal(
     )
     if off <= max(_SAME_TIMES * duration, 0.002):
         return None, ()
-    said = phrase(
+    warning = phrase(
         "the frames of the video are not equally spaced (times differ by up to {off:.3g} "
         "ms): the video's own times are used, as in "
         "Tracker",
         off=off,
     )
-    return scaled, (said,)
+    return scaled, (warning,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -379,8 +379,8 @@ def _read_axes(panel: Element) -> _Axes:
 
 def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     """Metres in the unit of the calibration, and where that is said."""
-    found = panel.find("length_unit")
-    written = found.text if found else ""
+    element = panel.find("length_unit")
+    written = element.text if element else ""
     if stated is not None:
         other = (
             phrase("; according to the file: {unit}", unit=written)
@@ -390,8 +390,8 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
         return METRES[stated], phrase(
             "lengths in {unit} as stated by the user", unit=stated
         ) + other
-    if found is not None and written not in METRES:
-        raise found.error(
+    if element is not None and written not in METRES:
+        raise element.error(
             f"must be one of {', '.join(METRES)}; say which holds by --unit (in a campaign: unit)",
             value=written,
         )
@@ -402,7 +402,7 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
 
 def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float]]:
     """Name, (dx, dy) in pixels and world length of every calibration stick at its first frame."""
-    found = []
+    sticks = []
     for name, kind, track in _tracks(panel):
         stick = track.find("stickmode")
         lengths = track.find("worldlengths")
@@ -419,8 +419,8 @@ def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float
             place = ends.object("[0]")
             assert place is not None
             x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
-            found.append((name, (x2 - x1, y2 - y1), lengths.number("[0]")))
-    return found
+            sticks.append((name, (x2 - x1, y2 - y1), lengths.number("[0]")))
+    return sticks
 
 
 def _sticks(panel: Element) -> tuple[str, ...]:
@@ -443,12 +443,12 @@ def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
     for name, (dx, dy), length in _stick_lengths(panel):
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
-            said = {"name": name, "by_scale": by_scale, "length": length}
+            values = {"name": name, "by_scale": by_scale, "length": length}
             warnings.append(
                 phrase(
                     "the length of {name} is {by_scale:.4g} on the scale of the axes, but "
                     "{length:.4g} was stated",
-                    **said,
+                    **values,
                 )
             )
     return tuple(warnings)

@@ -62,33 +62,33 @@ class Element:
 
     def object(self, name: str) -> Element | None:
         """The object that is the value of property `name`."""
-        found = self.find(name)
+        element = self.find(name)
         return (
             None
-            if found is None
-            else next((part for part in found.parts if part.tag == "object"), None)
+            if element is None
+            else next((part for part in element.parts if part.tag == "object"), None)
         )
 
     def need(self, name: str) -> Element:
         """The property `name`; raises InputError where it is missing."""
-        found = self.find(name)
-        if found is None:
+        element = self.find(name)
+        if element is None:
             raise InputError("is missing", field=name, file=self.file, line=self.line)
-        return found
+        return element
 
     def number(self, name: str, default: float | None = None) -> float:
         """The finite number that property `name` holds.  Raises InputError."""
-        found = self.find(name)
-        if found is None and default is not None:
+        element = self.find(name)
+        if element is None and default is not None:
             return default
-        found = self.need(name)
+        element = self.need(name)
         value = (
-            float(found.text)
-            if len(found.text) < 50 and _NUMBER.fullmatch(found.text)
+            float(element.text)
+            if len(element.text) < 50 and _NUMBER.fullmatch(element.text)
             else float("inf")
         )
         if not abs(value) <= _LIMIT:
-            raise found.error(f"must be a number within ±{_LIMIT:g}", value=found.text)
+            raise element.error(f"must be a number within ±{_LIMIT:g}", value=element.text)
         return value
 
     def integer(self, name: str, default: int) -> int:
@@ -102,15 +102,15 @@ class Element:
         """The objects of an array of properties [0], [1], ..., by index; raises InputError for any
         other content.
         """
-        found: dict[int, Element] = {}
+        objects: dict[int, Element] = {}
         for part in self.parts:
             index = re.fullmatch(r"\[(\d{1,7})\]", part.name, re.ASCII)
             if index is None or not part.parts or part.parts[0].tag != "object":
                 raise part.error("must be an object with an index like [0]")
-            if int(index[1]) in found:
+            if int(index[1]) in objects:
                 raise part.error("stands twice")
-            found[int(index[1])] = part.parts[0]
-        return found
+            objects[int(index[1])] = part.parts[0]
+        return objects
 
 
 def parse_tracker_xml(data: bytes, *, file: str) -> Element:
@@ -120,7 +120,7 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     tracks alone hold any.
     """
     if (
-        (said := _ENCODING.match(data)) is None or said[1].lower() in (b"utf-8", b"utf8")
+        (encoding := _ENCODING.match(data)) is None or encoding[1].lower() in (b"utf-8", b"utf8")
     ) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         data = _as_utf8(data)
     top: list[Element] = []
@@ -163,7 +163,7 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     except InputError:
         raise
     except expat.ExpatError as error:
-        if not (said := _ENCODING.match(data)) or said[1].lower() in (b"utf-8", b"utf8"):
+        if not (encoding := _ENCODING.match(data)) or encoding[1].lower() in (b"utf-8", b"utf8"):
             _check_utf8(data, file)
         rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
         raise InputError(rule, field="XML", file=file, line=error.lineno) from None
@@ -205,16 +205,16 @@ def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str
     _check_directory(data, file)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            found = [
+            members = [
                 i
                 for i in archive.infolist()
                 if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")
             ]
-            if not found:
+            if not members:
                 raise InputError(
                     "must hold a .trk", field="archive", quoted="it holds none", file=file
                 )
-            info, track = _member(found, track, file)
+            info, track = _member(members, track, file)
             if info.flag_bits & 1 or info.compress_type not in (
                 zipfile.ZIP_STORED,
                 zipfile.ZIP_DEFLATED,
