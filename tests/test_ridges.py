@@ -166,3 +166,15 @@ def test_more_ridges_need_hardly_more_calls_of_the_density() -> None:
         return len(sizes)
 
     assert n_call(6) < 1.5 * n_call(2)
+
+
+@dataclasses.dataclass
+class Deep:
+    """A normal density times next to nothing: x > x - 50 is false of its logarithms."""
+
+    def log_density(self, draws: np.ndarray) -> np.ndarray:
+        return normal(np.eye(2)).log_density(draws) - 4.7e30
+
+
+def test_the_mode_of_a_density_next_to_nothing_is_not_left_out() -> None:
+    assert coordinates_at_modes(Deep(), np.zeros((1, 2)), np.eye(2), None)[1].shape == (2, 2)

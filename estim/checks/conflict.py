@@ -85,7 +85,7 @@ class Conflict:
     @property
     def flagrant(self) -> bool:
         """Whether what was stated is so far off that draws of the compromise would mean nothing."""
-        return self.explained and self.p_value < P_FLAGRANT
+        return self.p_value < P_FLAGRANT
 
     @property
     def agree(self) -> bool:
