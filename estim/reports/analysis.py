@@ -190,7 +190,7 @@ def _drawers(
         figures["figures/force.png"] = lambda: force_figure(
             analysis.fit.forces, analysis.problem.runs
         )
-    if analysis.diagnosis.ok and any(one.stated for one in analysis.rolling):
+    if analysis.diagnosis.ok and any(check.stated for check in analysis.rolling):
         figures["figures/rolling.png"] = lambda: rolling_figure(
             analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling
         )
@@ -313,7 +313,7 @@ def _moved_by_errors(result: Result) -> list[str]:
     return [
         name
         for name in result.parameters
-        if any(abs(one.shifts.get(name, 0.0)) >= _FELT for one in result.what_if)
+        if any(abs(effect.shifts.get(name, 0.0)) >= _FELT for effect in result.what_if)
     ]
 
 
@@ -324,14 +324,18 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
     return [
         (
             (
-                one.error
-                if one.shifts
-                else phrase("{error}: no fit that allows for it converges", error=one.error)
+                effect.error
+                if effect.shifts
+                else phrase("{error}: no fit that allows for it converges", error=effect.error)
             )
-            + (f" ({', '.join(one.runs)})" if several and len(one.runs) < len(result.runs) else ""),
-            [_shift_cell(one.shifts.get(name)) for name in names],
+            + (
+                f" ({', '.join(effect.runs)})"
+                if several and len(effect.runs) < len(result.runs)
+                else ""
+            ),
+            [_shift_cell(effect.shifts.get(name)) for name in names],
         )
-        for one in result.what_if
+        for effect in result.what_if
         if names
     ]
 
@@ -350,33 +354,33 @@ def index_report(
     explanations : of what may be missing, of those runs of which it was asked.
     """
     columns = list(
-        dict.fromkeys(shown for result in results.values() for shown in result.labels.bare.values())
+        dict.fromkeys(label for result in results.values() for label in result.labels.bare.values())
     )
     derived = {
         run: {
-            result.labels.derived[own][name]: one.derived[name]
-            for own, one in result.runs.items()
-            for name in one.sought
+            result.labels.derived[key][name]: summary.derived[name]
+            for key, summary in result.runs.items()
+            for name in summary.sought
         }
         for run, result in results.items()
     }
-    columns += list(dict.fromkeys(shown for found in derived.values() for shown in found))
+    columns += list(dict.fromkeys(label for labels in derived.values() for label in labels))
     table = []
     for run, result in results.items():
         cells = {
             result.labels.bare[name]: _index_cell(p, result.labels.bare[name])
             for name, p in result.parameters.items()
         }
-        cells |= {shown: value_cell(one, shown) for shown, one in derived[run].items()}
+        cells |= {label: value_cell(summary, label) for label, summary in derived[run].items()}
         table.append(
             (
                 run,
                 result.status,
-                [cells.get(shown, "") if result.status == "ok" else "—" for shown in columns],
+                [cells.get(label, "") if result.status == "ok" else "—" for label in columns],
             )
         )
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
-    heads = [shown.symbol + ("" if shown.unit == "1" else f" ({shown.unit})") for shown in columns]
+    heads = [label.symbol + ("" if label.unit == "1" else f" ({label.unit})") for label in columns]
     text = render(
         "index.md.j2",
         title=campaign.title,
@@ -402,21 +406,21 @@ def _index_cell(p: ParameterSummary, shown: Label) -> str:
 
 def fit_cell(name: str, p: ParameterSummary, result: Result) -> str:
     """What least squares give of a parameter, in its shown unit."""
-    shown = result.labels.parameters[name]
-    value, sd = result.fit.values[name] * shown.factor, result.fit.sds[name]
+    label = result.labels.parameters[name]
+    value, sd = result.fit.values[name] * label.factor, result.fit.sds[name]
     if result.status != "ok":
-        size = abs(value) if p.q975 is None or p.q025 is None else (p.q975 - p.q025) * shown.factor
+        size = abs(value) if p.q975 is None or p.q025 is None else (p.q975 - p.q025) * label.factor
         return format_rounded(value, 0.1 * size)
     if p.limit is not None:
         edge = format_rounded(
-            p.limit.edge * shown.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * shown.factor
+            p.limit.edge * label.factor, 0.25 * abs(p.limit.limit_95 - p.limit.edge) * label.factor
         )
         return phrase("{value} (at its edge)", value=edge)
     if sd is None:
         return phrase(
-            "{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * shown.factor)
+            "{value} (no symmetric sd)", value=format_rounded(value, (p.sd or 0.0) * label.factor)
         )
-    return format_quantity(value, sd * shown.factor)
+    return format_quantity(value, sd * label.factor)
 
 
 def prior_cell(p: ParameterSummary, shown: Label) -> str:
@@ -433,8 +437,8 @@ def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
     rows = []
     for run, end in result.turning_point.items():
         if end.never_stops < 0.5:
-            shown = Notation("").label(end.unit)
-            rows.append((run, value_cell(end, shown), interval_cell(end, shown)))
+            label = Notation("").label(end.unit)
+            rows.append((run, value_cell(end, label), interval_cell(end, label)))
     return rows
 
 

@@ -54,15 +54,15 @@ def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, byte
     """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
     `figures/overview.png`.
     """
-    found = spreads(rows)
-    shown = [one for one in found if one.informed >= _INFORMED][:_PANELS]
+    quantities = spreads(rows)
+    panels = [spread for spread in quantities if spread.informed >= _INFORMED][:_PANELS]
 
     def text(pictures: Collection[str]) -> str:
-        return _text(rows, found, pictures)
+        return _text(rows, quantities, pictures)
 
-    drawers = {"figures/overview.png": lambda: overview_figure(rows, shown)} if shown else {}
+    drawers = {"figures/overview.png": lambda: overview_figure(rows, panels)} if panels else {}
     return page(drawers, text, wanted=figures) | {
-        "summary.csv": _csv(rows, found),
+        "summary.csv": _csv(rows, quantities),
         "summary.json": _json(rows),
     }
 
@@ -96,10 +96,10 @@ def _counts(rows: Sequence[Row]) -> list[tuple[str, int]]:
 def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str]) -> str:
     bad = [row for row in rows if row.status != "ok"]
     apart = [
-        ", ".join(rows[i].name for i in one.apart[:_NAMED])
-        + (phrase(" and others") if len(one.apart) > _NAMED else "")
+        ", ".join(rows[i].name for i in spread.apart[:_NAMED])
+        + (phrase(" and others") if len(spread.apart) > _NAMED else "")
         or phrase("none")
-        for one in found
+        for spread in found
     ]
     return render(
         "batch.md.j2",
@@ -128,7 +128,7 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     """A line for each run; of each quantity mean, sd and the ends of the 95 % interval in SI units,
     empty where there is none.
     """
-    names = sorted((one.name, one.unit) for one in found)
+    names = sorted((spread.name, spread.unit) for spread in found)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     heads = [f"{name} [{unit}]" if unit != "1" else name for name, unit in names]
@@ -193,16 +193,16 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
     figure = new_figure(0.7 + 1.5 * len(shown))
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     bad = np.array([i + 1 for i, row in enumerate(rows) if row.status != "ok"])
-    for ax, one in zip(axes, shown, strict=True):
-        at = np.array(one.rows) + 1
-        apart = np.isin(np.array(one.rows), one.apart)
-        ax.axhline(one.median, color=GREY, linewidth=0.8)
+    for ax, spread in zip(axes, shown, strict=True):
+        at = np.array(spread.rows) + 1
+        apart = np.isin(np.array(spread.rows), spread.apart)
+        ax.axhline(spread.median, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
             if len(rows) <= _BARS:
                 ax.errorbar(
                     at[chosen],
-                    one.mean[chosen],
-                    one.sd[chosen],
+                    spread.mean[chosen],
+                    spread.sd[chosen],
                     fmt=mark,
                     color=colour,
                     markersize=3.5,
@@ -212,15 +212,15 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
             else:
                 ax.plot(
                     at[chosen],
-                    one.mean[chosen],
+                    spread.mean[chosen],
                     mark,
                     color=colour,
                     markersize=2.0,
                     markeredgewidth=0.0,
                 )
-        for i in one.apart[:_NAMED]:
+        for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
-            value = one.mean[one.rows.index(i)]
+            value = spread.mean[spread.rows.index(i)]
             ax.annotate(
                 name,
                 (i + 1, value),
@@ -239,15 +239,15 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
                 markeredgewidth=0.8,
                 transform=ax.get_xaxis_transform(),
             )
-        ax.set_ylabel(f"{one.name}" + ("" if one.unit == "1" else f" ({one.unit})"))
+        ax.set_ylabel(f"{spread.name}" + ("" if spread.unit == "1" else f" ({spread.unit})"))
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)
-    said = (
+    label = (
         phrase("number of the run (cross at the bottom: not ok)")
         if bad.size
         else phrase("number of the run")
     )
-    axes[-1].set_xlabel(said)
+    axes[-1].set_xlabel(label)
     axes[-1].set_xlim(0.4, len(rows) + 0.6)
     return figure

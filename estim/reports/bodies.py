@@ -88,7 +88,10 @@ def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     uncertain = [i for i, u in enumerate(weighing.u) if u > 0.0]
     names = [f"{weighing.names[i][1]}[{weighing.names[i][0]}]" for i in uncertain]
     matrix = weighing.correlation[np.ix_(uncertain, uncertain)].round(6).tolist()
-    inputs = {one.name: BodyInput(one.value, one.u, one.unit) for one in linear.inputs}
+    inputs = {
+        quantity.name: BodyInput(quantity.value, quantity.u, quantity.unit)
+        for quantity in linear.inputs
+    }
     at = Provenance(one_line(str(source.path)), source.sha256, {}, seed, software_versions())
     return BodyResult(
         BODY_SCHEMA,
@@ -124,7 +127,7 @@ def body_lines(weighing: BodyProperties) -> list[str]:
     lines: dict[str, list[str]] = {}
     for i, (body, out) in enumerate(weighing.names):
         notation, unit, _ = OUTPUTS[out]
-        factor, shown = (
+        factor, unit_text = (
             (notation.factor, notation.unit)
             if notation.unit
             else (1.0, "" if unit == "1" else unit)
@@ -134,7 +137,7 @@ def body_lines(weighing: BodyProperties) -> list[str]:
             float(weighing.u[i]) * factor,
             plus_minus=False,
         )
-        lines.setdefault(body, []).append(f"{notation.symbol} = {value} {shown}".rstrip())
+        lines.setdefault(body, []).append(f"{notation.symbol} = {value} {unit_text}".rstrip())
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 
@@ -142,7 +145,7 @@ def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, l
     """For each body the symbols of what is uncertain, and a row for each input that says anything:
     its share of each variance.
     """
-    found = {}
+    tables = {}
     for body, summary in result.bodies.items():
         outs = [out for out, v in summary.values.items() if v.u > 0.0]
         names = list(
@@ -161,5 +164,5 @@ def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, l
             (name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]])
             for name in largest
         ]
-        found[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
-    return found
+        tables[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
+    return tables

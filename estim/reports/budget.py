@@ -105,9 +105,9 @@ def budget_records(
     """One for each quantity of the budget; None where there is none."""
     if budget is None:
         return None
-    units = {one.name: one.unit for run in analysis.problem.runs for one in run.sought} | {
-        p.name: p.unit for p in analysis.problem.parameters
-    }
+    units = {
+        quantity.name: quantity.unit for run in analysis.problem.runs for quantity in run.sought
+    } | {p.name: p.unit for p in analysis.problem.parameters}
     return {
         name: _record(budget, k, units.get(name) or units[name.partition("[")[0]])
         for k, name in enumerate(budget.names)
@@ -141,10 +141,10 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     """What is sought first, then the parameters that runs share; sources that are alike (the tilts
     of many runs) together, small ones too.
     """
-    shown = [*derived_labels(analysis).items(), *labels.parameters.items()]
+    quantities = [*derived_labels(analysis).items(), *labels.parameters.items()]
     known = [
         (name, label)
-        for name, label in shown
+        for name, label in quantities
         if name in budget.names and name not in _between(analysis)
     ]
     chosen = known[:MAX_QUANTITIES]
@@ -157,19 +157,19 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
     ordered = sorted(
         groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0)))
     )
-    kept = [
+    largest = [
         words
         for words in ordered[:MAX_SOURCES]
         if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
     ]
-    rows = [(words, groups[words]) for words in kept]
-    rest = [i for words in ordered if words not in kept for i in groups[words]]
+    rows = [(words, groups[words]) for words in largest]
+    rest = [i for words in ordered if words not in largest for i in groups[words]]
     rows += [(phrase("all others"), rest)] if rest else []
     return Shares(
         tuple(label for _, label in chosen),
         tuple(words for words, _ in rows),
-        np.array([np.sum(shares[own], axis=0) for _, own in rows]),
-        np.array([np.sum(drawn[own], axis=0) for _, own in rows]),
+        np.array([np.sum(shares[members], axis=0) for _, members in rows]),
+        np.array([np.sum(drawn[members], axis=0) for _, members in rows]),
         tuple(_sd(budget.sds[k], label) for k, (_, label) in zip(columns, chosen, strict=True)),
         tuple(
             _sd(budget.posterior[k], label) for k, (_, label) in zip(columns, chosen, strict=True)
@@ -202,15 +202,15 @@ def _words(source: Source, alike: Mapping[tuple[str, str], int], labels: Labels)
         }[source.name]
     base = split_level(source.name)[0]
     n = alike[source.kind, base]
-    shown = (
+    symbol = (
         phrase("{symbol} of {n} runs or bodies", symbol=labels.symbol(base), n=n)
         if n > 2
         else labels.symbol(source.name)
     )
     return (
-        phrase("{shown}, stated", shown=shown)
+        phrase("{shown}, stated", shown=symbol)
         if source.kind == STATED
-        else phrase("{shown}, prior", shown=shown)
+        else phrase("{shown}, prior", shown=symbol)
     )
 
 

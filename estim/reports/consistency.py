@@ -67,18 +67,18 @@ def forest_figure(
     edges : parameter -> ends of its prior, beyond which nothing is drawn.
     """
     panels = [
-        (i, name, shown)
-        for i, (name, shown) in enumerate(zip(consistency.shared, consistency.labels, strict=True))
+        (i, name, label)
+        for i, (name, label) in enumerate(zip(consistency.shared, consistency.labels, strict=True))
     ]
     drawn = {name: _drawn(consistency, name) for _, name, _ in panels}
     tallest = max(map(len, drawn.values()))
     figure, axes = grid(len(panels), height=0.22 * tallest + 1.1, columns=3)
     wrong = {row.source for row in consistency.rows if row.source in consistency.suspects}
-    for ax, (i, name, shown) in zip(axes, panels, strict=True):
+    for ax, (i, name, label) in zip(axes, panels, strict=True):
         runs = drawn[name]
-        low, high = (edge * shown.factor for edge in edges.get(name, (-np.inf, np.inf)))
-        centre = consistency.joint.mean[i] * shown.factor
-        sd = consistency.joint.sd[i] * shown.factor
+        low, high = (edge * label.factor for edge in edges.get(name, (-np.inf, np.inf)))
+        centre = consistency.joint.mean[i] * label.factor
+        sd = consistency.joint.sd[i] * label.factor
         if name not in on_edge:  # there all runs together give a limit
             ax.axvspan(
                 max(centre - sd, low),
@@ -93,7 +93,7 @@ def forest_figure(
             others, alone = consistency.others[run], consistency.alone[run]
             colour = VERMILION if run in wrong else BLUE
             value, bar = _within(
-                others.mean[i] * shown.factor, others.sd[i] * shown.factor, low, high
+                others.mean[i] * label.factor, others.sd[i] * label.factor, low, high
             )
             ax.errorbar(
                 value,
@@ -107,7 +107,7 @@ def forest_figure(
                 label=phrase("all but this run"),
             )
             value, bar = _within(
-                alone.mean[i] * shown.factor, alone.sd[i] * shown.factor, low, high
+                alone.mean[i] * label.factor, alone.sd[i] * label.factor, low, high
             )
             ax.errorbar(
                 value,
@@ -124,11 +124,11 @@ def forest_figure(
             tick.set_fontweight("bold" if run in wrong else "normal")
         ax.set_ylim(len(runs) - 0.4, -0.6)
         ax.locator_params(axis="x", nbins=3)
-        ax.set_xlabel(shown.axis)
+        ax.set_xlabel(label.axis)
     legend_below(figure)
     cut = any(len(drawn[name]) < len(consistency.used[name]) for name in drawn)
-    some = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
-    figure.suptitle(some)
+    title = phrase("the {n} runs farthest from all others", n=_FARTHEST) if cut else ""
+    figure.suptitle(title)
     return figure
 
 
@@ -140,10 +140,10 @@ def _drawn(consistency: Consistency, name: str) -> Sequence[str]:
     i = consistency.shared.index(name)
 
     def apart(run: str) -> float:
-        one, others = consistency.alone[run], consistency.others[run]
+        alone, others = consistency.alone[run], consistency.others[run]
         return (
-            float(np.abs(one.mean[i] - others.mean[i]) / max(one.sd[i], 1e-300))
-            if np.isfinite(one.sd[i])
+            float(np.abs(alone.mean[i] - others.mean[i]) / max(alone.sd[i], 1e-300))
+            if np.isfinite(alone.sd[i])
             else 0.0
         )
 

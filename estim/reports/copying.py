@@ -105,20 +105,20 @@ class Copies:
 
 def copies_of(estimates: Sequence[Estimate]) -> Copies:
     """Every estimate with a value or a limit, measured or not; the table says which."""
-    shown = [one for one in estimates if one.value != "n/a"]
-    told = [one for one in shown if one.told]
+    available = [estimate for estimate in estimates if estimate.value != "n/a"]
+    quoted = [estimate for estimate in available if estimate.told]
     return Copies(
         _block(
             [
-                one.relation
-                if one.measured
-                else phrase("{relation} (not measured here)", relation=one.relation)
-                for one in told
+                estimate.relation
+                if estimate.measured
+                else phrase("{relation} (not measured here)", relation=estimate.relation)
+                for estimate in quoted
             ]
         ),
-        _block([_noted(one, False) for one in told], "latex"),
-        _block([_noted(one, True) for one in told], "latex"),
-        _block(_rows(shown), "csv"),
+        _block([_noted(estimate, False) for estimate in quoted], "latex"),
+        _block([_noted(estimate, True) for estimate in quoted], "latex"),
+        _block(_rows(available), "csv"),
     )
 
 
@@ -135,16 +135,25 @@ def _rows(estimates: Sequence[Estimate]) -> list[str]:
     writer.writerow(
         ["quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"]
     )
-    for one in estimates:
-        p, factor = one.summary, one.label.factor
-        limit = p.limit.limit_95 if p.limit is not None else one.upper
-        unit = "" if one.label.unit == "1" else one.label.unit
-        said = "yes" if one.measured else "no"
+    for estimate in estimates:
+        p, factor = estimate.summary, estimate.label.factor
+        limit = p.limit.limit_95 if p.limit is not None else estimate.upper
+        unit = "" if estimate.label.unit == "1" else estimate.label.unit
+        measured = "yes" if estimate.measured else "no"
         if limit is not None:
             lower = p.limit is not None and p.limit.side == "lower"
             ends = ("", _digits(limit * factor))
             writer.writerow(
-                [one.label.symbol, "", "", "", "", *(ends[::-1] if lower else ends), unit, said]
+                [
+                    estimate.label.symbol,
+                    "",
+                    "",
+                    "",
+                    "",
+                    *(ends[::-1] if lower else ends),
+                    unit,
+                    measured,
+                ]
             )
         else:
             # as the text has it, in which ± would mislead there
@@ -152,10 +161,10 @@ def _rows(estimates: Sequence[Estimate]) -> list[str]:
             numbers = [*centre, p.q16, p.q84, p.q025, p.q975]
             writer.writerow(
                 [
-                    one.label.symbol,
+                    estimate.label.symbol,
                     *("" if v is None else _digits(v * factor) for v in numbers),
                     unit,
-                    said,
+                    measured,
                 ]
             )
     return buffer.getvalue().splitlines()
@@ -170,21 +179,21 @@ def _noted(one: Estimate, plus_minus: bool) -> str:
 
 
 def _tex(one: Estimate, plus_minus: bool) -> str:
-    shown, p, text = one.label, one.summary, one.value
-    symbol, unit = _symbol(shown), _unit(shown.unit)
+    label, p, text = one.label, one.summary, one.value
+    symbol, unit = _symbol(label), _unit(label.unit)
     known = unit and not unit.startswith(r"\text")
     behind = rf"\,\unit{{{unit}}}" if known else rf"\,{unit}" if unit else ""
     if "±" in text and p.mean is not None and p.sd is not None:
         number = _number(
-            format_quantity(p.mean * shown.factor, p.sd * shown.factor, plus_minus=plus_minus)
+            format_quantity(p.mean * label.factor, p.sd * label.factor, plus_minus=plus_minus)
         ).replace(" ± ", " +- ")
         written = rf"\qty{{{number}}}{{{unit}}}" if known else rf"\num{{{number}}}{behind}"
         return f"${symbol} = {written}$"
-    if found := re.match(r"([<>]) (\S+?)[ °]", text):
-        return f"${symbol} {found[1]} {_number(found[2])}{behind}$ (95\\,\\%)"
-    if found := re.match(r"\(?(\S+) \+(\S+) −([^\s)]+)", text):
+    if match := re.match(r"([<>]) (\S+?)[ °]", text):
+        return f"${symbol} {match[1]} {_number(match[2])}{behind}$ (95\\,\\%)"
+    if match := re.match(r"\(?(\S+) \+(\S+) −([^\s)]+)", text):
         centre, up, down = (
-            rf"\num{{{_number(one)}}}" if "×" in one else _number(one) for one in found.groups()
+            rf"\num{{{_number(one)}}}" if "×" in one else _number(one) for one in match.groups()
         )
         return f"${symbol} = {centre}^{{+{up}}}_{{-{down}}}{behind}$"
     return f"${symbol} = {_number(text.partition(' ')[0])}{behind}$"
@@ -197,10 +206,10 @@ def _number(text: str) -> str:
     if "e" in text:
         mantissa, _, exponent = text.partition("e")
         return f"{mantissa}e{int(exponent)}"
-    if found := re.match(r"\((.+)\)×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", text):
-        return f"{found[1].replace('−', '-')} e{found[2].translate(_RAISED)}"
+    if match := re.match(r"\((.+)\)×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", text):
+        return f"{match[1].replace('−', '-')} e{match[2].translate(_RAISED)}"
     return (
-        re.sub(r"×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda found: "e" + found[1].translate(_RAISED), text)
+        re.sub(r"×10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", lambda match: "e" + match[1].translate(_RAISED), text)
         .replace("−", "-")
         .replace("°", "")
     )

@@ -127,7 +127,7 @@ def columns_of(
 ) -> list[Column]:
     """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
-    shown = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]
+    parameters = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]
     draws = analysis.chain.thinned(20_000)
     names = analysis.problem.names
     columns = [
@@ -137,7 +137,7 @@ def columns_of(
             draws[:, names.index(p.name)],
             truth.get(p.name),
         )
-        for p in shown
+        for p in parameters
     ]
     return columns + [
         _column(None, label, values)
@@ -325,19 +325,19 @@ def trace_figure(analysis: Analysis) -> Figure:
     every = max(1, draws.shape[1] // _MOST_STEPS)
     steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every]
     for ax, i in zip(axes, places, strict=False):
-        shown, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor
+        label, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor
         for k, ensemble in enumerate(mine):
             colour = _COLOURS[k % len(_COLOURS)]
             ax.plot(steps, ensemble[:, 0], color=colour, lw=0.4, alpha=0.35)
             ax.plot(steps, ensemble.mean(axis=1), color=colour, lw=1.0)
-        ax.set_ylabel(shown.axis, fontsize=8, rotation=0, ha="right", va="center")
+        ax.set_ylabel(label.axis, fontsize=8, rotation=0, ha="right", va="center")
         ax.locator_params(axis="y", nbins=3)
     for ax in axes[len(places) :]:
         ax.set_visible(False)
     for ax in axes[rows - 1 :: rows]:
         ax.set_xlabel(phrase("step"))
-    said = phrase("bold: mean of an ensemble; faint: one of its walkers")
+    title = phrase("bold: mean of an ensemble; faint: one of its walkers")
     if len(places) < len(parameters):
-        said = f"{said}; {phrase('{n} of {of} parameters', n=len(places), of=len(parameters))}"
-    figure.suptitle(said)
+        title = f"{title}; {phrase('{n} of {of} parameters', n=len(places), of=len(parameters))}"
+    figure.suptitle(title)
     return figure

@@ -56,11 +56,11 @@ def phase_figure(
     propagated : bands of the stated inputs, drawn beside those of the fit under the name `whose`.
     """
     stated = {band.run: band for band in propagated}
-    drawn, found = drawn_runs(analysis.goodness), residuals_of(analysis)
+    drawn, all_residuals = drawn_runs(analysis.goodness), residuals_of(analysis)
     figure, pairs = panel_pairs(len(drawn), height=4.9 if len(drawn) == 1 else 3.5)
     trusted = analysis.diagnosis.ok
     for (ax, low), i in zip(pairs, drawn, strict=True):
-        run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], found[i]
+        run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], all_residuals[i]
         reach = (
             _draw_propagated(ax, low, stated[run.name], bands, whose) if run.name in stated else 0.0
         )
@@ -68,12 +68,12 @@ def phase_figure(
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
-            said = (
+            label = (
                 phrase("most probable curve, without the force")
                 if bands.completed
                 else phrase("most probable curve")
             )
-            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label=said)
+            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label=label)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
@@ -169,23 +169,25 @@ def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
 
 
 def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
-    said = phrase("data used") if run.noise.counted is None else phrase(run.noise.counted.law.used)
-    draw_points_with_bars(ax, residuals, label=said)
+    text = phrase("data used") if run.noise.counted is None else phrase(run.noise.counted.law.used)
+    draw_points_with_bars(ax, residuals, label=text)
     if run.excluded_points.size:
-        left = run.excluded_points
+        excluded = run.excluded_points
         near = (
-            (left[:, 0] >= _low_end(run.x))
-            & (left[:, 0] <= 1.1 * run.x.max())
-            & (left[:, 1] >= _low_end(run.y))
+            (excluded[:, 0] >= _low_end(run.x))
+            & (excluded[:, 0] <= 1.1 * run.x.max())
+            & (excluded[:, 1] >= _low_end(run.y))
         )
         if not run.words.from_release:
             ends = np.array([(v.min(), v.max()) for v in (run.x, run.y[~residuals.far])])
             # others would press the data flat
-            near = np.all(np.abs(left - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1)
+            near = np.all(
+                np.abs(excluded - ends.mean(axis=1)) <= 0.6 * np.ptp(ends, axis=1), axis=1
+            )
         if np.any(near):
             ax.plot(
-                left[near, 0],
-                left[near, 1],
+                excluded[near, 0],
+                excluded[near, 1],
                 "x",
                 color=GREY,
                 ms=4,
@@ -194,16 +196,16 @@ def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
                 clip_on=not run.words.from_release,
             )
         if hidden := way_back(run.excluded):
-            said = phrase("{n} frames of the way back (v < 0) are not shown", n=hidden)
-            ax.text(0.99, 0.97, said, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
+            text = phrase("{n} frames of the way back (v < 0) are not shown", n=hidden)
+            ax.text(0.99, 0.97, text, transform=ax.transAxes, ha="right", va="top", fontsize=7.5)
 
 
 def _draw_outliers(
     ax: Axes, run: Observations, outliers: Sequence[Outliers], far: NDArray[np.bool_]
 ) -> None:
     """A ring about each outlier; one that is far off is an arrow at the edge, with its y."""
-    for found in outliers:
-        at = found.frames[~far[found.frames]] if found.run == run.name else found.frames[:0]
+    for group in outliers:
+        at = group.frames[~far[group.frames]] if group.run == run.name else group.frames[:0]
         if at.size:
             ax.plot(
                 run.x[at],
@@ -217,7 +219,7 @@ def _draw_outliers(
                 label=phrase("outlier"),
                 zorder=6,
             )
-    said, place = phrase("distant outlier"), ax.get_xaxis_transform()
+    label, place = phrase("distant outlier"), ax.get_xaxis_transform()
     for x, y in zip(run.x[far], run.y[far], strict=True):
         edge, up, mark, side = (
             (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
@@ -231,7 +233,7 @@ def _draw_outliers(
             mew=1.6,
             ms=8,
             ls="",
-            label=said,
+            label=label,
             zorder=6,
             transform=place,
         )
@@ -245,13 +247,13 @@ def _draw_outliers(
             ha="center",
             va=side,
         )
-        said = ""
+        label = ""
 
 
 def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) -> None:
     """A ring about the point of each bad frame, or the nearest in time."""
     times = run.t if run.t is not None else run.x
-    jumps = [jump for found in forces if found.run == run.name for jump in found.bad.jumps]
+    jumps = [jump for force in forces if force.run == run.name for jump in force.bad.jumps]
     at = sorted(
         {int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps}
     )
@@ -300,7 +302,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
     """Of every run, from the median of the draws where the status is ok, else from the most
     probable curve.
     """
-    named, found = analysis.problem.named(analysis.fit.values[None, :]), []
+    named, residuals = analysis.problem.named(analysis.fit.values[None, :]), []
     for run, bands in zip(analysis.problem.runs, analysis.bands, strict=True):
         if analysis.diagnosis.ok:
             curve = np.interp(run.x, bands.x, bands.median)
@@ -314,8 +316,8 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
                 np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)),
                 (1, run.n_obs),
             )[0]
-        found.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
-    return found
+        residuals.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))
+    return residuals
 
 
 def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_]:
@@ -323,9 +325,9 @@ def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_
     heights of the rest away from it.
     """
     named = np.zeros(run.n_obs, dtype=bool)
-    for found in outliers:
-        if found.run == run.name and not run.words.from_release:
-            named[found.frames] = True
+    for group in outliers:
+        if group.run == run.name and not run.words.from_release:
+            named[group.frames] = True
     rest = run.y[~named]
     away = (
         np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
@@ -384,12 +386,12 @@ def draw_residuals(
     run, near = residuals.run, ~residuals.far
     rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
-        shown = (
+        fills = (
             (bands.predictive[0.95], GREY, 0.22),
             (bands.credible[0.95], BLUE, 0.30),
             (bands.credible[0.68], BLUE, 0.55),
         )
-        for (low, high), colour, alpha in shown:
+        for (low, high), colour, alpha in fills:
             ax.fill_between(
                 bands.x, low - bands.median, high - bands.median, color=colour, alpha=alpha, lw=0
             )
@@ -457,7 +459,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
     """Data less curve and whitened residuals, a row for each group of runs that share a force, and
     one for runs that share none.
     """
-    found = {good.run: good for good in goodness}
+    by_run = {good.run: good for good in goodness}
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
     rows += (
         [runs]
@@ -472,8 +474,8 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
     parts = np.ravel(figure.subfigures(len(rows), 1, squeeze=False))
     for part, runs in zip(parts, rows, strict=True):
         left, right = part.subplots(1, 2)
-        _overlay(left, runs, [found[run.name].raw for run in runs])
-        _overlay(right, runs, [found[run.name].whitened for run in runs])
+        _overlay(left, runs, [by_run[run.name].raw for run in runs])
+        _overlay(right, runs, [by_run[run.name].whitened for run in runs])
         left.set_ylabel(
             phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else "")
         )

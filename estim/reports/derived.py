@@ -30,7 +30,10 @@ def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived
     values alone.
     """
     used = run.parameters.union(
-        source for one in run.sought for source in one.others.values() if isinstance(source, str)
+        source
+        for quantity in run.sought
+        for source in quantity.others.values()
+        if isinstance(source, str)
     )
     places = [i for i, name in enumerate(analysis.problem.names) if name in used]
     draws = analysis.chain.thinned(_DRAWS, places)
@@ -43,7 +46,7 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
     """Of everything that is not exact; without numbers where a formula has no value at some of the
     draws.
     """
-    found = {}
+    summaries = {}
     for name, derived in derived_draws(analysis, run).items():
         values = np.ravel(derived.values)
         if values.size > 1:
@@ -56,21 +59,21 @@ def derived_summaries(analysis: Analysis, run: Observations) -> dict[str, Summar
                 if undefined
                 else summarise(values, unit=derived.unit, meaning=derived.meaning)
             )
-            found[name] = trusted(summary, analysis.diagnosis.status)
-    return found
+            summaries[name] = trusted(summary, analysis.diagnosis.status)
+    return summaries
 
 
 def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
     """What a user wanted computed, as values at draws (n_draw, 1) with its label: "g" where it is
     the same for all runs, else "g[run]".
     """
-    runs, found = analysis.problem.runs, dict[str, dict[str, Derived]]()
+    runs, by_name = analysis.problem.runs, dict[str, dict[str, Derived]]()
     for run in runs:
         for name, derived in (derived_draws(analysis, run) if run.sought else {}).items():
             if name in _derived_quantities(run) and derived.values.size > 1:
-                found.setdefault(name, {})[run.name] = derived
+                by_name.setdefault(name, {})[run.name] = derived
     columns: dict[str, tuple[Derived, Label]] = {}
-    for name, by_run in found.items():
+    for name, by_run in by_name.items():
         first = next(iter(by_run.values()))
         if len(by_run) == len(runs) and all(
             np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()
@@ -78,8 +81,8 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
             columns[name] = (first, first.label)
         else:
             columns |= {
-                f"{name}[{run}]": (one, one.notation.label(one.unit, f"[{run}]"))
-                for run, one in by_run.items()
+                f"{name}[{run}]": (quantity, quantity.notation.label(quantity.unit, f"[{run}]"))
+                for run, quantity in by_run.items()
             }
     return columns
 
@@ -92,42 +95,45 @@ def derived_labels(analysis: Analysis) -> dict[str, Label]:
 def derived_quantity_draws(analysis: Analysis) -> list[tuple[Label, FloatArray]]:
     """Label and draws (n_draw,) of those that have a value at every draw."""
     return [
-        (label, np.ravel(one.values))
-        for one, label in derived_columns(analysis).values()
-        if not _undefined(np.ravel(one.values))
+        (label, np.ravel(quantity.values))
+        for quantity, label in derived_columns(analysis).values()
+        if not _undefined(np.ravel(quantity.values))
     ]
 
 
 def derived_facts(analysis: Analysis, run: Observations) -> list[str]:
     """Why a quantity that was asked for is not in the table."""
-    facts, found = [], derived_draws(analysis, run)
-    for one in run.sought:
-        if one.lacking:
+    facts, draws = [], derived_draws(analysis, run)
+    for quantity in run.sought:
+        if quantity.lacking:
             facts.append(
                 phrase(
                     "{name} = {text} is omitted: this fit has no {lacking} (--joint fits "
                     "runs together)",
-                    name=one.name,
-                    text=one.text,
-                    lacking=", ".join(one.lacking),
+                    name=quantity.name,
+                    text=quantity.text,
+                    lacking=", ".join(quantity.lacking),
                 )
             )
-        elif one.name in found and found[one.name].values.size == 1:
-            value = found[one.name].values[0, 0]
+        elif quantity.name in draws and draws[quantity.name].values.size == 1:
+            value = draws[quantity.name].values[0, 0]
             facts.append(
                 phrase(
                     "{name} = {value:.10g}, exact: it is computed from exact values alone",
-                    name=one.name,
+                    name=quantity.name,
                     value=value,
                 )
             )
-        elif one.name in found and (share := _undefined(np.ravel(found[one.name].values))) > 0.0:
+        elif (
+            quantity.name in draws
+            and (share := _undefined(np.ravel(draws[quantity.name].values))) > 0.0
+        ):
             facts.append(
                 phrase(
                     "{name} = {text} has no value at {share:.2g} % of the draws, so no "
                     "interval is given",
-                    name=one.name,
-                    text=one.text,
+                    name=quantity.name,
+                    text=quantity.text,
                     share=100.0 * share,
                 )
             )
@@ -139,7 +145,7 @@ def _undefined(values: FloatArray) -> float:
 
 
 def _derived_quantities(run: Observations) -> set[str]:
-    return {one.name for one in run.sought}
+    return {quantity.name for quantity in run.sought}
 
 
 def derived_rows(
@@ -148,17 +154,17 @@ def derived_rows(
     """Symbol, meaning, value, interval and unit of every derived quantity: once where the cells are
     the same for every run, else run by run.
     """
-    found: dict[str, dict[str, tuple[str, str, str, str]]] = {}
+    by_name: dict[str, dict[str, tuple[str, str, str, str]]] = {}
     for run, summary in runs.items():
         for name, d in summary.derived.items():
-            found.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
+            by_name.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
     rows = []
-    for name, cells in found.items():
+    for name, cells in by_name.items():
         symbol = labels.derived[next(iter(cells))][name].symbol
         if len(cells) == len(runs) and len(set(cells.values())) == 1:
             rows.append((symbol, *next(iter(cells.values()))))
         else:
-            rows += [(f"{symbol}[{run}]", *shown) for run, shown in cells.items()]
+            rows += [(f"{symbol}[{run}]", *row) for run, row in cells.items()]
     return rows
 
 
@@ -196,14 +202,14 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
     if apart <= _APART * u:
         return table.warnings
-    said = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
+    tilts = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
     if u > 0.0:
         warning = phrase(
             "the tilt of the track, {track}, and the stated tilt, {stated}, differ by "
             "{apart:.1f} combined standard uncertainties: "
             "was the x axis level, and the camera square to the plane of motion?",
             apart=apart / u,
-            **said,
+            **tilts,
         )
     else:
         warning = phrase(
@@ -211,7 +217,7 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
             "{apart:.2g} deg, both taken as exact: "
             "was the x axis level, and the camera square to the plane of motion?",
             apart=math.degrees(apart),
-            **said,
+            **tilts,
         )
     return (*table.warnings, warning)
 

@@ -71,7 +71,7 @@ def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
     """Run, or body of runs that share one -> its unmodelled force; None where none was asked
     for.
     """
-    return {found.run: _summary(analysis, found) for found in analysis.fit.forces} or None
+    return {force.run: _summary(analysis, force) for force in analysis.fit.forces} or None
 
 
 def deviation_text(
@@ -90,14 +90,14 @@ def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
         prior_scale=found.scale,
         probability=force.probability,
         amplitude=list(force.amplitude),
-        length=[None if np.isnan(one) else one for one in force.length],
+        length=[None if np.isnan(entry) else entry for entry in force.length],
         unit=found.unit,
         typical=force.typical,
         most=force.most,
         noise=list(found.noise),
         conservative=found.conservative,
         runs=list(found.runs),
-        own={one.run: float(np.sqrt(np.mean(np.square(one.mean)))) for one in found.own},
+        own={entry.run: float(np.sqrt(np.mean(np.square(entry.mean)))) for entry in found.own},
         growth=dict(found.growth) if ok else {},
         average=_average(analysis, found, sds) if ok else None,
         words=tell(force_finding(found)),
@@ -128,8 +128,8 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
     """Median with 68 and 95 % bands, in percent of the weight; ticks where the points lie."""
     figure, axes = grid(len(forces), height=2.8)
     by_name = {run.name: run for run in runs}
-    for ax, found in zip(axes, forces, strict=True):
-        several, force = [by_name[name] for name in found.runs], found.force
+    for ax, estimate in zip(axes, forces, strict=True):
+        several, force = [by_name[name] for name in estimate.runs], estimate.force
         draw_bands(ax, force.x, 100.0 * force.quantiles, median=phrase("median"))
         ax.axhline(0.0, color=GREY, lw=0.8)
         if force.back is not None:
@@ -148,13 +148,15 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
                 lw=0.7,
                 ls=":",
             )
-        for own, colour in zip(found.own, RUN_COLOURS[1:] * len(found.own), strict=False):
+        for addition, colour in zip(
+            estimate.own, RUN_COLOURS[1:] * len(estimate.own), strict=False
+        ):
             ax.plot(
-                own.x,
-                100.0 * own.mean,
+                addition.x,
+                100.0 * addition.mean,
                 color=colour,
                 lw=0.8,
-                label=phrase("{run} adds", run=own.run),
+                label=phrase("{run} adds", run=addition.run),
             )
         place = np.concatenate([run.y if run.positions else run.x for run in several])
         label = several[0].y_label if several[0].positions else several[0].x_label
@@ -170,10 +172,10 @@ def force_figure(forces: Sequence[FoundForce], runs: Sequence[Observations]) -> 
         ax.set(
             xlabel=label, ylabel=phrase("force (% of the weight)"), xlim=(force.x[0], force.x[-1])
         )
-        said = phrase(
-            "{title}: P(amplitude > 0) = {p:.3f}", title=_title(found), p=force.probability
+        title = phrase(
+            "{title}: P(amplitude > 0) = {p:.3f}", title=_title(estimate), p=force.probability
         )
-        ax.set_title(said)
+        ax.set_title(title)
     legend_below(figure, ncols=4)
     return figure
 
@@ -232,7 +234,9 @@ class DeviationSummary(msgspec.Struct, frozen=True):
 
 def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
     """Run -> what its curve lacks; None where that was not asked for."""
-    return {found.run: _curve_summary(analysis, found) for found in analysis.fit.deviations} or None
+    return {
+        deviation.run: _curve_summary(analysis, deviation) for deviation in analysis.fit.deviations
+    } or None
 
 
 def discrepancy_text(
@@ -271,7 +275,8 @@ def _size(size: DeviationSize | None, unit: str) -> SizeSummary | None:
     if size is None:
         return None
     amplitude, length = (
-        [None if np.isnan(one) else one for one in three] for three in (size.amplitude, size.length)
+        [None if np.isnan(value) else value for value in three]
+        for three in (size.amplitude, size.length)
     )
     return SizeSummary(size.share, size.scale, amplitude, length, unit)
 
@@ -284,8 +289,8 @@ def discrepancy_figure(
     """
     figure, axes = grid(len(deviations), height=2.8)
     by_name = {run.name: run for run in runs}
-    for ax, found in zip(axes, deviations, strict=True):
-        run, visible = by_name[found.run], found.visible
+    for ax, deviation in zip(axes, deviations, strict=True):
+        run, visible = by_name[deviation.run], deviation.visible
         draw_bands(ax, visible.x, visible.quantiles, median=phrase("median"))
         ax.plot(visible.x, visible.residuals, ".", color=INK, ms=3.5, label=phrase("residuals"))
         ax.axhline(0.0, color=GREY, lw=0.8)
@@ -294,7 +299,9 @@ def discrepancy_figure(
             ylabel=phrase("deviation of {y}", y=run.y_label),
             xlim=(visible.x[0], visible.x[-1]),
         )
-        said = phrase("{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=found.probability)
-        ax.set_title(said)
+        title = phrase(
+            "{title}: P(amplitude > 0) = {p:.3f}", title=run.name, p=deviation.probability
+        )
+        ax.set_title(title)
     legend_below(figure, ncols=4)
     return figure

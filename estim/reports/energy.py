@@ -130,7 +130,7 @@ def drift_words(drift: DriftSummary) -> str:
             "construction and contain no information about "
             "a loss: give rolling_resistance a prior."
         )
-    said = {
+    fields = {
         "gain": max(drift.gain, 0.0),
         "p": format_p(drift.p_value),
         "share": percentage(drift.narrowing, 2),
@@ -140,7 +140,7 @@ def drift_words(drift: DriftSummary) -> str:
             "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none); the data "
             "reduce the uncertainty of the rolling "
             "resistance to {share} of its prior, so the loss below is measured.",
-            **said,
+            **fields,
         )
     if drift.determined and drift.limit is not None:
         return phrase(
@@ -150,7 +150,7 @@ def drift_words(drift: DriftSummary) -> str:
             "with probability 95 %; read the loss below as "
             "a limit, not as a measurement.",
             limit=significant(drift.limit, 2),
-            **said,
+            **fields,
         )
     return phrase(
         "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none). After the fit "
@@ -158,7 +158,7 @@ def drift_words(drift: DriftSummary) -> str:
         "as its prior ({share} of the prior's width): a loss would reflect the assumption, "
         "not a measurement, and none is given. A joint "
         "fit of more runs, or a wider prior, lets the data determine it.",
-        **said,
+        **fields,
     )
 
 
@@ -211,17 +211,17 @@ def average_words(energies: Mapping[str, EnergySummary]) -> str:
     shares = [
         percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()
     ]
-    said = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
+    fields = {"shares": ", ".join(shares), "runs": ", ".join(energies)}
     if by_start:
         return phrase(
             "Averaged over the frames of a run, the energy differs from its value at "
             "release by {shares} ({runs}).",
-            **said,
+            **fields,
         )
     return phrase(
         "Averaged over the frames of a run, the energy differs from its value at release "
         "by {shares} of the largest kinetic energy ({runs}).",
-        **said,
+        **fields,
     )
 
 

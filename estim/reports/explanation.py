@@ -84,18 +84,18 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
         number(plain.p_size),
         [
             CandidateSummary(
-                one.name,
-                one.words,
-                one.gain,
-                one.found,
-                [EstimatedSummary(n.name, n.value, number(n.sd)) for n in one.numbers],
-                number(one.p_order),
-                number(one.p_size),
-                list(one.lines),
-                one.remark,
-                _outcome_summary(one.outcome),
+                candidate.name,
+                candidate.words,
+                candidate.gain,
+                candidate.found,
+                [EstimatedSummary(n.name, n.value, number(n.sd)) for n in candidate.numbers],
+                number(candidate.p_order),
+                number(candidate.p_size),
+                list(candidate.lines),
+                candidate.remark,
+                _outcome_summary(candidate.outcome),
             )
-            for one in explanation.candidates
+            for candidate in explanation.candidates
         ],
     )
 
@@ -112,18 +112,18 @@ def _outcome_summary(outcome: Outcome | None) -> OutcomeSummary | None:
 
 def explanation_text(explanation: Explanation) -> Markdown:
     """Markdown fragment without a heading."""
-    found = explanation.found[:_MOST_SHOWN]
+    candidates = explanation.found[:_MOST_SHOWN]
     return render(
         "explanation.md.j2",
         verdict=tell(verdict(explanation)),
-        rows=found,
+        rows=candidates,
         value=_values,
         remains=_left,
         added=_added,
         add=_add_cell,
         found=f"{FOUND:g}",
         tied=f"{TIED:g}",
-        more=len(explanation.found) - len(found),
+        more=len(explanation.found) - len(candidates),
         best=next(iter(explanation.candidates), None),
         offered=explanation.offered is not None,
         n_tried=len(explanation.candidates),
@@ -145,47 +145,49 @@ def slip_words(explanation: Explanation | None) -> str:
 
 def explanation_lines(explanation: Explanation) -> list[str]:
     """The same for a terminal, line by line."""
-    said = [tell(verdict(explanation))]
-    for one in explanation.found[:_MOST_SHOWN]:
-        gain = signed(f"{one.gain:.0f}")
+    lines = [tell(verdict(explanation))]
+    for candidate in explanation.found[:_MOST_SHOWN]:
+        gain = signed(f"{candidate.gain:.0f}")
         line = phrase(
             "{gain:>7}  {words}: {value}; the residuals are then {left}",
             gain=gain,
-            words=one.words,
-            value=_values(one),
-            left=_left(one),
+            words=candidate.words,
+            value=_values(candidate),
+            left=_left(candidate),
         )
-        said.append(
+        lines.append(
             line
-            if one.outcome is None
-            else phrase("{line}; added to the campaign: {added}", line=line, added=_added(one))
+            if candidate.outcome is None
+            else phrase(
+                "{line}; added to the campaign: {added}", line=line, added=_added(candidate)
+            )
         )
     if explanation.offered is not None:
-        said.append(
+        lines.append(
             phrase(
                 "to add (priors as wide as the effect may plausibly be; your own "
                 "measurement of it is better):"
             )
         )
-        said += [f"    {line}" for line in explanation.offered.lines]
-    return said
+        lines += [f"    {line}" for line in explanation.offered.lines]
+    return lines
 
 
 def runs_text(causes: Sequence[CauseOfRuns]) -> Markdown:
     """Markdown fragment without a heading: which runs show which cause, and whether they agree."""
     rows = [
         (
-            one.words,
-            signed(f"{one.gain:.0f}"),
-            phrase("{n} of {total}", n=len(one.found_in), total=one.n_run),
+            cause.words,
+            signed(f"{cause.gain:.0f}"),
+            phrase("{n} of {total}", n=len(cause.found_in), total=cause.n_run),
             ", ".join(
                 f"{m.label.symbol.partition('[')[0]} = "
                 f"{_quantity(m.value, m.sd, m.label.factor, m.label.unit)}"
-                for m in one.means
+                for m in cause.means
             ),
-            "n/a" if math.isnan(one.p) else format_p(one.p),
+            "n/a" if math.isnan(cause.p) else format_p(cause.p),
         )
-        for one in causes[:_MOST_SHOWN]
+        for cause in causes[:_MOST_SHOWN]
     ]
     return render("causes_of_runs.md.j2", rows=rows)
 
@@ -203,8 +205,8 @@ def _value(n: Estimated) -> str:
 
 
 def _quantity(value: float, sd: float, factor: float, unit: str) -> str:
-    shown = format_quantity(value * factor, sd * factor)
-    return shown if unit == "1" else f"({shown}) {unit}"
+    text = format_quantity(value * factor, sd * factor)
+    return text if unit == "1" else f"({text}) {unit}"
 
 
 def _left(one: Candidate) -> str:
@@ -222,11 +224,11 @@ def _added(one: Candidate) -> str:
         return phrase("not tested in the campaign")
     if not one.outcome.status.ok:
         return str(one.outcome.status)
-    found = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
+    summary = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
     return (
-        phrase("{found}; an unmodelled force remains", found=found)
+        phrase("{found}; an unmodelled force remains", found=summary)
         if one.outcome.lacking
-        else found
+        else summary
     )
 
 

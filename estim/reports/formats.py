@@ -15,10 +15,10 @@ def with_formats(files: Files, formats: Iterable[str]) -> dict[str, bytes]:
     """`files` of a report (path -> bytes) and, in each of `formats` ("html", "pdf"), `report.html`
     or `report.pdf` of its `report.md`.
     """
-    made = dict(files)
+    outputs = dict(files)
     for name in formats if "report.md" in files else ():
-        made[f"report.{name}"] = _MAKERS[name](files)
-    return made
+        outputs[f"report.{name}"] = _MAKERS[name](files)
+    return outputs
 
 
 def _html(files: Files) -> bytes:

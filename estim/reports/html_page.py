@@ -153,8 +153,8 @@ class _Renderer(RendererHTML):
     def html_block(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
         state: _State = env["state"]
         content = tokens[i].content
-        if found := FOLD.fullmatch(content):
-            state.summary = unescaped(found[1])
+        if match := FOLD.fullmatch(content):
+            state.summary = unescaped(match[1])
             if state.paper:
                 return f"<section>\n<h2>{escape(state.summary)}</h2>\n"
             place = self._entry(state, state.summary, folded=True)
@@ -260,12 +260,12 @@ def _level(heading: Token) -> int:
 def _plain(token: Token) -> str:
     """The text of a heading or an image, without its marks."""
     return "".join(
-        one.content
-        if one.type in ("text", "text_special", "code_inline")
+        child.content
+        if child.type in ("text", "text_special", "code_inline")
         else " "
-        if one.type in ("softbreak", "hardbreak")
+        if child.type in ("softbreak", "hardbreak")
         else ""
-        for one in token.children or []
+        for child in token.children or []
     )
 
 
@@ -273,13 +273,13 @@ def arranged(tokens: Sequence[Token]) -> list[Token]:
     """The tokens with an image that stands alone as a figure, the italics below it as its caption,
     no part's title twice.
     """
-    left: list[Token] = []
+    result: list[Token] = []
     i, summary = 0, ""
     while i < len(tokens):
         token = tokens[i]
         if token.type == "html_block":
-            found = FOLD.fullmatch(token.content)
-            summary = unescaped(found[1]) if found else ""
+            match = FOLD.fullmatch(token.content)
+            summary = unescaped(match[1]) if match else ""
         elif token.type == "heading_open":
             if summary and tokens[i + 1].content == summary:
                 i, summary = i + 3, ""
@@ -294,13 +294,13 @@ def arranged(tokens: Sequence[Token]) -> list[Token]:
                 tokens[i + 5].meta = {"captioned": True}
                 inline = tokens[i + 4]
                 inline.children = (inline.children or [])[1:-1]
-                left += tokens[i : i + 6]
+                result += tokens[i : i + 6]
                 i += 6
                 continue
-        left.append(token)
+        result.append(token)
         i += 1
-    _levelled(left)
-    return left
+    _levelled(result)
+    return result
 
 
 def _levelled(tokens: Sequence[Token]) -> None:
@@ -342,8 +342,8 @@ def _alone(tokens: Sequence[Token], i: int, kind: str) -> bool:
         return False
     inside = tokens[i + 1].children or []
     if kind == "image":
-        return [one.type for one in inside] == ["image"]
-    ends = [k for k, one in enumerate(inside) if one.type == "em_close" and one.level == 0]
+        return [child.type for child in inside] == ["image"]
+    ends = [k for k, child in enumerate(inside) if child.type == "em_close" and child.level == 0]
     return bool(inside) and inside[0].type == "em_open" and ends == [len(inside) - 1]
 
 

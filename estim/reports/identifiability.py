@@ -75,22 +75,22 @@ def identify_section(
     rows, doubts = [], []
     for i, (parameter, leaning) in enumerate(zip(problem.parameters, sensitivity, strict=True)):
         interval = profiles.get(parameter.name)
-        shown = parameter.label
+        label = parameter.label
         sd = float(posterior_sds[i])
         prior_sd = (
-            significant(parameter.prior.sd * shown.factor, 2)
+            significant(parameter.prior.sd * label.factor, 2)
             if np.isfinite(parameter.prior.sd)
             else phrase("flat")
         )
         rows.append(
             IdentifyRow(
-                symbol=shown.symbol,
-                unit="" if shown.unit == "1" else shown.unit,
+                symbol=label.symbol,
+                unit="" if label.unit == "1" else label.unit,
                 prior_sd=prior_sd,
-                posterior_sd=significant(sd * shown.factor, 2),
+                posterior_sd=significant(sd * label.factor, 2),
                 ratio=f"{sd / parameter.prior.sd:.2f}" if np.isfinite(parameter.prior.sd) else "—",
-                profile_68=_cell(interval, 0.68, sd, shown),
-                profile_95=_cell(interval, 0.95, sd, shown),
+                profile_68=_cell(interval, 0.68, sd, label),
+                profile_95=_cell(interval, 0.95, sd, label),
                 verdict=_verdict(problem, leaning, float(draws[:, i].mean())),
             )
         )
@@ -237,11 +237,11 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
                 fontsize=7,
                 color=INK,
             )
-    upright = not single or max(len(shown.symbol) for shown in labels) > 8
+    upright = not single or max(len(label.symbol) for label in labels) > 8
     _components(
         right,
         np.array([d.vector for d in found.directions]),
-        [shown.tex for shown in labels],
+        [label.tex for label in labels],
         upright=upright,
     )
     return figure
@@ -286,9 +286,9 @@ def profile_figure(
     for k, (ax, interval) in enumerate(zip(axes, intervals, strict=True)):
         index = problem.names.index(interval.name)
         parameter = problem.parameters[index]
-        shown = parameter.label if len(problem.runs) > 1 else parameter.bare_label
-        _draw_profile(ax, interval, draws[:, index] * shown.factor, shown.factor)
-        ax.set_xlabel(shown.axis)
+        label = parameter.label if len(problem.runs) > 1 else parameter.bare_label
+        _draw_profile(ax, interval, draws[:, index] * label.factor, label.factor)
+        ax.set_xlabel(label.axis)
         if k % 3 == 0:
             ax.set_ylabel(phrase("increase of −2 ln p"))
     handles = [
@@ -310,9 +310,9 @@ def profile_figure(
 
 def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor: float) -> None:
     sides = ((interval.open_low, interval.low), (interval.open_high, interval.high))
-    x, kept = np.unique(interval.x * factor, return_index=True)
+    x, indices = np.unique(interval.x * factor, return_index=True)
     # the signed square root of a rise is nearly a straight line: smooth in between
-    root = np.sqrt(np.maximum(interval.rise[kept], 0.0)) * np.where(
+    root = np.sqrt(np.maximum(interval.rise[indices], 0.0)) * np.where(
         x < interval.value * factor, -1.0, 1.0
     )
     fine = np.linspace(x[0], x[-1], 300)
@@ -360,11 +360,13 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
     ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt")
     ax.plot(median, -0.55, "|", color=INK, ms=7)
-    shown = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
+    extent = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
     margin = (
-        0.06 * float(np.ptp(shown)) if math.isfinite(np.ptp(shown)) and np.ptp(shown) > 0.0 else 1.0
+        0.06 * float(np.ptp(extent))
+        if math.isfinite(np.ptp(extent)) and np.ptp(extent) > 0.0
+        else 1.0
     )
-    ax.set_xlim(shown.min() - margin, shown.max() + margin)
+    ax.set_xlim(extent.min() - margin, extent.max() + margin)
     ax.set_ylim(-1.1, _TOP_RISE)
     ax.set_yticks([0, 1, 2, 3, 4])
     ax.locator_params(axis="x", nbins=4)

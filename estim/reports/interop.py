@@ -85,8 +85,8 @@ def to_datatree(analysis: Analysis) -> xarray.DataTree:
 
     return DataTree.from_dict(
         {
-            path: Dataset(one.variables, one.coordinates, one.attributes)
-            for path, one in _groups(analysis).items()
+            path: Dataset(group.variables, group.coordinates, group.attributes)
+            for path, group in _groups(analysis).items()
         }
     )
 
@@ -208,7 +208,7 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
 
 
 def _empty(analysis: Analysis) -> Group:
-    said = _said(analysis) | {
+    attributes = _said(analysis) | {
         "title": one_line(analysis.title),
         "reasons": "\n".join(analysis.diagnosis.reasons),
     }
@@ -222,7 +222,7 @@ def _empty(analysis: Analysis) -> Group:
     )
     return Group(
         attributes={
-            **said,
+            **attributes,
             "seed": analysis.seed,
             "sampling": analysis.chain.convergence.message,
             "draws": draws,
@@ -282,18 +282,22 @@ def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
     )
     n_chain = draws.shape[0]
     n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
-    kept = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
-    pointwise = analysis.fit.posterior.pointwise(draws[:, order[kept]].reshape(-1, draws.shape[-1]))
+    indices = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
+    pointwise = analysis.fit.posterior.pointwise(
+        draws[:, order[indices]].reshape(-1, draws.shape[-1])
+    )
     meaning = phrase("log density of a point given the other points of its run")
     variables = {
         _variable(run.name, "run"): (
             ("chain", "draw", _dim(run.name)),
-            terms.reshape(n_chain, kept.size, -1),
+            terms.reshape(n_chain, indices.size, -1),
             _about("1", meaning),
         )
         for run, terms in zip(analysis.problem.runs, pointwise, strict=True)
     }
-    return Group(variables, {"chain": (("chain",), np.arange(n_chain)), "draw": (("draw",), kept)})
+    return Group(
+        variables, {"chain": (("chain",), np.arange(n_chain)), "draw": (("draw",), indices)}
+    )
 
 
 def _prior(analysis: Analysis) -> Group:
@@ -376,8 +380,8 @@ def as_netcdf(groups: Mapping[str, Group]) -> bytes:
 
 
 def _write(place: Any, group: Group) -> None:
-    for name, said in group.attributes.items():
-        place.attrs[name] = said if isinstance(said, str) else np.atleast_1d(said)
+    for name, value in group.attributes.items():
+        place.attrs[name] = value if isinstance(value, str) else np.atleast_1d(value)
     everything = [
         (dims, np.asarray(values))
         for dims, values, *_ in (*group.coordinates.values(), *group.variables.values())
@@ -394,8 +398,8 @@ def _write(place: Any, group: Group) -> None:
         variable.attrs.update(about)
         along = [
             other
-            for other, (own, _) in group.coordinates.items()
-            if own != (other,) and set(own) <= set(dims)
+            for other, (axes, _) in group.coordinates.items()
+            if axes != (other,) and set(axes) <= set(dims)
         ]
         if along:
             variable.attrs["coordinates"] = " ".join(along)

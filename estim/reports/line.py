@@ -272,15 +272,15 @@ def line_text(
 
     true : gamma of synthetic data, where it is known.
     """
-    shown = [line_estimate(result, true)] if result.status == "ok" else []
-    head, rows = result_table(shown)
+    estimates = [line_estimate(result, true)] if result.status == "ok" else []
+    head, rows = result_table(estimates)
     return render(
         "line.md.j2",
         pictures=pictures,
         opened=(),
         trials=trials,
         found=table(head, rows),
-        copies=copies_of(shown) if shown else None,
+        copies=copies_of(estimates) if estimates else None,
         **line_values(result),
     )
 
@@ -459,10 +459,10 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
-        said = phrase(
+        label = phrase(
             "theory, with the stated γ = {gamma}", gamma=format_quantity(gamma.value, gamma.u)
         )
-        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=said)
+        ax.plot(x, x / gamma.value, color=ORANGE, lw=1.8, label=label)
     ax.plot(
         x,
         analysis.ols.intercept + analysis.ols.slope * x,

@@ -163,28 +163,28 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
     outputs = {output.name: _output(propagation, i) for i, output in enumerate(model.outputs)}
     meanings = [meaning for quantity in model.quantities for meaning in quantity.meanings]
     parts = {
-        one.name: PartRecord(
-            one.value,
-            one.u,
-            one.unit,
-            one.distribution if one.u > 0.0 else "exact",
-            number(one.dof),
+        entry.name: PartRecord(
+            entry.value,
+            entry.u,
+            entry.unit,
+            entry.distribution if entry.u > 0.0 else "exact",
+            number(entry.dof),
             meaning,
         )
-        for one, meaning in zip(linear.inputs, meanings, strict=True)
+        for entry, meaning in zip(linear.inputs, meanings, strict=True)
     }
     pairs: list[list[str | float]] = [[a, b, r] for (a, b), r in (model.correlation or {}).items()]
-    found = [
+    regions = [
         RegionRecord(
-            [model.outputs[k].name for k in one.pair],
-            *one.correlation,
-            one.k_ellipse,
-            one.k_drawn,
-            one.k_rectangle,
-            one.k_rectangle_drawn,
-            one.held,
+            [model.outputs[k].name for k in entry.pair],
+            *entry.correlation,
+            entry.k_ellipse,
+            entry.k_drawn,
+            entry.k_rectangle,
+            entry.k_rectangle_drawn,
+            entry.held,
         )
-        for one in propagation.regions
+        for entry in propagation.regions
     ]
     at = Provenance(one_line(str(model.path)), model.sha256, {}, seed, software_versions())
     return MeasurementResult(
@@ -198,7 +198,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
         outputs,
         parts,
         pairs,
-        found,
+        regions,
         propagation.validation.message,
         list(propagation.notes),
         at,
@@ -280,7 +280,9 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
     percent = f"{100.0 * linear.probability:g} %"
     if quoted == "GUM":
-        value, u, k, dof = (float(one[i]) for one in (linear.value, linear.u, linear.k, linear.dof))
+        value, u, k, dof = (
+            float(array[i]) for array in (linear.value, linear.u, linear.k, linear.dof)
+        )
         if u == 0.0:
             return phrase(
                 "{what}: {name} = {value}, exact.",
@@ -324,7 +326,7 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
                 "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
             )
         )
-        said = {
+        fields = {
             "what": what,
             "best": best,
             "percent": percent,
@@ -336,12 +338,12 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
                 "{what}: {best} the probabilistically symmetric {percent} coverage "
                 "interval {ends}, by propagation of distributions "
                 "({n} Monte Carlo trials, JCGM 101).",
-                **said,
+                **fields,
             )
         return phrase(
             "{what}: {best} the shortest {percent} coverage interval {ends}, by "
             "propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
-            **said,
+            **fields,
         )
     return ""
 
@@ -376,14 +378,14 @@ def measurement_report(
 
 def measurement_lines(propagation: Propagation) -> list[str]:
     """The statements for a terminal, or why there is none."""
-    found = []
+    lines = []
     for i, (output, status) in enumerate(
         zip(propagation.model.outputs, propagation.statuses, strict=True)
     ):
         quoted = "GUM" if propagation.gum_holds[i] else "Monte Carlo"
         none = phrase("{name}: {status}: there is no valid result", name=output.name, status=status)
-        found.append(statement(propagation, i, quoted) if status.ok else none)
-    return found
+        lines.append(statement(propagation, i, quoted) if status.ok else none)
+    return lines
 
 
 def _cell(value: float | None, u: float | None, beside: float | None = None) -> str:
@@ -402,10 +404,10 @@ def _ends(ends: list[float | None], u: float | None) -> str:
 def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     """For each output a row for each method: value, u, degrees of freedom, k, U, interval."""
     tables: dict[str, list[tuple[str, ...]]] = {}
-    for name, one in result.outputs.items():
-        gum, drawn = one.gum, one.monte_carlo
+    for name, output in result.outputs.items():
+        gum, drawn = output.gum, output.monte_carlo
         dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
-        half, own = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
+        half, limits = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
         rows: list[tuple[str, ...]] = []
         rows.append(
             (
@@ -415,7 +417,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
                 dof,
                 f"{gum.k:.2f}",
                 half,
-                own,
+                limits,
             )
         )
         if (
@@ -532,9 +534,9 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
             label=phrase("draws (Monte Carlo)"),
         )
         interval = propagation.interval
-        said = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
+        label = phrase(_INTERVALS_DRAWN[propagation.model.interval], percent=percent)
         for end in (interval.low[i], interval.high[i]):
-            ax.axvline(float(end), color=BLUE, lw=1.4, label=said)
+            ax.axvline(float(end), color=BLUE, lw=1.4, label=label)
     if u > 0.0 and math.isfinite(value):
         left, right = ax.get_xlim()
         room = 0.25 * float(linear.high[i] - linear.low[i])
@@ -578,9 +580,9 @@ def shares_figure(propagation: Propagation) -> Figure:
     shares = np.nan_to_num([[row.share for row in budget.rows] for budget in budgets]).T
     names = [row.input.name for row in budgets[0].rows]
     order = np.argsort(-shares.max(axis=1), kind="stable")
-    told = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
-    rest = [i for i in order if i not in told]
-    sources, rows = [names[i] for i in told], [shares[i] for i in told]
+    largest = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
+    rest = [i for i in order if i not in largest]
+    sources, rows = [names[i] for i in largest], [shares[i] for i in largest]
     if shares[rest].max(initial=0.0) > 0.0:
         sources.append(phrase("{n} more", n=len(rest)) if len(rest) > 1 else names[rest[0]])
         rows.append(shares[rest].sum(axis=0))
@@ -597,9 +599,9 @@ def region_figure(propagation: Propagation) -> Figure:
     """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle,
     and the smallest region.
     """
-    shown = propagation.regions[:_MOST_PANELS]
-    figure, axes = grid(len(shown), height=3.9)
-    for ax, region in zip(axes, shown, strict=True):
+    regions = propagation.regions[:_MOST_PANELS]
+    figure, axes = grid(len(regions), height=3.9)
+    for ax, region in zip(axes, regions, strict=True):
         _region(ax, propagation, region)
     legend_below(figure, ncols=2)
     return figure
@@ -648,15 +650,17 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         linewidths=0.9,
         linestyles=":",
     )
-    said = phrase("smallest region containing {percent} of the draws, approximate", percent=percent)
-    ax.plot([], [], color=INK, lw=0.9, ls=":", label=said)
-    said = phrase("{percent} ellipse of the GUM", percent=percent)
+    label = phrase(
+        "smallest region containing {percent} of the draws, approximate", percent=percent
+    )
+    ax.plot([], [], color=INK, lw=0.9, ls=":", label=label)
+    label = phrase("{percent} ellipse of the GUM", percent=percent)
     ax.plot(
         *ellipse(region.value, region.covariance, region.k_ellipse),
         color=ORANGE,
         lw=1.8,
         ls="--",
-        label=said,
+        label=label,
     )
     ax.plot(
         *ellipse(region.mean, region.drawn, region.k_drawn),
@@ -674,8 +678,8 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         ls="-.",
         label=phrase("{percent} rectangle of the draws", percent=percent),
     )
-    one, two = (propagation.model.outputs[k] for k in region.pair)
-    ax.set(xlabel=axis_name(one.name, one.unit), ylabel=axis_name(two.name, two.unit))
+    first, second = (propagation.model.outputs[k] for k in region.pair)
+    ax.set(xlabel=axis_name(first.name, first.unit), ylabel=axis_name(second.name, second.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)
     ax.locator_params(nbins=5)
 

@@ -127,7 +127,7 @@ def models_report(
     common = _common(rows)
     summaries = [_summary(row) for row in rows]
     runs = [run.name for run in problem.runs]
-    shown = _shown(rows)
+    drawn = _shown(rows)
     text = partial(
         render,
         "models.md.j2",
@@ -142,8 +142,10 @@ def models_report(
         values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
         widths=_width_table(rows),
         predicted=_predicted_table(rows),
-        shown="" if shown is None else shown.model.name,
-        strange=() if shown is None else [one for one in shown.predicted if not one.brought_back],
+        shown="" if drawn is None else drawn.model.name,
+        strange=()
+        if drawn is None
+        else [statistic for statistic in drawn.predicted if not statistic.brought_back],
         limit=P_NOT_BROUGHT_BACK,
         influential=INFLUENTIAL,
         odds=odds_words,
@@ -167,9 +169,9 @@ def models_report(
     drawers = {
         "figures/values.png": partial(values_figure, compared, common, comparison.recommended)
     }
-    if shown is not None and shown.predicted:
+    if drawn is not None and drawn.predicted:
         drawers["figures/predictive.png"] = partial(
-            predictive_figure, shown.predicted, shown.model.name
+            predictive_figure, drawn.predicted, drawn.model.name
         )
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {
         "models.json": as_json(record)
@@ -223,7 +225,7 @@ def price_words(comparison: ModelComparison) -> str:
 def odds_words(behind: float) -> str:
     """A difference of log evidence as odds, and in words."""
     odds = math.exp(min(abs(behind), 700.0))
-    shown = (
+    ratio = (
         phrase("more than a million")
         if odds > _LARGE
         else f"{odds:.2g}"
@@ -233,12 +235,12 @@ def odds_words(behind: float) -> str:
     words = phrase(
         next((words for limit, words in _WORTH if abs(behind) < limit), later("very strong"))
     )
-    return phrase("{odds} to 1 ({words})", odds=shown, words=words)
+    return phrase("{odds} to 1 ({words})", odds=ratio, words=words)
 
 
 def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
     if not row.ok:
-        told = (
+        comparable = (
             chosen is not None
             and chosen.lack is None
             and row.lack is None
@@ -246,7 +248,7 @@ def _why_not(row: ComparedModel, chosen: ComparedModel | None) -> str:
         )
         odds = (
             phrase("; the odds against it are {odds}", odds=odds_words(log_odds(row, chosen)))
-            if told and chosen is not None
+            if comparable and chosen is not None
             else ""
         )
         return f"{row.analysis.diagnosis.status}: {row.analysis.diagnosis.reasons[0]}{odds}"
@@ -273,8 +275,8 @@ def _shown(rows: Sequence[ComparedModel]) -> ComparedModel | None:
     simplest.
     """
     for name in ("unmodelled-force", "as-stated"):
-        if found := next((row for row in rows if row.model.name == name), None):
-            return found
+        if match := next((row for row in rows if row.model.name == name), None):
+            return match
     return rows[0] if rows else None
 
 
@@ -313,10 +315,10 @@ def _summary(row: ComparedModel) -> ModelSummary:
         se_behind_elpd=number(row.behind_se),
         influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
         widths=[
-            WidthSummary(one.of, one.factor, number(one.change), number(one.u))
-            for one in row.widths
+            WidthSummary(entry.of, entry.factor, number(entry.change), number(entry.u))
+            for entry in row.widths
         ],
-        predicted=[_predicted(one) for one in row.predicted],
+        predicted=[_predicted(entry) for entry in row.predicted],
     )
 
 
@@ -342,17 +344,17 @@ def _cell(s: ModelSummary, p: Parameter) -> str:
 
 def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:
     """Model, what, and the change of the log evidence for each factor."""
-    found = []
+    table = []
     for row in rows:
         labels = {p.name: p.label.symbol for p in row.analysis.problem.parameters}
-        for of in dict.fromkeys(one.of for one in row.widths):
-            by_factor = {one.factor: one.change for one in row.widths if one.of == of}
+        for of in dict.fromkeys(width.of for width in row.widths):
+            by_factor = {width.factor: width.change for width in row.widths if width.of == of}
             changes = [
                 _change(by_factor[factor]) if factor in by_factor else ""
                 for factor in (0.0, 0.5, 2.0)
             ]
-            found.append((row.model.name, labels.get(of) or phrase(_ROOM.get(of, of)), changes))
-    return found
+            table.append((row.model.name, labels.get(of) or phrase(_ROOM.get(of, of)), changes))
+    return table
 
 
 def _change(value: float) -> str:
@@ -361,8 +363,15 @@ def _change(value: float) -> str:
 
 def _predicted_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:
     """Run, statistic, and p under each model."""
-    every = {(one.run, one.name): one.words for row in rows for one in row.predicted}
-    of_row = [{(one.run, one.name): one.p_words for one in row.predicted} for row in rows]
+    every = {
+        (statistic.run, statistic.name): statistic.words
+        for row in rows
+        for statistic in row.predicted
+    }
+    of_row = [
+        {(statistic.run, statistic.name): statistic.p_words for statistic in row.predicted}
+        for row in rows
+    ]
     return [
         (run, words, [cells.get((run, name), "—") for cells in of_row])
         for (run, name), words in every.items()
@@ -426,18 +435,18 @@ def predictive_figure(predicted: Sequence[Predicted], model: str) -> Figure:
     """Histograms of each statistic of the data sets, and that of the data: a line, or an outline
     where it depends on the parameters.
     """
-    runs = list(dict.fromkeys(one.run for one in predicted))
-    names = list(dict.fromkeys(one.name for one in predicted))
+    runs = list(dict.fromkeys(statistic.run for statistic in predicted))
+    names = list(dict.fromkeys(statistic.name for statistic in predicted))
     figure = new_figure(0.7 + 1.75 * len(runs))
     axes = figure.subplots(len(runs), len(names), squeeze=False)
-    by_place = {(one.run, one.name): one for one in predicted}
+    by_place = {(statistic.run, statistic.name): statistic for statistic in predicted}
     for i, run in enumerate(runs):
         for k, name in enumerate(names):
-            ax, one = axes[i, k], by_place.get((run, name))
-            if one is None:
+            ax, statistic = axes[i, k], by_place.get((run, name))
+            if statistic is None:
                 ax.set_visible(False)
                 continue
-            _histogram(ax, one)
+            _histogram(ax, statistic)
             if k == 0:
                 ax.set_ylabel(run)
     title = phrase(

@@ -49,9 +49,9 @@ def unbroken(text: str) -> str:
 
 def marked(figure: Figure) -> Figure:
     """The figure, saying of its data that they are SYNTHETIC."""
-    said = figure.get_suptitle()
+    title = figure.get_suptitle()
     figure.suptitle(
-        phrase("{title}; SYNTHETIC data", title=said) if said else phrase("SYNTHETIC data")
+        phrase("{title}; SYNTHETIC data", title=title) if title else phrase("SYNTHETIC data")
     )
     return figure
 
@@ -62,10 +62,10 @@ def page(drawers: Drawers, text: Text, *, wanted: bool, kind: str = "") -> dict[
     kind : of the data; where they are "synthetic" every figure says so.
     """
     drawn = drawers if wanted else {}
-    shown = {
+    images = {
         path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()
     }
-    return shown | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}
+    return images | {"report.md": unbroken(text(pictures=drawn.keys())).encode()}
 
 
 def with_campaign(files: Mapping[str, bytes], text: str, *, file: str) -> dict[str, bytes]:
@@ -122,8 +122,10 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
         [cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])
     )
     files[path] = whole.getvalue().encode()
-    told = cells[: 2 + _ROWS] if n_row > MOST_ROWS else cells
-    rows = [f"|{'|'.join(row[:_COLUMNS] if n_column > MOST_COLUMNS else row)}|\n" for row in told]
+    excerpt = cells[: 2 + _ROWS] if n_row > MOST_ROWS else cells
+    rows = [
+        f"|{'|'.join(row[:_COLUMNS] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt
+    ]
     return (
         "".join(rows)
         + "\n"
@@ -138,7 +140,7 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
 
 
 def _list(block: str, path: str, files: dict[str, bytes]) -> str:
-    points = [found.start() for found in re.finditer(r"^- ", block, re.MULTILINE)]
+    points = [match.start() for match in re.finditer(r"^- ", block, re.MULTILINE)]
     if len(points) <= MOST_POINTS:
         return block
     files[path] = block.encode()

@@ -159,9 +159,9 @@ def plan_record(plan: Plan) -> PlanRecord:
 
 def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
     """`report.md`, `plan.json` and the figures.  figures : whether there are any."""
-    record, shown = plan_record(plan), shown_options(plan.options)
+    record, options = plan_record(plan), shown_options(plan.options)
     drawers: dict[str, Callable[[], Figure]] = (
-        {"figures/ratios.png": partial(ratio_figure, plan, shown)} if shown else {}
+        {"figures/ratios.png": partial(ratio_figure, plan, options)} if options else {}
     )
     if plan.along:
         drawers["figures/places.png"] = partial(along_figure, plan)
@@ -172,8 +172,8 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         kind=kind_words(record.kind),
         plan=plan,
         how=phrase(plan.how),
-        shown=[_row(o) for o in shown],
-        left_out=len(plan.options) - len(shown),
+        shown=[_row(o) for o in options],
+        left_out=len(plan.options) - len(options),
         heads=[
             head
             for p in plan.targets
@@ -196,7 +196,7 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
     """All that was asked for, and of the further runs that were tried the best, one of each
     tilt.
     """
-    shown, seen = [], set[object]()
+    chosen, seen = [], set[object]()
     for option in options:
         if option.wish.group == MORE and not option.wish.own:
             run = option.wish.runs[0] if len(option.wish.runs) == 1 else None
@@ -212,8 +212,8 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
             if alike in seen or len(seen) == _MOST_RUNS:
                 continue
             seen.add(alike)
-        shown.append(option)
-    return tuple(shown)
+        chosen.append(option)
+    return tuple(chosen)
 
 
 def _answer(plan: Plan, halving: Halving, i: int) -> str:
@@ -280,8 +280,8 @@ def value_alone(value: float, u: float) -> str:
     """A value to the digits that its uncertainty leaves, without the uncertainty: '0.75' of 0.75 ±
     0.14, '4.3×10²' of (4.3 ± 0.4)×10².
     """
-    shown = format_quantity(value, u)
-    return shown.split(" ± ")[0].removeprefix("(") + shown.partition(")")[2]
+    text = format_quantity(value, u)
+    return text.split(" ± ")[0].removeprefix("(") + text.partition(")")[2]
 
 
 def _now_rows(plan: Plan) -> list[tuple[str, ...]]:
@@ -295,11 +295,11 @@ def _now_rows(plan: Plan) -> list[tuple[str, ...]]:
 
 def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
     """Why, what cannot be measured, and how many further ones of those that were tried."""
-    found: dict[str, list[Option]] = {}
+    by_reason: dict[str, list[Option]] = {}
     for option in options:
-        found.setdefault(option.reason, []).append(option)
+        by_reason.setdefault(option.reason, []).append(option)
     rows = []
-    for reason, alike in found.items():
+    for reason, alike in by_reason.items():
         words = [
             option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)
         ]
@@ -322,7 +322,7 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
     ax.hlines(places, 0.0, 1.0, color=GREY, lw=0.4, alpha=0.5)
     for k, target in enumerate(plan.targets[:_MOST]):
         ratios = [option.ratio[k] for option in options]
-        said = phrase("u of {quantity}", quantity=target.label.tex)
+        label = phrase("u of {quantity}", quantity=target.label.tex)
         ax.plot(
             ratios,
             places,
@@ -330,7 +330,7 @@ def ratio_figure(plan: Plan, options: Sequence[Option]) -> Figure:
             color=COLOURS[k],
             ms=5,
             ls="none",
-            label=said,
+            label=label,
             mec="white",
             mew=0.5,
         )

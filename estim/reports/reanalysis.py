@@ -247,12 +247,12 @@ def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
     """What was analysed -> what a terminal says of it, for results that are ok: what the runs of a
     body share, and the line.
     """
-    found = {
+    lines = {
         f"joint fit of {body.body}": screen_lines(_shared(body.joint, r.campaign.truth))
         for body in r.bodies
         if body.joint.diagnosis.ok
     }
-    return found | (
+    return lines | (
         {"line": line_lines(r.campaign, r.line)} if r.line is not None and r.line.status.ok else {}
     )
 
@@ -261,8 +261,8 @@ def _shared(joint: Analysis, truth: Mapping[str, float]) -> list[Estimate]:
     runs = {run.name for run in joint.problem.runs}
     named = zip(joint.problem.names, joint.estimates, strict=True)
     return [
-        replace(one, true=truth.get(name))
-        for name, one in named
+        replace(estimate, true=truth.get(name))
+        for name, estimate in named
         if len(runs) == 1 or split_level(name)[1].strip("[]") not in runs
     ]
 
@@ -284,11 +284,13 @@ def reanalysis_text(
     }
     estimates = [
         replace(
-            one,
-            summary=msgspec.structs.replace(one.summary, meaning=_how_many(result.bodies[name])),
+            estimate,
+            summary=msgspec.structs.replace(
+                estimate.summary, meaning=_how_many(result.bodies[name])
+            ),
         )
         for name, screen in screens.items()
-        for one in screen.estimates
+        for estimate in screen.estimates
     ] + _of_line(result)
     head, rows = result_table(estimates)
     return render(
@@ -322,7 +324,9 @@ def reanalysis_text(
         screens=screens,
         found=table(head, rows),
         found_rows=rows,
-        copies=copies_of([one for one in estimates if one.measured]) if rows else None,
+        copies=copies_of([estimate for estimate in estimates if estimate.measured])
+        if rows
+        else None,
         sensitivity=sensitivity_words(
             [body.joint for body in result.bodies.values() if body.joint.status == "ok"]
         ),
@@ -360,7 +364,7 @@ def _band_words(result: ReanalysisResult, names: Collection[str]) -> str:
     of_fit = phrase("{symbols} as fitted", symbols=listed(list(dict.fromkeys(held))))
     if published and not held:
         return phrase("the paper's band, 68 %: stated inputs, {others}", others=of_paper)
-    others = [words for words, some in ((of_paper, published), (of_fit, held)) if some]
+    others = [words for words, items in ((of_paper, published), (of_fit, held)) if items]
     return "; ".join([phrase("stated inputs, 68 %"), *others])
 
 
@@ -401,8 +405,8 @@ def _energies(result: ReanalysisResult) -> dict[str, str]:
 def _gathered(words: Mapping[str, str]) -> dict[str, list[str]]:
     """What is said -> of which bodies."""
     names: dict[str, list[str]] = {}
-    for name, said in words.items():
-        names.setdefault(said, []).append(name)
+    for name, sentence in words.items():
+        names.setdefault(sentence, []).append(name)
     return names
 
 
@@ -411,12 +415,12 @@ def _of_line(result: ReanalysisResult) -> list[Estimate]:
     line = result.line
     if line is None or line.status != "ok":
         return []
-    own = f"gamma[{line.body}]"
+    name = f"gamma[{line.body}]"
     true = next(
         (
-            body.joint.parameters[own].true
+            body.joint.parameters[name].true
             for body in result.bodies.values()
-            if own in body.joint.parameters
+            if name in body.joint.parameters
         ),
         None,
     )
@@ -460,9 +464,9 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
     """Run, status, posterior of gamma, kappa, theta0 and phi; a dash where the status is not ok."""
     table = []
     for name, run in result.runs.items():
-        own = {split_level(full)[0]: full for full in run.parameters}
+        names = {split_level(full)[0]: full for full in run.parameters}
         cells = [
-            _single_cell(own[key], run) if key in own else ""
+            _single_cell(names[key], run) if key in names else ""
             for key in ("gamma", "kappa", "theta0", "phi")
         ]
         table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
@@ -470,15 +474,15 @@ def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
 
 
 def _single_cell(name: str, run: Result) -> str:
-    p, shown = run.parameters[name], run.labels.parameters[name]
-    return with_unit(value_cell(p, shown), shown.unit) if p.measured else phrase("as stated")
+    p, label = run.parameters[name], run.labels.parameters[name]
+    return with_unit(value_cell(p, label), label.unit) if p.measured else phrase("as stated")
 
 
 def _limit_words(body: BodySummary) -> list[str]:
     """What limits each shared parameter, in words."""
     sentences = []
-    for name, found in body.limits.items():
-        if not found:
+    for name, limits in body.limits.items():
+        if not limits:
             continue
         symbol = body.joint.labels.symbol(name)
         clauses = [
@@ -487,10 +491,10 @@ def _limit_words(body: BodySummary) -> list[str]:
                 u=format_limit(limit.u_known),
                 symbol=body.joint.labels.symbol(limit.group),
             )
-            for limit in found
+            for limit in limits
             if limit.u_known < 0.9 * limit.u
         ]
-        u, ways = format_limit(found[0].u), phrase("; to ").join(clauses)
+        u, ways = format_limit(limits[0].u), phrase("; to ").join(clauses)
         sentences.append(
             phrase(
                 "u({symbol}) = {u} (least squares) would fall to {ways}.",
@@ -517,16 +521,20 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
     """Uncertainty of gamma and kappa against the number of runs fit together, beside single
     runs.
     """
-    pairs = [(found, i) for found in tables for i in range(len(found.names))]
+    pairs = [(narrowing, i) for narrowing in tables for i in range(len(narrowing.names))]
     figure, axes = grid(len(pairs), height=2.9, columns=2)
-    for ax, (found, i) in zip(axes, pairs, strict=True):
-        count = np.arange(1, len(found.runs) + 1)
+    for ax, (narrowing, i) in zip(axes, pairs, strict=True):
+        count = np.arange(1, len(narrowing.runs) + 1)
         ax.plot(
-            count, found.u[:, i], "o-", color=BLUE, label=phrase("joint fit of runs up to this one")
+            count,
+            narrowing.u[:, i],
+            "o-",
+            color=BLUE,
+            label=phrase("joint fit of runs up to this one"),
         )
         ax.plot(
             count,
-            found.u_single[:, i],
+            narrowing.u_single[:, i],
             "s",
             color=INK,
             label=phrase("this run alone"),
@@ -535,12 +543,18 @@ def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:
             mew=1.6,
             ms=8,
         )
-        if np.isfinite(found.u_prior[i]):
-            ax.axhline(found.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated value"))
-        shown = np.array([*found.u[:, i], *found.u_single[:, i], found.u_prior[i]])
-        top = 1.1 * float(np.max(shown[np.isfinite(shown)]))
-        ax.set(ylabel=f"u({found.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4))
-        upright = sum(len(run) for run in found.runs) > 36
-        name_ticks(ax.xaxis, count, found.runs, rotation=90 if upright else 0)
+        if np.isfinite(narrowing.u_prior[i]):
+            ax.axhline(
+                narrowing.u_prior[i], ls=":", color=ORANGE, lw=1.8, label=phrase("stated value")
+            )
+        uncertainties = np.array(
+            [*narrowing.u[:, i], *narrowing.u_single[:, i], narrowing.u_prior[i]]
+        )
+        top = 1.1 * float(np.max(uncertainties[np.isfinite(uncertainties)]))
+        ax.set(
+            ylabel=f"u({narrowing.labels[i].tex})", ylim=(0.0, top), xlim=(0.6, len(count) + 0.4)
+        )
+        upright = sum(len(run) for run in narrowing.runs) > 36
+        name_ticks(ax.xaxis, count, narrowing.runs, rotation=90 if upright else 0)
     legend_below(figure)
     return figure

@@ -158,7 +158,7 @@ class Labels:
         if name in self.parameters:
             return self.parameters[name].symbol
         return next(
-            shown.symbol for full, shown in self.bare.items() if split_level(full)[0] == name
+            label.symbol for full, label in self.bare.items() if split_level(full)[0] == name
         )
 
 
@@ -186,8 +186,8 @@ def names_as_labels(units: Mapping[str, str], derived: Mapping[str, Mapping[str,
         },
         bare={name: Notation(base).label(unit) for name, (base, _, unit) in split.items()},
         derived={
-            run: {name: Notation(name).label(unit) for name, unit in found.items()}
-            for run, found in derived.items()
+            run: {name: Notation(name).label(unit) for name, unit in quantities.items()}
+            for run, quantities in derived.items()
         },
     )
 
@@ -204,10 +204,10 @@ class Outlier(msgspec.Struct, frozen=True):
 def outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
     """Those of a run."""
     return [
-        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(found.probability[i]))
-        for found in analysis.outliers
-        if found.run == run.name
-        for i in found.frames
+        Outlier(int(i) + 1, float(run.x[i]), float(run.y[i]), float(group.probability[i]))
+        for group in analysis.outliers
+        if group.run == run.name
+        for i in group.frames
     ]
 
 
@@ -235,13 +235,13 @@ def bad_frames(forces: Sequence[FoundForce], run: str) -> list[BadFrame]:
             jump.line or None,
             jump.size,
             jump.sd,
-            "s" if jump.kind == "clock" else found.reading_unit,
+            "s" if jump.kind == "clock" else force.reading_unit,
             jump.probability,
             tell(words),
         )
-        for found in forces
-        if found.run == run
-        for jump, words in zip(found.bad.jumps, bad_frames_found(found), strict=True)
+        for force in forces
+        if force.run == run
+        for jump, words in zip(force.bad.jumps, bad_frames_found(force), strict=True)
     ]
 
 
@@ -286,9 +286,9 @@ def parameter_summary(truth: Mapping[str, float], analysis: Analysis, i: int) ->
 
 def correlation_of(analysis: Analysis) -> Correlation:
     """Of at most `_MOST` parameters, in their order."""
-    kept = _told(analysis)
-    matrix = np.atleast_2d(np.corrcoef(analysis.chain.flat[:, kept].T))
-    return Correlation([analysis.problem.names[i] for i in kept], matrix.round(6).tolist())
+    indices = _told(analysis)
+    matrix = np.atleast_2d(np.corrcoef(analysis.chain.flat[:, indices].T))
+    return Correlation([analysis.problem.names[i] for i in indices], matrix.round(6).tolist())
 
 
 def _told(analysis: Analysis) -> list[int]:
@@ -298,14 +298,14 @@ def _told(analysis: Analysis) -> list[int]:
     problem, draws = analysis.problem, analysis.chain.flat
     if problem.n_par <= _MOST:
         return list(range(problem.n_par))
-    kept = set(problem.foremost(_MOST // 2))
+    chosen = set(problem.foremost(_MOST // 2))
     uses = np.bincount(np.concatenate(problem.columns), minlength=problem.n_par)
 
     def strongest(used: NDArray[np.int64]) -> float:
-        found = np.abs(np.atleast_2d(np.corrcoef(draws[:, used].T))) - np.eye(used.size)
-        return float(np.max(found[:, uses[used] == 1], initial=0.0))
+        correlation = np.abs(np.atleast_2d(np.corrcoef(draws[:, used].T))) - np.eye(used.size)
+        return float(np.max(correlation[:, uses[used] == 1], initial=0.0))
 
     for used in sorted(problem.columns, key=strongest, reverse=True):
-        if len(kept.union(used.tolist())) <= _MOST:
-            kept.update(used.tolist())
-    return sorted(kept)
+        if len(chosen.union(used.tolist())) <= _MOST:
+            chosen.update(used.tolist())
+    return sorted(chosen)

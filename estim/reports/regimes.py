@@ -141,7 +141,7 @@ def map_result(
     campaign: Campaign, maps: Sequence[BodyMap], *, seed: int, voice: Voice = Voice.PYTHON
 ) -> MapResult:
     """The record of maps."""
-    findings = [finding for found in maps for finding in found.findings]
+    findings = [finding for body_map in maps for finding in body_map.findings]
     fitted = maps[0].known.fitted
     return MapResult(
         MAP_SCHEMA,
@@ -151,8 +151,8 @@ def map_result(
         list(map(tell, findings)),
         advice_for(findings, voice),
         None if fitted is None else one_line(fitted.place),
-        {found.body: _body(found) for found in maps},
-        provenance(campaign, [place.run for found in maps for place in found.runs], seed),
+        {body_map.body: _body(body_map) for body_map in maps},
+        provenance(campaign, [place.run for body_map in maps for place in body_map.runs], seed),
     )
 
 
@@ -170,16 +170,16 @@ def map_report(
     """
     result = map_result(campaign, maps, seed=seed, voice=voice)
     drawers: dict[str, Callable[[], Figure]] = {}
-    for found in maps:
-        own = line if line is not None and line.body == found.body else None
-        drawers[f"figures/map-{found.body}.png"] = partial(regime_figure, found, own)
+    for body_map in maps:
+        series = line if line is not None and line.body == body_map.body else None
+        drawers[f"figures/map-{body_map.body}.png"] = partial(regime_figure, body_map, series)
     text = partial(
         render,
         "map.md.j2",
         result=result,
         kind=kind_words(campaign.kind),
         status_words=STATUS_WORDS,
-        parts=[(found, result.bodies[found.body]) for found in maps],
+        parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words,
         degrees=_degrees,
@@ -304,8 +304,8 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     )
     handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
     if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
-        said = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
-        handles.append(Line2D([], [], color=_DARK_VERMILION, lw=1.8, label=said))
+        label = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
+        handles.append(Line2D([], [], color=_DARK_VERMILION, lw=1.8, label=label))
     if found.downhill and np.any(
         (found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])
     ):
@@ -513,10 +513,10 @@ def _runs(ax: Axes, found: BodyMap) -> None:
 
 def place_words(found: BodyMap, place: RunPlace) -> str:
     """What a run should do, and what its recording shows."""
-    said = [f"{place.run}: {_start_words(place)}"]
+    clauses = [f"{place.run}: {_start_words(place)}"]
     if place.sets_off >= 0.5:
-        said.append(_end_words(place))
-    return "; ".join([*said, _recording_words(place, as_it_may=not found.known.fitted)])
+        clauses.append(_end_words(place))
+    return "; ".join([*clauses, _recording_words(place, as_it_may=not found.known.fitted)])
 
 
 def _start_words(place: RunPlace) -> str:

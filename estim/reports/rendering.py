@@ -160,14 +160,14 @@ def _environment(_language: str) -> jinja2.Environment:
 
 def sentences(source: str) -> Iterator[str]:
     """Those of a template's source that have words, in their order."""
-    found: list[str] = []
+    texts: list[str] = []
 
     def kept(words: str) -> str:
-        found.append(words)
+        texts.append(words)
         return words
 
     _each(source, kept)
-    yield from found
+    yield from texts
 
 
 def translated(source: str) -> str:

@@ -377,9 +377,9 @@ def _turning_point(end: FloatArray, run: Observations, diagnosis: Diagnosis) -> 
 def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
     run, goodness = analysis.problem.runs[i], analysis.goodness[i]
     unasked = [
-        one
-        for one in analysis.diagnosis.remarks
-        if one.kind is Kind.DEVIATION_UNASKED and one.run in ("", run.name)
+        entry
+        for entry in analysis.diagnosis.remarks
+        if entry.kind is Kind.DEVIATION_UNASKED and entry.run in ("", run.name)
     ]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
@@ -408,7 +408,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         bad_frames=bad_frames(analysis.fit.forces, run.name),
         what=phrase(run.words.what),
         derived=derived,
-        sought=[one.name for one in run.sought if one.name in derived],
+        sought=[entry.name for entry in run.sought if entry.name in derived],
         blank=list(table.blank),
     )
 
@@ -451,20 +451,20 @@ def first_screen(result: Result) -> Screen:
         else None
     )
     tests = p_sentence(p_curve, result.stated_values.p_value if result.stated_values.dof else None)
-    shown = [name for name in result.parameters if not _of_one_run(name, result)]
-    estimates = tuple([_estimate(name, result) for name in shown] + _derived_quantities(result))
+    names = [name for name in result.parameters if not _of_one_run(name, result)]
+    estimates = tuple([_estimate(name, result) for name in names] + _derived_quantities(result))
     head, rows = result_table(estimates)
     elsewhere = list(
         dict.fromkeys(
             result.labels.symbol(split_level(name)[0])
             for name in result.parameters
-            if name not in shown
+            if name not in names
         )
     )
-    noise = [one.noise_words for one in (result.deviation or {}).values() if one.noise_words]
+    noise = [force.noise_words for force in (result.deviation or {}).values() if force.noise_words]
     minds = [
         words
-        for words in (_warnings(result), _forces(result), _limits(shown, result), *noise)
+        for words in (_warnings(result), _forces(result), _limits(names, result), *noise)
         if words
     ]
     return Screen(
@@ -513,35 +513,35 @@ def _of_one_run(name: str, result: Result) -> bool:
 
 def _estimate(name: str, result: Result) -> Estimate:
     p = result.parameters[name]
-    shown = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
-    unit = "" if shown.unit == "1" else f" {shown.unit}"
+    label = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
+    unit = "" if label.unit == "1" else f" {label.unit}"
     # a prior with a width that nobody stated
     inferred = "" if p.stated or p.prior_sd is None else p.prior + unit
-    return Estimate(shown, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
+    return Estimate(label, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
 def _derived_quantities(result: Result) -> list[Estimate]:
     """What a user wanted computed: once where it is the same for all runs, else run by run."""
-    found: dict[str, dict[str, Estimate]] = {}
-    for run, one in result.runs.items():
-        for name in one.sought:
-            found.setdefault(name, {})[run] = Estimate(
-                result.labels.derived[run][name], one.derived[name], "", True
+    by_name: dict[str, dict[str, Estimate]] = {}
+    for run, entry in result.runs.items():
+        for name in entry.sought:
+            by_name.setdefault(name, {})[run] = Estimate(
+                result.labels.derived[run][name], entry.derived[name], "", True
             )
-    shown = []
-    for by_run in found.values():
+    estimates = []
+    for by_run in by_name.values():
         first = next(iter(by_run.values()))
         if (
             len(by_run) == len(result.runs)
-            and len({(one.summary.mean, one.summary.sd) for one in by_run.values()}) == 1
+            and len({(entry.summary.mean, entry.summary.sd) for entry in by_run.values()}) == 1
         ):
-            shown.append(first)
+            estimates.append(first)
         else:
-            shown += [
-                replace(one, label=replace(one.label, symbol=f"{one.label.symbol}[{run}]"))
-                for run, one in by_run.items()
+            estimates += [
+                replace(entry, label=replace(entry.label, symbol=f"{entry.label.symbol}[{run}]"))
+                for run, entry in by_run.items()
             ]
-    return shown
+    return estimates
 
 
 def _limits(shown: Sequence[str], result: Result) -> str:
@@ -566,10 +566,10 @@ def _limits(shown: Sequence[str], result: Result) -> str:
             )
         if first.kind in (STATED, PRIOR) and first.source in symbols:
             other = symbols[first.source].symbol
-            told = result.correlation.names  # of hundreds of runs not all
+            names = result.correlation.names  # of hundreds of runs not all
             r = (
-                result.correlation.matrix[told.index(name)][told.index(first.source)]
-                if {name, first.source} <= set(told)
+                result.correlation.matrix[names.index(name)][names.index(first.source)]
+                if {name, first.source} <= set(names)
                 else 0.0
             )
             tied = phrase(
@@ -592,15 +592,19 @@ def _limits(shown: Sequence[str], result: Result) -> str:
 
 def _forces(result: Result) -> str:
     """Whether the curve lacks something for sure."""
-    found = [one for one in (result.deviation or {}).values() if one.probability > _SURE]
-    if found:
-        size = 100.0 * max(one.typical for one in found)
+    forces = [
+        deviation
+        for deviation in (result.deviation or {}).values()
+        if deviation.probability > _SURE
+    ]
+    if forces:
+        size = 100.0 * max(deviation.typical for deviation in forces)
         return phrase(
             "there is an unmodelled force of about {size:.2g} % of the weight; the "
             "intervals allow for it",
             size=size,
         )
-    if any(one.probability > _SURE for one in (result.curve_deviation or {}).values()):
+    if any(deviation.probability > _SURE for deviation in (result.curve_deviation or {}).values()):
         return phrase(
             "the discrepancy between curve and data is larger than the errors; the "
             "intervals allow for an irregular deviation, but not "
@@ -617,7 +621,10 @@ def _forces(result: Result) -> str:
 def _left_out(result: Result) -> tuple[str, ...]:
     """Which rows have no value, where there are some."""
     blank = {name: run.blank for name, run in result.runs.items() if run.blank}
-    n, lines = sum(map(len, blank.values())), [line for found in blank.values() for line in found]
+    n, lines = (
+        sum(map(len, blank.values())),
+        [line for missing in blank.values() for line in missing],
+    )
     if not blank:
         return ()
     if len(result.runs) > 1:
@@ -644,16 +651,16 @@ def _left_out(result: Result) -> tuple[str, ...]:
 def _without_a_value(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     """What was asked for, and has no value at some of the draws."""
     # at an edge there is no mean, and every quantile
-    symbols = [one.label.symbol for one in estimates if one.summary.median is None]
+    symbols = [estimate.label.symbol for estimate in estimates if estimate.summary.median is None]
     if not symbols:
         return ()
-    said = phrase(
+    sentence = phrase(
         "there is no value for some of the draws (a division by zero, a root or logarithm "
         "of a negative "
         "number): {symbols}",
         symbols=listed(symbols),
     )
-    return (said,)
+    return (sentence,)
 
 
 def _warnings(result: Result) -> str:
@@ -662,12 +669,12 @@ def _warnings(result: Result) -> str:
     """
     runs = result.runs.values()
     n, bad, far = (
-        sum(len(found) for found in all_runs)
+        sum(len(entries) for entries in all_runs)
         for all_runs in zip(*((r.warnings, r.bad_frames, r.outliers) for r in runs), strict=True)
     )
     if n == 1 and not bad and not far:
         return next(words for run in runs for words in run.warnings)
-    said = (
+    counts = (
         ""
         if not n
         else phrase("{n} warning about a file", n=n)
@@ -685,8 +692,10 @@ def _warnings(result: Result) -> str:
         else phrase("{n} likely outliers", n=far),
     )
     return (
-        phrase("{counts}: see the section on data and noise", counts=", ".join(filter(None, said)))
-        if any(said)
+        phrase(
+            "{counts}: see the section on data and noise", counts=", ".join(filter(None, counts))
+        )
+        if any(counts)
         else ""
     )
 
@@ -695,17 +704,18 @@ def sensitivity_words(results: Sequence[Result]) -> str:
     """'1 % of the clock κ +0.3; 1 mm of sag θ₀ +0.9': the parameter of `results` that each error
     moves most, in posterior standard deviations.
     """
-    found: dict[str, tuple[float, str]] = {}
+    largest: dict[str, tuple[float, str]] = {}
     for result in results:
         symbols = result.labels.bare if len(result.runs) == 1 else result.labels.parameters
-        for one in [one for one in result.what_if if one.shifts][:_MOST_ERRORS]:
-            name = max(one.shifts, key=lambda parameter: abs(one.shifts[parameter]))
-            found[one.error] = max(
-                found.get(one.error, (0.0, "")),
-                (one.shifts[name], symbols[name].symbol),
+        for effect in [effect for effect in result.what_if if effect.shifts][:_MOST_ERRORS]:
+            name = max(effect.shifts, key=lambda parameter: abs(effect.shifts[parameter]))
+            largest[effect.error] = max(
+                largest.get(effect.error, (0.0, "")),
+                (effect.shifts[name], symbols[name].symbol),
                 key=lambda moved: abs(moved[0]),
             )
-    felt = {error: moved for error, moved in found.items() if abs(moved[0]) >= _FELT}
+    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= _FELT}
     return "; ".join(
-        f"{error}: {symbol} {signed(f'{shift:+.1f}')}" for error, (shift, symbol) in felt.items()
+        f"{error}: {symbol} {signed(f'{shift:+.1f}')}"
+        for error, (shift, symbol) in noticeable.items()
     )

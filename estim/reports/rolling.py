@@ -45,17 +45,17 @@ def rolling_summaries(analysis: Analysis) -> dict[str, RollingSummary] | None:
     if not analysis.rolling or not analysis.diagnosis.ok:
         return None
     return {
-        one.run: RollingSummary(
-            number(one.typical),
-            number(one.enough),
-            one.where,
-            one.unit,
-            number(float(np.median(one.least_normal))),
-            one.hops,
-            number(one.holds),
-            tell(one.finding),
+        check.run: RollingSummary(
+            number(check.typical),
+            number(check.enough),
+            check.where,
+            check.unit,
+            number(float(np.median(check.least_normal))),
+            check.hops,
+            number(check.holds),
+            tell(check.finding),
         )
-        for one in analysis.rolling
+        for check in analysis.rolling
     }
 
 
@@ -70,7 +70,7 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
 
     draws : (n_draw, n_par).
     """
-    stated = {one.run: one for one in rolling if one.stated}
+    stated = {check.run: check for check in rolling if check.stated}
     figure, axes = grid(len(stated), height=2.8)
     named = problem.named(draws)
     for ax, run in zip(axes, (run for run in problem.runs if run.name in stated), strict=True):
@@ -86,12 +86,12 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
         _grip(ax, run.body)
         label = run.y_label if run.positions else run.x_label
         ax.set(xlabel=label, ylabel=phrase("share"), ylim=(0.0, None), xlim=(along[0], along[-1]))
-        said = phrase(
+        title = phrase(
             "{run}: rolls along the whole path with probability {p:.2f}",
             run=run.name,
             p=stated[run.name].holds,
         )
-        ax.set_title(said)
+        ax.set_title(title)
     legend_below(figure)
     return figure
 
@@ -99,9 +99,9 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
 def _quantiles(values: FloatArray) -> FloatArray:
     """(5, n_x) where half of the draws get: beyond, a band would be that of the few that do."""
     there = np.mean(np.isfinite(values), axis=0) > 0.5
-    found = np.full((len(LEVELS), there.size), np.nan)
-    found[:, there] = np.nanquantile(values[:, there], LEVELS, axis=0)
-    return found
+    quantiles = np.full((len(LEVELS), there.size), np.nan)
+    quantiles[:, there] = np.nanquantile(values[:, there], LEVELS, axis=0)
+    return quantiles
 
 
 def _grip(ax: Axes, motion: Motion) -> None:

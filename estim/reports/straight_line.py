@@ -141,12 +141,12 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
         rows = [
             (
                 name,
-                _pair(fit.intercept, one.u_intercept, 3),
-                _pair(fit.slope, one.u_slope, 3),
-                significant(one.cov, 3) if math.isfinite(one.cov) else "n/a",
-                Markdown(phrase("**recommended**") if one is used else ""),
+                _pair(fit.intercept, errors.u_intercept, 3),
+                _pair(fit.slope, errors.u_slope, 3),
+                significant(errors.cov, 3) if math.isfinite(errors.cov) else "n/a",
+                Markdown(phrase("**recommended**") if errors is used else ""),
             )
-            for name, one in fit.standard_errors.items()
+            for name, errors in fit.standard_errors.items()
         ]
         return render(
             "straight_line.md.j2",
@@ -176,7 +176,7 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
 
 def _estimates(result: StraightLineResult) -> list[Estimate]:
     """Intercept and slope with the recommended standard errors."""
-    found, names = [], (phrase("intercept"), phrase("slope"))
+    estimates, names = [], (phrase("intercept"), phrase("slope"))
     for name, value, u in zip(
         names,
         (result.intercept, result.slope),
@@ -188,7 +188,7 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
             low, high = (
                 (value - half, value + half) if result.probability == _COPIED else (None, None)
             )
-            found.append(
+            estimates.append(
                 Estimate(
                     Notation(name).label("1"),
                     Summary("1", "", value, u, value, low, value - u, value + u, high),
@@ -196,7 +196,7 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
                     True,
                 )
             )
-    return found
+    return estimates
 
 
 def straight_line_lines(line: StraightLine) -> list[str]:
@@ -204,7 +204,7 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     fit, x, y = line.fit, line.columns.x, line.columns.y
     error = fit.standard_errors[fit.recommended]
     intercept, slope = _pair(fit.intercept, error.u_intercept), _pair(fit.slope, error.u_slope)
-    said = [
+    lines = [
         phrase(
             "intercept {intercept}, slope {slope} ({convention})",
             intercept=intercept,
@@ -213,31 +213,34 @@ def straight_line_lines(line: StraightLine) -> list[str]:
         )
     ]
     percent = f"{100.0 * line.probability:g} %"
-    for one in line.predictions:
-        given = format_quantity(one.x0.value, one.x0.u or None)
-        found, ends = f"{y} = {_pair(one.y, one.u)}", interval(one.low, one.high, one.u, 3)
-        said.append(
+    for prediction in line.predictions:
+        given = format_quantity(prediction.x0.value, prediction.x0.u or None)
+        estimate, ends = (
+            f"{y} = {_pair(prediction.y, prediction.u)}",
+            interval(prediction.low, prediction.high, prediction.u, 3),
+        )
+        lines.append(
             phrase(
                 "{given}: {found}, {percent} interval {ends}",
                 given=f"{x} = {given}",
-                found=found,
+                found=estimate,
                 percent=percent,
                 ends=ends,
             )
         )
     for p in line.inverses:
         ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else phrase("unbounded")
-        given, found = f"{y} = {_pair(p.y0.value, p.y0.u)}", f"{x} = {_pair(p.x, p.u)}"
-        said.append(
+        given, estimate = f"{y} = {_pair(p.y0.value, p.y0.u)}", f"{x} = {_pair(p.x, p.u)}"
+        lines.append(
             phrase(
                 "{given}: {found}, {percent} interval {ends}",
                 given=given,
-                found=found,
+                found=estimate,
                 percent=percent,
                 ends=ends,
             )
         )
-    return said
+    return lines
 
 
 def _pair(value: float, u: float | None, digits: int = 2) -> str:
@@ -266,13 +269,13 @@ def _predicted(p: PredictedPoint) -> tuple[str, ...]:
 
 def _uncertainties(result: StraightLineResult) -> str:
     columns = (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"]))
-    said = [
+    sources = [
         phrase("{key} from {name}", key=key, name=name) for key, name in columns if name is not None
     ]
-    if result.columns["r_xy"] is not None and len(said) == 2:
-        said.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
-    said += result.correlated
-    return ", ".join(said) or phrase(
+    if result.columns["r_xy"] is not None and len(sources) == 2:
+        sources.append(phrase("their correlation from {name}", name=result.columns["r_xy"]))
+    sources += result.correlated
+    return ", ".join(sources) or phrase(
         "no uncertainties: the scatter of the points alone sets the scale"
     )
 
@@ -294,8 +297,8 @@ def straight_line_figure(line: StraightLine) -> Figure:
     if math.isfinite(fit.slope):
         if line.status is not Status.NOT_IDENTIFIED:
             band = confidence_band(fit, x, probability=line.probability)
-            said = phrase("{percent} band of the line, point by point", percent=percent)
-            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=said)
+            label = phrase("{percent} band of the line, point by point", percent=percent)
+            upper.fill_between(x, band.low, band.high, color=BLUE, alpha=0.25, lw=0, label=label)
         upper.plot(
             x, fit.intercept + fit.slope * x, color=BLUE, lw=1.5, label=phrase(_METHODS[fit.method])
         )

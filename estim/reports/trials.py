@@ -162,7 +162,8 @@ def trials_result(
         offset=[analysis.offset.value, analysis.offset.u] if status.ok else None,
         phi_mean=analysis.phi_mean,
         told_apart=told_apart(
-            {name: told.share for name, told in analysis.told.items()}, analysis.correlation
+            {name: information.share for name, information in analysis.told.items()},
+            analysis.correlation,
         )
         if status.ok
         else [],
@@ -198,14 +199,14 @@ def _ways(analysis: TrialsAnalysis, line: LineAnalysis | None) -> dict[str, WayR
     }
     if line is None or not line.status.ok or line.series.body != analysis.trials.body:
         return rows
-    found = analysis.ways["both"].quantity
+    gamma = analysis.ways["both"].quantity
     for name, words in _LINES.items():
         reading = line.readings[name]
         rows[name] = WayRow(
             phrase(words),
             _plain(reading.gamma),
             number(reading.e_n),
-            number(e_n(reading.gamma, found)),
+            number(e_n(reading.gamma, gamma)),
             True,
         )
     return rows
@@ -395,10 +396,10 @@ def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) 
             label=label,
         )
     label = phrase("threshold of climbing, each tilt separately, 95 %")
-    for found in (one for one in analysis.thresholds if one.end == end):
-        low, high = np.degrees(found.quantiles[[0, -1]])
+    for threshold in (candidate for candidate in analysis.thresholds if candidate.end == end):
+        low, high = np.degrees(threshold.quantiles[[0, -1]])
         ax.plot(
-            [np.degrees(found.phi)] * 2,
+            [np.degrees(threshold.phi)] * 2,
             [low, high],
             color=GREY,
             lw=2.5,
