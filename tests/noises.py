@@ -21,7 +21,7 @@ from estim.deviation.noise import Stated, WithForce
 from estim.deviation.residuals import Residuals
 from estim.problem.count_distributions import BINOMIAL, POISSON
 from estim.problem.counts import Counts
-from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.normal import GaussianErrors

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from estim.checks.cross_validation import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
 from estim.problem.curve import LocalCurve
-from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.finite_differences import STENCILS, differentiate
 from estim.problem.noise import Differentiated, Independent, Scale
 from estim.problem.observations import Observations, Parameter
 from estim.problem.posterior import Posterior, Problem

@@ -36,10 +36,10 @@ from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.problem.abscissas import true_abscissas
 from estim.problem.curve import SpeedCurve, Wording
-from estim.problem.derivative import STENCILS as STENCILS
-from estim.problem.derivative import Derivative as Derivative
-from estim.problem.derivative import differentiate as differentiate
 from estim.problem.differences import Differences
+from estim.problem.finite_differences import STENCILS as STENCILS
+from estim.problem.finite_differences import Derivative as Derivative
+from estim.problem.finite_differences import differentiate as differentiate
 from estim.problem.independent import RobustErrors
 from estim.problem.latent import LatentErrors
 from estim.problem.likelihood import Likelihood, Noise, Points

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from estim import InputError
-from estim.problem.derivative import STENCILS, differentiate
+from estim.problem.finite_differences import STENCILS, differentiate
 
 EACH = pytest.mark.parametrize("name", STENCILS)
 
