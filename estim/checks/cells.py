@@ -142,13 +142,13 @@ class Estimate:
     @property
     def value(self) -> str:
         """'(3.86 ± 0.26)°', or '< 0.0101 (95 %)'."""
-        shown, p = self.label, self.summary
+        label, p = self.label, self.summary
         if p.limit is not None:
-            return limit_cell(p.limit, shown.factor, shown.unit)
+            return limit_cell(p.limit, label.factor, label.unit)
         if self.upper is not None:
-            limit = self.upper * shown.factor
-            return f"< {with_unit(format_rounded(limit, 0.25 * limit), shown.unit)} (95 %)"
-        return with_unit(value_cell(p, shown), shown.unit)
+            limit = self.upper * label.factor
+            return f"< {with_unit(format_rounded(limit, 0.25 * limit), label.unit)} (95 %)"
+        return with_unit(value_cell(p, label), label.unit)
 
     @property
     def relation(self) -> str:
@@ -160,8 +160,8 @@ class Estimate:
         """The true value, and how far the result is from it; "" where it is not known."""
         if self.true is None:
             return ""
-        shown, p = self.label, self.summary
-        text = with_unit(signed(f"{self.true * shown.factor:.6g}"), shown.unit)
+        label, p = self.label, self.summary
+        text = with_unit(signed(f"{self.true * label.factor:.6g}"), label.unit)
         if p.mean is None or not p.sd or self.upper is not None:
             return text
         pull = (p.mean - self.true) / p.sd
@@ -200,52 +200,54 @@ def estimates_of(problem: Problem, fit: Fit, draws: FloatArray) -> tuple[Estimat
     """Every parameter, from draws of its posterior (n_draw, n_par); symbols without levels where
     there is one run.
     """
-    found = []
-    for parameter, own in zip(problem.parameters, draws.T, strict=True):
-        summary = summarise_parameter(fit, parameter.name, own)
-        shown = parameter.bare_label if len(problem.runs) == 1 else parameter.label
-        upper = upper_limit(summary, parameter.prior, own)
+    estimates = []
+    for parameter, column in zip(problem.parameters, draws.T, strict=True):
+        summary = summarise_parameter(fit, parameter.name, column)
+        label = parameter.bare_label if len(problem.runs) == 1 else parameter.label
+        upper = upper_limit(summary, parameter.prior, column)
         measured = is_measured(summary, parameter.prior, upper)
-        stated = parameter.prior.stated_words(parameter.unit, shown)
+        stated = parameter.prior.stated_words(parameter.unit, label)
         inferred = parameter.prior.describe(parameter.unit) if parameter.prior.assumed else ""
-        found.append(Estimate(shown, summary, stated, measured, upper, inferred=inferred))
-    return tuple(found)
+        estimates.append(Estimate(label, summary, stated, measured, upper, inferred=inferred))
+    return tuple(estimates)
 
 
 def result_table(estimates: Iterable[Estimate]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Head and rows of the quantities that the data measure; columns that would be empty are left
     out.
     """
-    shown = [one for one in estimates if one.measured]
+    measured = [estimate for estimate in estimates if estimate.measured]
     columns = [
         (
             "",
             [
-                f"{one.label.symbol}, {one.summary.meaning}"
-                if one.summary.meaning
-                else one.label.symbol
-                for one in shown
+                f"{estimate.label.symbol}, {estimate.summary.meaning}"
+                if estimate.summary.meaning
+                else estimate.label.symbol
+                for estimate in measured
             ],
         ),
-        (phrase("from these data"), [one.value for one in shown]),
-        (phrase("stated value"), [one.stated for one in shown]),
-        (phrase("true"), [one.truth for one in shown]),
+        (phrase("from these data"), [estimate.value for estimate in measured]),
+        (phrase("stated value"), [estimate.stated for estimate in measured]),
+        (phrase("true"), [estimate.truth for estimate in measured]),
     ]
-    kept = [(head, cells) for head, cells in columns if any(cells)]
-    return tuple(head for head, _ in kept), list(zip(*(cells for _, cells in kept), strict=True))
+    filled = [(head, cells) for head, cells in columns if any(cells)]
+    return tuple(head for head, _ in filled), list(
+        zip(*(cells for _, cells in filled), strict=True)
+    )
 
 
 def not_measured(estimates: Iterable[Estimate]) -> str:
     """'γ = 0.192 ± 0.009 (stated 0.193 ± 0.010); c_rr < 0.0101 (95 %)', or "" where the data
     measure everything.
     """
-    said = []
-    for one in estimates:
-        if not one.measured and one.told:
-            limited = one.value[:1] in "<>"
-            before = phrase("as stated") if one.stated == one.value else one.before
-            said.append(one.relation + (f" ({before})" if before and not limited else ""))
-    return "; ".join(said)
+    entries = []
+    for estimate in estimates:
+        if not estimate.measured and estimate.told:
+            limited = estimate.value[:1] in "<>"
+            before = phrase("as stated") if estimate.stated == estimate.value else estimate.before
+            entries.append(estimate.relation + (f" ({before})" if before and not limited else ""))
+    return "; ".join(entries)
 
 
 def p_sentence(p_curve: float | None, p_stated: float | None) -> str:
@@ -265,15 +267,22 @@ def screen_lines(
     estimates: Sequence[Estimate], *, tests: str = "", minds: Sequence[str] = ()
 ) -> list[str]:
     """What a terminal shows of a trusted result, one line each."""
-    width = max((len(one.relation) for one in estimates if one.measured), default=0)
+    width = max((len(estimate.relation) for estimate in estimates if estimate.measured), default=0)
     lines = [tests] if tests else []
-    for one in estimates:
-        if one.measured:
-            beside = [one.before, phrase("true {value}", value=one.truth) if one.truth else ""]
+    for estimate in estimates:
+        if estimate.measured:
+            beside = [
+                estimate.before,
+                phrase("true {value}", value=estimate.truth) if estimate.truth else "",
+            ]
             behind = "; ".join(part for part in beside if part)
-            lines.append(f"{one.relation:<{width}}   {behind}".rstrip())
-    left = not_measured(estimates)
-    return [*lines, *([phrase("not measured here: {left}", left=left)] if left else []), *minds]
+            lines.append(f"{estimate.relation:<{width}}   {behind}".rstrip())
+    unmeasured = not_measured(estimates)
+    return [
+        *lines,
+        *([phrase("not measured here: {left}", left=unmeasured)] if unmeasured else []),
+        *minds,
+    ]
 
 
 def headline(
@@ -298,8 +307,11 @@ def headline(
     """
     words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
     behind = words or (f"; {tests}" if tests else "")
-    said = [f"**{markdown(title)}**" if title else "", kind_words(kind) if kind in KINDS else ""]
-    said.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
+    paragraphs = [
+        f"**{markdown(title)}**" if title else "",
+        kind_words(kind) if kind in KINDS else "",
+    ]
+    paragraphs.append(phrase("Status: **{status}**{behind}", status=status, behind=behind))
     if status == Status.OK:
         body = list(rows)
         heads = (
@@ -307,18 +319,18 @@ def headline(
             if head is None
             else head
         )
-        said += [
+        paragraphs += [
             table(heads, body) if body else "",
             phrase("Not measured here: {left}.", left=markdown(left)) if left else "",
         ]
-        said.append("\n".join(f"- {markdown(item)}" for item in minds))
+        paragraphs.append("\n".join(f"- {markdown(item)}" for item in minds))
     else:
         items = [
             *reasons,
             *(phrase("What to do: {words}", words=words) for words in dict.fromkeys(advice)),
         ]
-        said.append("\n".join(f"- {markdown(item)}" for item in items))
-    return "\n\n".join(part for part in said if part)
+        paragraphs.append("\n".join(f"- {markdown(item)}" for item in items))
+    return "\n\n".join(part for part in paragraphs if part)
 
 
 def print_lines(
@@ -327,7 +339,7 @@ def print_lines(
     """What `print` shows: title and status, then the lines `shown` (`screen_lines`), or why there
     are no values.
     """
-    said = (
+    lines = (
         shown
         if status == Status.OK
         else [
@@ -335,4 +347,4 @@ def print_lines(
             *(phrase("what to do: {words}", words=words) for words in dict.fromkeys(advice)),
         ]
     )
-    return "\n".join([f"{title}: {status}", *(f"  {line}" for line in said)])
+    return "\n".join([f"{title}: {status}", *(f"  {line}" for line in lines)])

@@ -109,29 +109,31 @@ def check_stated_values(fit: Fit) -> Conflict:
     known = _without(data, stated, free) / np.outer(slopes[stated], slopes[stated])
     values, vectors = np.linalg.eigh(0.5 * (known + known.T))
     least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
-    kept = values > least
-    told = 1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least  # 1 - u^2/s^2
+    compared = values > least
+    informed = (
+        1.0 - np.sum(vectors**2 / (1.0 + np.maximum(values, 0.0)), axis=1) > least
+    )  # 1 - u^2/s^2
     pull_rows = np.zeros((stated.size, curve.size))
     pull_rows[np.arange(stated.size), stated] = slopes[stated]
     off = np.array([problem.parameters[i].prior.pull(fit.values[i]) for i in curve[stated]])
     together = model.least(pull_rows, off)[1]
-    uncompared = vectors[:, ~kept].T
+    uncompared = vectors[:, ~compared].T
     chi2 = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1])
-    dof = int(np.sum(kept))
-    found = (
+    dof = int(np.sum(compared))
+    pull_values = (
         _pulls_at_once(model, pull_rows, off)
         if stated.size > _MANY_STATED
         else np.full(stated.size, np.nan)
     )
     pulls = {}
-    for k in np.flatnonzero(told):
-        if math.isnan(found[k]):
+    for k in np.flatnonzero(informed):
+        if math.isnan(pull_values[k]):
             others = np.arange(stated.size) != k
             step, without = model.least(pull_rows[others], off[others])
-            found[k] = math.copysign(
+            pull_values[k] = math.copysign(
                 math.sqrt(max(0.0, together - without)), float(pull_rows[k] @ step + off[k])
             )
-        pulls[fit.names[curve[stated[k]]]] = float(found[k])
+        pulls[fit.names[curve[stated[k]]]] = float(pull_values[k])
     p_value = chi2_p(chi2, dof)
     unstated = None if p_value >= P_CONFLICT else _explained(fit)
     # the mode is far from everything
@@ -208,9 +210,9 @@ def _explained(fit: Fit) -> Fit | None:
     ]
     return next(
         (
-            found
+            candidate
             for start in (fit.values, problem.start(), *draws)
-            if (found := _fits(loose, start)) is not None
+            if (candidate := _fits(loose, start)) is not None
         ),
         None,
     )

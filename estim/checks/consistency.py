@@ -137,11 +137,11 @@ class Consistency:
                 else Kind.RUN_DISAGREES
             )
         run = self.suspects[0] if kind is Kind.RUN_DISAGREES else ""
-        told = (
+        quantified = (
             kind in (Kind.RUNS_DISAGREE, Kind.RUN_DISAGREES, Kind.RUNS_TIED)
             and self.apart is not None
         )
-        apart = (self.apart,) if told and self.apart else ()
+        apart = (self.apart,) if quantified and self.apart else ()
         return Finding(
             kind,
             run=run,
@@ -203,20 +203,20 @@ def check_consistency(fit: Fit) -> Consistency:
         )
     names = [run.name for run in problem.runs]
     copies = [
-        *(one for group in problem.groups for one in copies_of(fit, group, shared)),
+        *(copy for group in problem.groups for copy in copies_of(fit, group, shared)),
         copies_of_priors(fit, shared),
     ]
     rows = measurements(copies, shared.size)
-    asked = [name for name in (*names, PRIORS) if rows.moves[name].size]
-    chi2, dof = rows.between((), asked)
-    judged = _holm([_one_against_others(name, rows) for name in asked])
+    tested = [name for name in (*names, PRIORS) if rows.moves[name].size]
+    chi2, dof = rows.between((), tested)
+    judged = _holm([_one_against_others(name, rows) for name in tested])
     p_value = chi2_p(chi2, dof)
     agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in judged)
     suspects = () if agree else _suspects(judged, rows)
     centre = fit.values[shared]
     prior = copies[-1].together
-    of = {name: one for one in copies for name in one.sources}
-    others = dict(zip(copies, each_without_one([one.together for one in copies]), strict=True))
+    of = {name: copy for copy in copies for name in copy.sources}
+    others = dict(zip(copies, each_without_one([copy.together for copy in copies]), strict=True))
     alone = {name: _estimate(centre, total_of([of[name].alone(name), prior])) for name in names}
     return Consistency(
         shared=tuple(problem.names[i] for i in shared),
@@ -250,7 +250,10 @@ def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate])
     """
     if any(run.motion is None for run in fit.problem.runs):
         return None
-    means, sds = np.array([one.mean for one in alone]), np.array([one.sd for one in alone])
+    means, sds = (
+        np.array([estimate.mean for estimate in alone]),
+        np.array([estimate.sd for estimate in alone]),
+    )
     weights = np.where(
         np.isfinite(means),
         np.square(sds, where=np.isfinite(sds), out=np.full(sds.shape, np.inf)) ** -1.0,
@@ -274,12 +277,12 @@ def _one_against_others(source: str, rows: Rows) -> Disagreement:
 
 def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
     """The rows with p values corrected for asking all of them."""
-    asked = [row for row in rows if row.dof > 0]
+    tested = [row for row in rows if row.dof > 0]
     order = sorted(range(len(rows)), key=lambda i: (rows[i].dof == 0, rows[i].p_value))
     corrected, largest = {}, 0.0
     for place, i in enumerate(order):
         if rows[i].dof > 0:
-            largest = max(largest, min(1.0, (len(asked) - place) * rows[i].p_value))
+            largest = max(largest, min(1.0, (len(tested) - place) * rows[i].p_value))
         corrected[i] = largest if rows[i].dof > 0 else 1.0
     return tuple(
         Disagreement(r.source, r.distance2, r.dof, r.p_value, corrected[i])

@@ -51,13 +51,13 @@ def deviation_remarks(found: FoundDeviation, *, x_unit: str, y_unit: str) -> tup
     """What is worth a note: a deviation that is surely there, and readings that scatter far less
     than stated.
     """
-    told = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
+    finding = deviation_finding(found, x_unit=x_unit, y_unit=y_unit)
     conservative = (
         (Finding(Kind.NOISE_CONSERVATIVE, run=found.run, size=found.noise[1]),)
         if found.conservative
         else ()
     )
-    return ((told,) if told.kind is Kind.DEVIATION_FOUND else ()) + conservative
+    return ((finding,) if finding.kind is Kind.DEVIATION_FOUND else ()) + conservative
 
 
 def unasked(fit: Fit) -> list[Finding]:
@@ -75,50 +75,50 @@ def unasked(fit: Fit) -> list[Finding]:
         and likelihood.normal is not None
         and _FEWEST <= run.n_obs <= _MOST
     ]
-    found = [(presence(run, fit.problem, fit.values), run.name) for run in runs]
+    candidates = [(presence(run, fit.problem, fit.values), run.name) for run in runs]
     return (
         [
             Finding(
                 Kind.DEVIATION_UNASKED,
-                run=max(found)[1] if len(fit.problem.runs) > 1 else "",
-                p=max(found)[0],
+                run=max(candidates)[1] if len(fit.problem.runs) > 1 else "",
+                p=max(candidates)[0],
             )
         ]
-        if found
+        if candidates
         else []
     )
 
 
 def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
     """The runs whose deviation is larger than there is room for, or a trend."""
-    found = []
-    for one in deviations:
-        smooth = one.smooth
+    findings = []
+    for deviation in deviations:
+        smooth = deviation.smooth
         if (
             smooth is not None
             and smooth.share > _UNLIKELY
             and smooth.amplitude[1] > FAR_LARGER * smooth.scale
         ):
-            found.append(
+            findings.append(
                 Finding(
                     Kind.DEVIATION_TOO_LARGE,
-                    run=one.run,
-                    p=one.probability,
+                    run=deviation.run,
+                    p=deviation.probability,
                     size=smooth.amplitude[1] / smooth.scale,
                 )
             )
         slow = {
             way: size.long
-            for way, size in (("smooth", smooth), ("correlated", one.correlated))
+            for way, size in (("smooth", smooth), ("correlated", deviation.correlated))
             if size is not None
         }
         if sum(slow.values()) > _TREND:
-            found.append(
+            findings.append(
                 Finding(
                     Kind.DEVIATION_TOO_SLOW,
-                    run=one.run,
+                    run=deviation.run,
                     p=sum(slow.values()),
                     names=(max(slow, key=lambda way: slow[way]),),
                 )
             )
-    return found
+    return findings

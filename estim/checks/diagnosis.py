@@ -152,12 +152,14 @@ def _held(fit: Fit, kind: Kind) -> list[Finding]:
     """The runs whose covariance was held, where other parameters feel that (the fit did not
     settle), or where they do not (a note).
     """
-    felt = max((held.felt for held in fit.held), default=0.0)
-    if not fit.held or (felt > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
+    influence = max((held.felt for held in fit.held), default=0.0)
+    if not fit.held or (influence > _HELD_FELT) != (kind is Kind.FIT_UNSETTLED):
         return []
     names = tuple(name for held in fit.held for name in held.runs)
     return [
-        Finding(kind, size=max(held.off for held in fit.held), numbers={"felt": felt}, names=names)
+        Finding(
+            kind, size=max(held.off for held in fit.held), numbers={"felt": influence}, names=names
+        )
     ]
 
 
@@ -207,7 +209,7 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
         sds > 0.0, sds, np.inf
     )
     farthest = np.argsort(-apart)[:3].tolist()
-    told = [
+    parameters = [
         fit.problem.parameters[i]
         for i in sorted(i for i in farthest if apart[i] > _APART or i == farthest[0])
     ]
@@ -216,7 +218,7 @@ def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:
             Kind.SOLUTION,
             size=float(share),
             parameters=tuple(
-                Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in told
+                Amount(p.name, float(values[fit.names.index(p.name)]), p.label) for p in parameters
             ),
         )
         for values, share in zip(modes.values[:_MOST_TOLD], modes.shares[:_MOST_TOLD], strict=True)
@@ -292,7 +294,7 @@ def failed_tests(goodness: Sequence[Goodness], *, dof: int) -> list[Finding]:
     if (
         1 < len(sizes) == len(goodness)
         and chi2_p(sum(sizes), dof) < P_POOR_FIT
-        and not any(one.test == "chi2" for one in findings)
+        and not any(finding.test == "chi2" for finding in findings)
     ):
         kind = (
             Kind.COUNTS_SCATTER
@@ -361,18 +363,20 @@ def _remarks(
     fit: Fit, chain: Chain, goodness: Sequence[Goodness], conflict: Conflict
 ) -> list[Finding]:
     stated = stated_values(fit, conflict)
-    found = [stated] if stated.kind is Kind.STATED_HARDLY else []
-    found += same_curve(fit)
-    found += [
+    remarks = [stated] if stated.kind is Kind.STATED_HARDLY else []
+    remarks += same_curve(fit)
+    remarks += [
         remark
         for force in fit.forces
         for remark in (*bad_frames_found(force), *force_remarks(force))
     ]
     runs = {run.name: run for run in fit.problem.runs}
     for lack in fit.deviations:
-        found += deviation_remarks(lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit)
+        remarks += deviation_remarks(
+            lack, x_unit=runs[lack.run].x_unit, y_unit=runs[lack.run].y_unit
+        )
     if fit.n_same < fit.n_start:
-        found.append(
+        remarks.append(
             Finding(
                 Kind.STARTS_ELSEWHERE,
                 size=fit.n_start - fit.n_same,
@@ -382,7 +386,7 @@ def _remarks(
     # readings that are off may well lie where the body is fast
     off = {force.run for force in fit.forces if force.bad.jumps}
     for good, run in zip(goodness, fit.problem.runs, strict=True):
-        found += tolerated_pattern(good) + marginal_tests(good)
+        remarks += tolerated_pattern(good) + marginal_tests(good)
         chi2 = good.checks.get("chi2")
         if (
             chi2 is not None
@@ -391,7 +395,7 @@ def _remarks(
             and run.lacks is None
         ):
             kind = Kind.COUNTS_EVEN if good.counted else Kind.RESIDUALS_SMALL
-            found.append(
+            remarks.append(
                 Finding(
                     kind,
                     run=good.run,
@@ -403,7 +407,7 @@ def _remarks(
         patterned = run.name in off or not _OF_ORDER.isdisjoint(good.failed)
         if good.speed is not None and good.speed.p_value < P_TOLD / good.among and not patterned:
             numbers = {"least": P_FLOOR, "pictures": float(_from_pictures(run))}
-            found.append(
+            remarks.append(
                 Finding(
                     Kind.NOISE_WITH_SPEED,
                     run=good.run,
@@ -413,13 +417,13 @@ def _remarks(
                 )
             )
         if 1.5 < good.scatter_ratio <= SCATTER_LIMIT:
-            found.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
+            remarks.append(Finding(Kind.SCATTER_LARGE, run=good.run, size=good.scatter_ratio))
     for run in fit.problem.runs:
-        found += counts_as_readings(run)
+        remarks += counts_as_readings(run)
         readings = run.motion.instrument_readings if run.motion else ()
         exact = tuple(name for name in readings if isinstance(run.arguments.get(name), float))
         if exact:
-            found.append(Finding(Kind.TAKEN_AS_EXACT, run=run.name, names=exact))
-    return found + [
+            remarks.append(Finding(Kind.TAKEN_AS_EXACT, run=run.name, names=exact))
+    return remarks + [
         limit_found(fit, name, chain.flat[:, fit.names.index(name)]) for name in fit.at_bound
     ]

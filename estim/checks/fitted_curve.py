@@ -47,16 +47,18 @@ def curve_findings(
     fixed : with errors of a fixed size, which was `estimated` from the residuals or stated.
     perfect : whether there are no residuals.
     """
-    found = []
+    findings = []
     if not best.settled and not best.singular:
-        found.append(Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),)))
+        findings.append(
+            Finding(Kind.STEP_UNSETTLED, size=best.step, parameters=(Amount(best.mover),))
+        )
     if best.tolerance > _NO_DIGITS and not perfect and not best.singular:
-        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
+        findings.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.unheld is not None:
-        found.append(best.unheld)
+        findings.append(best.unheld)
     if best.singular:
-        found.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
-    found += pressed_limits(fixed, best.values, estimated=estimated)
+        findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
+    findings += pressed_limits(fixed, best.values, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
             kind = (
@@ -66,11 +68,11 @@ def curve_findings(
             )
             # which only a simulated one is exactly
             least = {"least": P_FLOOR} if p_value == P_FLOOR else {}
-            found.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
+            findings.append(Finding(kind, p=p_value, size=chi2, numbers={"dof": dof, **least}))
         elif failed.test:
             # points alone have no run to be named
-            found.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))
-    return found
+            findings.append(replace(failed, run=failed.run if len(goodness) > 1 else ""))
+    return findings
 
 
 def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -> list[Finding]:
@@ -88,13 +90,13 @@ def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -
 
 def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:
     """Limits that the data contradict; values: (n_par,)."""
-    found = []
+    findings = []
     for name, p in pressed(fit, estimated=estimated).items():
         if p < PRESSED_BELOW:
             i = fit.names.index(name)
             limit = edge_of(fit.problem.parameters[i].prior, float(values[i]))
-            found.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
-    return found
+            findings.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
+    return findings
 
 
 def curve_remarks(
@@ -111,22 +113,26 @@ def curve_remarks(
     """What to know of a fit that may be ok.  stated : whether the size of the errors was.  perfect
     : whether there are residuals at all.
     """
-    found = [replace(one, run="") for run in fit.problem.runs for one in counts_as_readings(run)]
+    remarks = [
+        replace(remark, run="") for run in fit.problem.runs for remark in counts_as_readings(run)
+    ]
     if _NO_DIGITS >= best.tolerance > _FEW_DIGITS and not perfect:
-        found.append(Finding(Kind.ROUNDING, size=best.tolerance))
+        remarks.append(Finding(Kind.ROUNDING, size=best.tolerance))
     if best.frail and not best.singular:
-        found.append(Finding(Kind.CANCELLATION))
+        remarks.append(Finding(Kind.CANCELLATION))
     if not stated and dof <= FEW and not perfect:
-        found.append(Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)}))
-    covered = [replace(one, run="") for good in goodness for one in tolerated_pattern(good)]
-    found += covered + [
-        replace(one, run=one.run if len(goodness) > 1 else "")
+        remarks.append(
+            Finding(Kind.FEW_DEGREES, size=dof, numbers={"coverage": coverage_of_sd(dof)})
+        )
+    covered = [replace(remark, run="") for good in goodness for remark in tolerated_pattern(good)]
+    remarks += covered + [
+        replace(remark, run=remark.run if len(goodness) > 1 else "")
         for good in goodness
-        for one in marginal_tests(good)
+        for remark in marginal_tests(good)
     ]
     if stated and 1.0 - p_value < P_POOR_FIT and not covered:
         kind = (
             Kind.COUNTS_EVEN if fit.problem.runs[0].noise.counted is not None else Kind.CHI2_SMALL
         )
-        found.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
-    return found
+        remarks.append(Finding(kind, p=1.0 - p_value, size=chi2, numbers={"dof": dof}))
+    return remarks

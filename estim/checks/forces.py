@@ -63,21 +63,21 @@ def noise_finding(found: FoundForce) -> Finding | None:
             size=middle,
             numbers={"low": low, "high": high, "runs": len(found.runs)},
         )
-    told = Finding(
+    finding = Finding(
         Kind.NOISE_CONSERVATIVE,
         run=found.run,
         size=found.noise[1],
         numbers={"runs": len(found.runs)},
     )
-    return told if found.conservative else None
+    return finding if found.conservative else None
 
 
 def force_remarks(found: FoundForce) -> tuple[Finding, ...]:
     """What is worth a note: a force that is surely there, and readings that scatter otherwise than
     stated.
     """
-    told, noise = force_finding(found), noise_finding(found)
-    return ((told,) if told.kind is Kind.FORCE_FOUND else ()) + (
+    finding, noise = force_finding(found), noise_finding(found)
+    return ((finding,) if finding.kind is Kind.FORCE_FOUND else ()) + (
         (noise,) if noise is not None and noise.status.ok else ()
     )
 
@@ -86,27 +86,27 @@ def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
     """The runs whose force, or whose scatter of the readings, is more than there is room for, or
     more than the answer to it is linear.
     """
-    found = []
-    for one in forces:
-        times, noise = one.force.amplitude[1] / one.scale, noise_finding(one)
+    findings = []
+    for force in forces:
+        times, noise = force.force.amplitude[1] / force.scale, noise_finding(force)
         if times > FAR_LARGER:
-            found.append(
+            findings.append(
                 Finding(
                     Kind.FORCE_TOO_LARGE,
-                    run=one.run,
+                    run=force.run,
                     size=times,
-                    numbers={"share": one.force.typical, "runs": len(one.runs)},
+                    numbers={"share": force.force.typical, "runs": len(force.runs)},
                 )
             )
-        if one.force.probability > _UNLIKELY and one.moved > _LINEAR:
-            found.append(
+        if force.force.probability > _UNLIKELY and force.moved > _LINEAR:
+            findings.append(
                 Finding(
                     Kind.FORCE_NOT_LINEAR,
-                    run=one.run,
-                    size=one.moved,
-                    numbers={"runs": len(one.runs)},
+                    run=force.run,
+                    size=force.moved,
+                    numbers={"runs": len(force.runs)},
                 )
             )
         if noise is not None and not noise.status.ok:
-            found.append(noise)
-    return found
+            findings.append(noise)
+    return findings

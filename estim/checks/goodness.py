@@ -184,7 +184,7 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         likelihood.whitened(named, [problem.names[i] for i in used])
         for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
     ]
-    linear = [one for one in responses if isinstance(one, Linear)]
+    linear = [candidate for candidate in responses if isinstance(candidate, Linear)]
     whitened = posterior.by_run(response.z for response in responses)
     if len(linear) == len(problem.runs) > MANY and not noise.any():
         return _run_by_run(fit, linear, named, rng)
@@ -207,8 +207,10 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
         *by_group, of_priors = np.split(
             errors, np.cumsum([group.n_obs for group in problem.groups])
         )
-        felt = [response.felt(error) for response, error in zip(responses, by_group, strict=True)]
-        shifts = shifts_by(felt, of_priors)
+        residuals = [
+            response.felt(error) for response, error in zip(responses, by_group, strict=True)
+        ]
+        shifts = shifts_by(residuals, of_priors)
         moved = (
             response.moved(error, shifts[used])
             for response, error, used in zip(responses, by_group, columns, strict=True)
@@ -261,7 +263,9 @@ def _run_by_run(
     problem, checked = fit.problem, []
     among = max(1.0, len(problem.runs) / MANY)
     spreads = spreads_by_runs(
-        [one.root for one in responses], problem.columns, fit.posterior.prior_slopes(fit.values)
+        [linear.root for linear in responses],
+        problem.columns,
+        fit.posterior.prior_slopes(fit.values),
     )
     for run, response, spread, (raw, sd) in zip(
         problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True
@@ -397,8 +401,8 @@ class _Tested:
     @cached_property
     def statistics(self) -> dict[str, float]:
         """Every one large where the model is wrong."""
-        found = _statistics(self.z[None, :], self.compared)
-        return {name: float(found[name][0]) for name in found if name != "chi2" or self.stated}
+        values = _statistics(self.z[None, :], self.compared)
+        return {name: float(values[name][0]) for name in values if name != "chi2" or self.stated}
 
 
 def _checks(
@@ -415,27 +419,27 @@ def _checks(
     Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
     and Clifford, Biometrika 78 (1991) 301): a p-value that decides nothing needs few.
     """
-    least = [dict.fromkeys(one.statistics, 0) for one in tested]
-    drift = [one.statistics["trend"] for one in tested]
-    for one, counts in zip(tested, least, strict=True):
-        if one.dof > 0:
+    least = [dict.fromkeys(run.statistics, 0) for run in tested]
+    drift = [run.statistics["trend"] for run in tested]
+    for run, counts in zip(tested, least, strict=True):
+        if run.dof > 0:
             counts.pop("chi2", None)
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
     at_once, n = max(1, min(_AT_ONCE, int(_MOST_AT_ONCE / n_error))), 0
     while n < n_most and min(min(counts.values()) for counts in least) < _ENOUGH:
         more = min(at_once, n_most - n)
         for i, null in enumerate(simulate(more)):
-            found = _statistics(null, tested[i].compared)
-            drift[i] = max(drift[i], float(np.max(found["trend"])))
+            simulated = _statistics(null, tested[i].compared)
+            drift[i] = max(drift[i], float(np.max(simulated["trend"])))
             for name in least[i]:
-                reached = found[name] >= tested[i].statistics[name] - 1e-12
+                reached = simulated[name] >= tested[i].statistics[name] - 1e-12
                 least[i][name] += int(np.count_nonzero(reached))
         n += more
     checked = []
-    for one, counts, largest in zip(tested, least, drift, strict=True):
+    for run, counts, largest in zip(tested, least, drift, strict=True):
         p_values = {name: (1.0 + count) / (1.0 + n) for name, count in counts.items()}
-        if one.dof > 0 and one.stated:
-            p_values["chi2"] = max(chi2_p(one.statistics["chi2"], one.dof), P_FLOOR)
+        if run.dof > 0 and run.stated:
+            p_values["chi2"] = max(chi2_p(run.statistics["chi2"], run.dof), P_FLOOR)
         if largest < _NO_DRIFT:
             # the curve itself can take every slow shape: what is left of them is rounding, or the
             # fit's own criterion
@@ -443,7 +447,7 @@ def _checks(
         checked.append(
             {
                 name: Check(statistic, p_values[name], TESTS[name])
-                for name, statistic in one.statistics.items()
+                for name, statistic in run.statistics.items()
             }
         )
     return checked
@@ -498,19 +502,19 @@ class _Compared:
 def _compared(run: Observations, named: Mapping[str, FloatArray], sd: FloatArray) -> _Compared:
     """sd : (n_obs,) standard deviations of y about the curve."""
     arguments = run.bind(named)
-    found = (
+    values = (
         run.curve.local(run.x, arguments).slope
         if run.positions
         else run.curve.value(run.x, arguments)
     )
-    found = np.broadcast_to(found, (1, run.n_obs))
+    values = np.broadcast_to(values, (1, run.n_obs))
     if run.motion is None:
         # what makes up for a bump is not the same everywhere
         local = run.lacks is not None and run.lacks.deviation > 0.0
         return _Compared(
-            None, None if local else _growing(found[0], run.x), _Repeated.of(run.x, sd)
+            None, None if local else _growing(values[0], run.x), _Repeated.of(run.x, sd)
         )
-    square = np.square(found)
+    square = np.square(values)
     return _Compared(square / np.mean(square) - 1.0 if np.ptp(square) > 0.0 else None, None, None)
 
 
@@ -518,12 +522,12 @@ def _growing(f: FloatArray, x: FloatArray) -> FloatArray | None:
     """(n, n_obs) standardised curve, its size and abscissa (n_obs,), of those that are not the same
     everywhere.
     """
-    made = [
+    centred = [
         w - np.mean(w)
         for w in (f, np.abs(f), x)
         if float(np.ptp(w)) > _SAME * float(np.max(np.abs(w)))
     ]
-    return np.array([w / np.sqrt(np.mean(np.square(w))) for w in made]) if made else None
+    return np.array([w / np.sqrt(np.mean(np.square(w))) for w in centred]) if centred else None
 
 
 def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
@@ -533,7 +537,7 @@ def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     size = np.where(square > 0.0, square, 1.0)  # residuals that are all exactly zero have no shape
     place = np.linspace(-1.0, 1.0, n)
     shapes, _ = np.linalg.qr(np.vander(place, 4, increasing=True))
-    found = {
+    statistics = {
         "chi2": square,
         "runs": -np.sum(np.signbit(z[:, 1:]) != np.signbit(z[:, :-1]), axis=1).astype(float),
         "autocorrelation": np.sum(z[:, 1:] * z[:, :-1], axis=1) / size,
@@ -542,11 +546,11 @@ def _statistics(z: FloatArray, compared: _Compared) -> dict[str, FloatArray]:
     }
     total = np.where(square > 0.0, np.sum(sizes, axis=1), 1.0)
     if compared.growing is not None:
-        found["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
+        statistics["uneven"] = np.max(np.abs(sizes @ compared.growing.T), axis=1) / total
     if compared.repeated is not None:
-        found["repeated"] = compared.repeated.share(z) / size
+        statistics["repeated"] = compared.repeated.share(z) / size
     if compared.speeds is not None:
         held = np.minimum(sizes, _BEYOND * np.median(sizes, axis=1, keepdims=True))
         whole = np.sum(held, axis=1)
-        found["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(whole > 0.0, whole, 1.0)
-    return found
+        statistics["speed"] = (held @ compared.speeds.T)[:, 0] / np.where(whole > 0.0, whole, 1.0)
+    return statistics

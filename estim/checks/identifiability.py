@@ -135,13 +135,13 @@ def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
         if abs(vector[i]) < _SHOWN:
             break
         parameter = fit.problem.parameters[i]
-        shown, value = parameter.label, abs(float(fit.values[i]))
+        label, value = parameter.label, abs(float(fit.values[i]))
         # a percentage says something only of a value that is well away from zero, and nothing of an
         # angle
-        relative = shown.factor == 1.0 and value > 3.0 * sds[i]
+        relative = label.factor == 1.0 and value > 3.0 * sds[i]
         moves.append(
             Amount(
-                parameter.name, float(vector[i] * sds[i]), shown, value if relative else math.nan
+                parameter.name, float(vector[i] * sds[i]), label, value if relative else math.nan
             )
         )
     return tuple(moves)
@@ -151,7 +151,7 @@ def _recognised(
     known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray
 ) -> list[str]:
     """The words of those known displacements that lie among the directions of the prior."""
-    found = []
+    recognised = []
     for words, displacement in known.items():
         whitened = (
             np.asarray(displacement, dtype=float) / sds
@@ -170,8 +170,8 @@ def _recognised(
             else 0.0
         )
         if share > _PARALLEL:
-            found.append(words)
-    return found
+            recognised.append(words)
+    return recognised
 
 
 def _sentences(
@@ -180,13 +180,13 @@ def _sentences(
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
     prior = [d for d in directions if d.held_by == "prior"]
-    said = [
+    sentences = [
         phrase("Constrained neither by the data nor by the prior: {words}.", words=d.words)
         for d in free
     ]
     count = {"learnt": n_learnt, "n": n}
     if free or prior:
-        said.append(
+        sentences.append(
             phrase(
                 "The data constrain {learnt:.1f} of {n} combinations of the parameters; "
                 "the rest comes from the values "
@@ -195,7 +195,7 @@ def _sentences(
             )
         )
     else:
-        said.append(
+        sentences.append(
             phrase(
                 "The data constrain {learnt:.1f} of {n} combinations of the parameters; "
                 "every combination is determined by "
@@ -203,6 +203,6 @@ def _sentences(
                 **count,
             )
         )
-    said += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
-    said += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
-    return tuple(said)
+    sentences += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
+    sentences += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
+    return tuple(sentences)

@@ -74,25 +74,27 @@ def laplace_modes(fit: Fit) -> Modes:
     """The separate modes of a fit and their shares by the normal distribution at each: no draws are
     needed.
     """
-    found = optima(fit)
-    kept = _kept(fit, found)
-    shares = found.shares[kept]
-    return _that_matter(Modes(found.values[kept], shares / np.sum(shares), found.covs[kept]))
+    candidates = optima(fit)
+    separate = _kept(fit, candidates)
+    shares = candidates.shares[separate]
+    return _that_matter(
+        Modes(candidates.values[separate], shares / np.sum(shares), candidates.covs[separate])
+    )
 
 
 def find_modes(fit: Fit, draws: FloatArray) -> Modes:
     """The separate modes of a fit and their shares of posterior draws (n_draw, n_par)."""
-    found = optima(fit)
-    kept = _kept(fit, found)
+    candidates = optima(fit)
+    separate = _kept(fit, candidates)
     scale = np.sqrt(np.diag(fit.cov))
     scale = np.where(scale > 0.0, scale, 1.0)
     nearest = np.zeros(draws.shape[0], dtype=np.int64)
     least = np.full(draws.shape[0], np.inf)
-    for k, mode in enumerate(found.values[kept]):
+    for k, mode in enumerate(candidates.values[separate]):
         away = np.sum(((draws - mode) / scale) ** 2, axis=1)
         nearest, least = np.where(away < least, k, nearest), np.minimum(away, least)
-    shares = np.bincount(nearest, minlength=len(kept)) / draws.shape[0]
-    return _that_matter(Modes(found.values[kept], shares, found.covs[kept]))
+    shares = np.bincount(nearest, minlength=len(separate)) / draws.shape[0]
+    return _that_matter(Modes(candidates.values[separate], shares, candidates.covs[separate]))
 
 
 def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
@@ -107,14 +109,16 @@ def _log_volume(fit: Fit, values: FloatArray, cov: FloatArray) -> float:
 
 def _kept(fit: Fit, found: Modes) -> list[int]:
     """Which optima are separate from that of the fit and from each other."""
-    kept, search = [0], search_of(fit)
+    separate, search = [0], search_of(fit)
     scale = np.where(search.scale > 0.0, search.scale, 1.0)
     for k in np.flatnonzero(found.shares[1:] > _NEGLIGIBLE) + 1:
         other = found.values[k]
-        near = sorted(kept, key=lambda i: float(np.max(np.abs(found.values[i] - other) / scale)))
+        near = sorted(
+            separate, key=lambda i: float(np.max(np.abs(found.values[i] - other) / scale))
+        )
         if all(_separate(search, found.values[i], other) for i in {near[0], 0}):
-            kept.append(int(k))
-    return kept
+            separate.append(int(k))
+    return separate
 
 
 def _that_matter(modes: Modes) -> Modes:

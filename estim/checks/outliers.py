@@ -55,10 +55,10 @@ def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ..
 
 def _average(likelihood: Likelihood, problem: Problem, draws: FloatArray) -> FloatArray:
     """(n_obs,) mean over draws; of many points a few draws at a time."""
-    some = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
+    size = max(1, _BLOCK // problem.n_obs) if problem.many else draws.shape[0]
     parts = [
-        likelihood.outlier_probability(problem.named(draws[i : i + some])).sum(axis=0)
-        for i in range(0, draws.shape[0], some)
+        likelihood.outlier_probability(problem.named(draws[i : i + size])).sum(axis=0)
+        for i in range(0, draws.shape[0], size)
     ]
     return np.asarray(
         np.sum(parts, axis=0) / draws.shape[0] if len(parts) > 1 else parts[0] / draws.shape[0]

@@ -92,7 +92,9 @@ def power_scaling(
         s_prior, s_likelihood, *each_alone = _distances(
             column, [prior, likelihood, *(alone[k] for k in beside[i])]
         )
-        by_prior = {problem.names[k]: found for k, found in zip(beside[i], each_alone, strict=True)}
+        by_prior = {
+            problem.names[k]: distance for k, distance in zip(beside[i], each_alone, strict=True)
+        }
         strongest = max(by_prior, key=lambda other: by_prior[other])
         z = _disagreement(problem.parameters[i].prior, column)
         rows.append(
@@ -115,11 +117,11 @@ def _beside(problem: Problem) -> list[list[int]]:
     every = range(problem.n_par)
     if len(problem.groups) <= MANY:
         return [list(every) for _ in every]
-    found = [{i} for i in every]
+    neighbours = [{i} for i in every]
     for used in problem.columns:
         for i in used.tolist():
-            found[i].update(used.tolist())
-    return [sorted(one) for one in found]
+            neighbours[i].update(used.tolist())
+    return [sorted(places) for places in neighbours]
 
 
 def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:
@@ -128,8 +130,8 @@ def _weights(log_density: FloatArray) -> tuple[Weights | None, float]:
     """
     if np.ptp(log_density) < 1e-12:
         return None, -math.inf
-    found = [pareto_smoothed((alpha - 1.0) * log_density) for alpha in _ALPHAS]
-    return (np.exp(found[0][0]), np.exp(found[1][0])), max(k_hat for _, k_hat, _ in found)
+    smoothed = [pareto_smoothed((alpha - 1.0) * log_density) for alpha in _ALPHAS]
+    return (np.exp(smoothed[0][0]), np.exp(smoothed[1][0])), max(k_hat for _, k_hat, _ in smoothed)
 
 
 def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[float]:
@@ -138,19 +140,22 @@ def _distances(column: FloatArray, weights: Sequence[Weights | None]) -> list[fl
 
     The larger of those from below and from above, averaged over the two powers.
     """
-    found, told = [0.0] * len(weights), [k for k, pair in enumerate(weights) if pair is not None]
-    if np.ptp(column) == 0.0 or not told:
-        return found
+    averages, present = (
+        [0.0] * len(weights),
+        [k for k, pair in enumerate(weights) if pair is not None],
+    )
+    if np.ptp(column) == 0.0 or not present:
+        return averages
     order = np.argsort(column)
     widths = np.diff(column[order])
-    both = np.array([one for pair in weights if pair is not None for one in pair])[:, order]
+    both = np.array([row for pair in weights if pair is not None for row in pair])[:, order]
     distances = np.maximum(
         _jensen_shannon(both, widths), _jensen_shannon(both[:, ::-1], widths[::-1])
     )
     per_doubling = distances.reshape(-1, 2) / np.abs(np.log2(_ALPHAS))
-    for k, distance in zip(told, np.mean(per_doubling, axis=1), strict=True):
-        found[k] = float(distance)
-    return found
+    for k, distance in zip(present, np.mean(per_doubling, axis=1), strict=True):
+        averages[k] = float(distance)
+    return averages
 
 
 def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
@@ -165,12 +170,15 @@ def _jensen_shannon(weights: FloatArray, widths: FloatArray) -> FloatArray:
     q = np.cumsum(weights / np.sum(weights, axis=1, keepdims=True), axis=1)[:, :-1]
     with np.errstate(divide="ignore", invalid="ignore"):
         middle = np.log2(0.5 * (p + q))
-        own, other = p * (np.log2(p) - middle), np.where(q > 0.0, q * (np.log2(q) - middle), 0.0)
+        reference, other = (
+            p * (np.log2(p) - middle),
+            np.where(q > 0.0, q * (np.log2(q) - middle), 0.0),
+        )
     area, areas = p @ widths, q @ widths
     tilt = (areas - area) / (2.0 * np.log(2.0))
     return np.asarray(
         np.sqrt(
-            (np.maximum(own @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0))
+            (np.maximum(reference @ widths + tilt, 0.0) + np.maximum(other @ widths - tilt, 0.0))
             / (area + areas)
         )
     )

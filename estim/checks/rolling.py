@@ -82,9 +82,9 @@ def check_rolling(
     """One record for each run of a body.  draws : (n_draw, n_par)."""
     named = problem.named(draws)
     return tuple(
-        found
+        record
         for run in problem.runs
-        if (found := _of_run(run, run.bind(named), len(draws), rng)) is not None
+        if (record := _of_run(run, run.bind(named), len(draws), rng)) is not None
     )
 
 
@@ -121,7 +121,7 @@ def rolling_remarks(rolling: Sequence[Rolling]) -> list[Finding]:
     """The runs whose rolling is in doubt."""
     doubtful = (Kind.ROLLING_DOUBTFUL, Kind.ROLLING_HOPS)
     return [
-        one.finding
-        for one in rolling
-        if one.finding.kind in doubtful or (not one.stated and one.enough > _MUCH)
+        record.finding
+        for record in rolling
+        if record.finding.kind in doubtful or (not record.stated and record.enough > _MUCH)
     ]

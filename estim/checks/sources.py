@@ -142,21 +142,23 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
     of the curve fitted with their priors.
     """
     names = tuple(run.name for run in group.runs)
-    force = next((one for one in fit.forces if one.alone and one.runs == names), None)
+    force = next(
+        (candidate for candidate in fit.forces if candidate.alone and candidate.runs == names), None
+    )
     if force is None:
         return (_tied_copies(fit, group, shared),)
     off, slopes = fit.posterior.prior_residuals(fit.values), fit.posterior.prior_slopes(fit.values)
-    moved, found, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
+    moved, copies, stated = fit.values - force.about, [], copies_of_priors(fit, shared).information
     for run, (information, score) in zip(group.runs, force.alone, strict=True):
-        own = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
+        nuisance = np.array(_own(fit, run.parameters, shared), dtype=np.int64)
         prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
-        for i in own:
+        for i in nuisance:
             prior[i], pull[i] = slopes[i] ** 2, -slopes[i] * off[i]
         alone = _fitted(
-            information + np.diag(prior), score - information @ moved + pull, shared, own
+            information + np.diag(prior), score - information @ moved + pull, shared, nuisance
         )
-        found.append(Copies((run.name,), *_beyond(alone, stated)))
-    return tuple(found)
+        copies.append(Copies((run.name,), *_beyond(alone, stated)))
+    return tuple(copies)
 
 
 def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
@@ -173,9 +175,11 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     )
     turned = np.linalg.inv(root)
     shares, vectors = np.linalg.eigh(_symmetric(turned @ information @ turned.T))
-    kept = shares > _LEAST_OF_MIXTURE
-    rows = vectors[:, kept].T @ root.T
-    return rows.T @ (shares[kept, None] * rows), rows.T @ (vectors[:, kept].T @ turned @ score)
+    informative = shares > _LEAST_OF_MIXTURE
+    rows = vectors[:, informative].T @ root.T
+    return rows.T @ (shares[informative, None] * rows), rows.T @ (
+        vectors[:, informative].T @ turned @ score
+    )
 
 
 def _own(fit: Fit, used: Collection[str], shared: NDArray[np.int64]) -> list[int]:
@@ -204,19 +208,22 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
         runs.append(replace(run, arguments=arguments))
         copied += list(renamed.values())
         named |= {copy: named[name] for name, copy in renamed.items()}
-    own = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
+    nuisance = _own(fit, frozenset[str]().union(*(run.parameters for run in group.runs)), shared)
     jacobian, residuals = (
         Group(tuple(runs), group.shared)
         .likelihood(named)
-        .scoring(named, [*copied, *(problem.names[i] for i in own)])
+        .scoring(named, [*copied, *(problem.names[i] for i in nuisance)])
     )
     slopes = np.hstack(
-        [np.zeros((len(own), len(copied))), np.diag(fit.posterior.prior_slopes(fit.values)[own])]
+        [
+            np.zeros((len(nuisance), len(copied))),
+            np.diag(fit.posterior.prior_slopes(fit.values)[nuisance]),
+        ]
     )
     rows = np.vstack([jacobian, slopes])
-    z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[own])
+    z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
     data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
-    if own:  # what is left orthogonal to the own parameters
+    if nuisance:  # what is left orthogonal to the own parameters
         basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
         basis = basis[:, singular > ALONE * singular[0]]
         data, z = data - basis @ (basis.T @ data), z - basis @ (basis.T @ z)
@@ -260,21 +267,21 @@ def measurements(copies: Sequence[Copies], n_shared: int) -> Rows:
     beside what was stated: in the others they cannot but agree, and would only add degrees of
     freedom.
     """
-    total = total_of([one.together for one in copies])[0]
+    total = total_of([copy.together for copy in copies])[0]
     scale = np.sqrt(np.diag(total))
     root = (
         np.linalg.cholesky(total / np.outer(scale, scale) + ALONE * np.eye(n_shared))
         * scale[:, None]
     )
     turned = np.linalg.inv(root).T  # s = turned . coordinates
-    runs = [one.together for one in copies if one.sources != (PRIORS,)]
+    runs = [copy.together for copy in copies if copy.sources != (PRIORS,)]
     shares, vectors = np.linalg.eigh(_symmetric(turned.T @ total_of(runs)[0] @ turned))
-    told = vectors[:, shares > _LEAST_TOLD]
-    blocks = [_block(one, turned, told) for one in copies]
+    directions = vectors[:, shares > _LEAST_TOLD]
+    blocks = [_block(copy, turned, directions) for copy in copies]
     above, n_row = 0, sum(t.size for t, _, _ in blocks)
     moves = {}
-    for t, _, own in blocks:
-        for name, columns in own.items():
+    for t, _, block_moves in blocks:
+        for name, columns in block_moves.items():
             moves[name] = np.zeros((n_row, columns.shape[1]))
             moves[name][above : above + t.size] = columns
         above += t.size
@@ -293,18 +300,18 @@ def _block(
     """
     every = block_diag(*[turned] * len(copies.sources))
     spectrum, vectors = np.linalg.eigh(_symmetric(every.T @ copies.information @ every))
-    kept = spectrum > _LEAST_SHARE
-    half = np.sqrt(spectrum[kept])
-    rows = half[:, None] * vectors[:, kept].T
-    t = vectors[:, kept].T @ (every.T @ copies.score) / half
+    informative = spectrum > _LEAST_SHARE
+    half = np.sqrt(spectrum[informative])
+    rows = half[:, None] * vectors[:, informative].T
+    t = vectors[:, informative].T @ (every.T @ copies.score) / half
     design, moves = np.zeros((t.size, turned.shape[1])), {}
     for name in copies.sources:
         mine = rows[:, copies.of(name)]
         design += mine
-        shares, own = np.linalg.eigh(
+        shares, axes = np.linalg.eigh(
             _symmetric(told.T @ turned.T @ copies.alone(name)[0] @ turned @ told)
         )
-        moves[name] = mine @ (told @ own[:, shares > _LEAST_SHARE])
+        moves[name] = mine @ (told @ axes[:, shares > _LEAST_SHARE])
     return t, design, moves
 
 

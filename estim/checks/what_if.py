@@ -65,7 +65,7 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
     errors = {
         run.name: {error.name: error for error in _errors_of(run)} for run in fit.problem.runs
     }
-    found = []
+    records = []
     for name, kind in {
         name: error for of_run in errors.values() for name, error in of_run.items()
     }.items():
@@ -78,7 +78,7 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
             else {fit.names[i]: float((fit.values[i] - values[i]) / fit.sds[i]) for i in inside}
         )
         ramps = {error.along for error in concerned.values()}
-        found.append(
+        records.append(
             Influence(
                 name,
                 kind.size,
@@ -88,7 +88,7 @@ def influences(fit: Fit) -> tuple[Influence, ...]:
                 ramps.pop() if len(ramps) == 1 else None,
             )
         )
-    return tuple(sorted(found, key=lambda one: -one.largest))
+    return tuple(sorted(records, key=lambda influence: -influence.largest))
 
 
 def _errors_of(run: Observations) -> tuple[CommonError, ...]:
@@ -135,18 +135,22 @@ def large_influences(fit: Fit, found: Sequence[Influence]) -> list[Finding]:
     nothing does.
     """
     parts = []
-    for one in found:
-        if one.largest > TOLD_FROM:
-            moved = (fit.problem.parameters[fit.names.index(one.strongest)],) if one.shifts else ()
-            amounts = tuple(
-                Amount(parameter.name, one.largest, parameter.label) for parameter in moved
+    for influence in found:
+        if influence.largest > TOLD_FROM:
+            moved = (
+                (fit.problem.parameters[fit.names.index(influence.strongest)],)
+                if influence.shifts
+                else ()
             )
-            along = {} if one.along is None else {"along": one.along}
+            amounts = tuple(
+                Amount(parameter.name, influence.largest, parameter.label) for parameter in moved
+            )
+            along = {} if influence.along is None else {"along": influence.along}
             parts.append(
                 Finding(
                     Kind.COMMON_ERROR,
-                    test=one.name,
-                    size=one.size,
+                    test=influence.name,
+                    size=influence.size,
                     parameters=amounts,
                     numbers=along,
                 )

@@ -85,8 +85,9 @@ class Frames:
         rows = np.arange(self.t.size)
         whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
         shifts = [
-            whole[one.kind] * ((rows == one.row) if one.kind == "frame" else (rows >= one.row))
-            for one in patterns
+            whole[pattern.kind]
+            * ((rows == pattern.row) if pattern.kind == "frame" else (rows >= pattern.row))
+            for pattern in patterns
         ]
         return self.matrix @ np.array(shifts).T
 
@@ -97,11 +98,11 @@ class Frames:
             np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each)
         )
         kinds = {"frame": each, "step": later, "clock": moved}
-        found = np.empty((len(patterns), columns.shape[1]))
+        products = np.empty((len(patterns), columns.shape[1]))
         for kind, values in kinds.items():
             mine = np.array([one.kind == kind for one in patterns], dtype=bool)
-            found[mine] = values[[one.row for one in patterns if one.kind == kind]]
-        return found
+            products[mine] = values[[one.row for one in patterns if one.kind == kind]]
+        return products
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,7 @@ def find_bad_frames(
     patterns = _patterns(frames)
     taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
-    found = [
+    selected = [
         (pattern, _WIDE * abs(jump.size), jump.probability, jump.share)
         for pattern in patterns
         if (jump := before.get((pattern.kind, pattern.row))) is not None
@@ -210,11 +211,11 @@ def find_bad_frames(
     square = _squares(deviation, frames, patterns) * units**2
     while True:
         columns = (
-            frames.columns([one for one, *_ in found]) * [wide for _, wide, *_ in found]
-            if found
+            frames.columns([shape for shape, *_ in selected]) * [wide for _, wide, *_ in selected]
+            if selected
             else np.zeros((residuals.size, 0))
         )
-        n = len(found)
+        n = len(selected)
         whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
         linear = linearise(
             deviation,
@@ -234,7 +235,7 @@ def find_bad_frames(
         wide = _WIDE * max(
             abs(float(sizes[best])), (1.0 if patterns[best].whole else 10.0) * patterns[best].unit
         )
-        found.append(
+        selected.append(
             (
                 patterns[best],
                 wide,
@@ -244,7 +245,7 @@ def find_bad_frames(
         )
     mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
     jumps = []
-    for i, (pattern, wide, probability, share) in enumerate(found):
+    for i, (pattern, wide, probability, share) in enumerate(selected):
         jump = before.get((pattern.kind, pattern.row))
         size = float(mean[i]) * wide + (
             taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0
@@ -303,23 +304,23 @@ def _patterns(frames: Frames) -> tuple[Pattern, ...]:
     used = np.flatnonzero(frames.matrix.used)
     inside = used[2:-1] if frames.in_sequence else used[:0]
     moving = np.flatnonzero(frames.velocity)
-    found = [Pattern(int(row), "frame", frames.sd) for row in used]
-    found += [Pattern(int(row), "step", frames.sd) for row in inside]
-    found += [
+    patterns = [Pattern(int(row), "frame", frames.sd) for row in used]
+    patterns += [Pattern(int(row), "step", frames.sd) for row in inside]
+    patterns += [
         Pattern(int(row), "clock", frames.interval, whole=True)
         for row in inside
         if moving.size and row <= moving[-1]
     ]
-    return tuple(found)
+    return tuple(patterns)
 
 
 def _squares(deviation: Deviation, frames: Frames, patterns: Sequence[Pattern]) -> FloatArray:
     """(n_pattern,) squares of the whitened points of each pattern of size 1."""
-    some = max(1, _AT_ONCE // deviation.n_obs)
+    chunk = max(1, _AT_ONCE // deviation.n_obs)
     parts = []
-    for start in range(0, len(patterns), some):
-        shown = deviation.whiten(frames.columns(patterns[start : start + some]).T)
-        parts.append(np.einsum("ki,ki->k", shown, shown))
+    for start in range(0, len(patterns), chunk):
+        whitened = deviation.whiten(frames.columns(patterns[start : start + chunk]).T)
+        parts.append(np.einsum("ki,ki->k", whitened, whitened))
     return np.concatenate(parts)
 
 
@@ -341,43 +342,43 @@ def _scan(
     families = [compact(family) for family in deviation.families]
     ends = np.cumsum([j.shape[1], 1, *(lean.spectrum.size for lean in families)])
     everything = np.column_stack([j, r, *(lean.basis for lean in families)])
-    felt = units[:, None] * frames.felt(patterns, deviation.turned_back(everything.T).T)
-    with_j, with_r, *seen_by = np.split(felt, ends[:-1], axis=1)
+    products = units[:, None] * frames.felt(patterns, deviation.turned_back(everything.T).T)
+    with_j, with_r, *seen_by = np.split(products, ends[:-1], axis=1)
     with_r = with_r[:, 0]
     logs = np.full(len(patterns), -np.inf)
     sizes = np.zeros(len(patterns))
     most = np.full(len(patterns), -np.inf)
     whole, start = np.array([pattern.whole for pattern in patterns]), 0
-    for lean, shown in zip(families, seen_by, strict=True):
-        own = slice(start, start + lean.amplitude.size)
-        start = own.stop
-        seen, turned, told = shown.T, lean.basis.T @ j, lean.basis.T @ r
+    for lean, projection in zip(families, seen_by, strict=True):
+        components = slice(start, start + lean.amplitude.size)
+        start = components.stop
+        seen, turned, coordinates = projection.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
             1.0 / lean.variances() - white[:, None],
             white,
-            linear.weights[own],
-            linear.steps[own],
-            linear.covariances[own],
+            linear.weights[components],
+            linear.steps[components],
+            linear.covariances[components],
             strict=True,
         ):
             if weight == 0.0:
                 continue
             lever = flat * with_j + (seen.T * gain) @ turned
-            left = flat * with_r + (seen.T * gain) @ told - lever @ step
+            score = flat * with_r + (seen.T * gain) @ coordinates - lever @ step
             size = (
                 flat * square + gain @ np.square(seen) - np.einsum("ki,ij,kj->k", lever, cov, lever)
             )
             size = np.maximum(size, 1e-12 * flat * square + 1e-300)
             any_size = _mean(
-                [-0.5 * np.log1p(s**2 * size) + 0.5 * left**2 / (size + s**-2.0) for s in _SIZES]
+                [-0.5 * np.log1p(s**2 * size) + 0.5 * score**2 / (size + s**-2.0) for s in _SIZES]
             )
-            one = np.log(weight) + np.where(
-                whole, _mean([left * s - 0.5 * size * s**2 for s in _LOST]), any_size
+            log_factor = np.log(weight) + np.where(
+                whole, _mean([score * s - 0.5 * size * s**2 for s in _LOST]), any_size
             )
-            better = one > most
-            sizes, most = np.where(better, left / size, sizes), np.where(better, one, most)
-            np.logaddexp(logs, one, out=logs)
+            better = log_factor > most
+            sizes, most = np.where(better, score / size, sizes), np.where(better, log_factor, most)
+            np.logaddexp(logs, log_factor, out=logs)
     return logs + np.log(PRIOR / len(patterns)), sizes * units
 
 

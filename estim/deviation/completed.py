@@ -58,10 +58,10 @@ class Completed:
         for family in self.mixture.deviation.families:
             unit = _Unit.of(self, family, x)
             for k in range(family.amplitude.size):
-                own = np.flatnonzero(chosen == start + k)
-                if own.size:
-                    mean, sd = unit.given(self.mixture.columns, family, k, z[own])
-                    energy[own], scale[own] = mean + sd * errors[own], family.scale[k]
+                rows = np.flatnonzero(chosen == start + k)
+                if rows.size:
+                    mean, sd = unit.given(self.mixture.columns, family, k, z[rows])
+                    energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
             start += family.amplitude.size
         arguments = self.points.bind(named)
         metres = np.asarray(self.motion.metres(arguments))

@@ -177,8 +177,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         for kind, scale in scales.items()
     }
     unit = 1.0 if lacks.stated else float(np.sqrt(np.median(np.diag(covariance))))
-    low, middle, high = (unit * one for one in linear.size("scale"))
-    found = FoundDeviation(
+    low, middle, high = (unit * quantile for quantile in linear.size("scale"))
+    summary = FoundDeviation(
         run=run.name,
         lacks=lacks,
         probability=linear.p_deviation,
@@ -196,7 +196,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         means=values + means,
         covs=covs,
     )
-    return PosedDeviation(noise, found)
+    return PosedDeviation(noise, summary)
 
 
 def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
@@ -234,16 +234,16 @@ def _measured(
     n_par).  stated : whether their size was.
     """
     named = problem.named(values)
-    found = normal_covariance(run.noise, run.points, named)
+    errors = normal_covariance(run.noise, run.points, named)
     residuals = (
-        run.y - found.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
+        run.y - errors.shift - np.ravel(np.broadcast_to(run.points.value(named), (1, run.n_obs)))
     )
     covariance = (
-        found.covariance
+        errors.covariance
         if stated
-        else _sized(found.covariance, residuals, len(run.curve_parameters))
+        else _sized(errors.covariance, residuals, len(run.curve_parameters))
     )
-    return covariance, found.shift, residuals, run.points.gradient(named, problem.names)
+    return covariance, errors.shift, residuals, run.points.gradient(named, problem.names)
 
 
 def _sds(slopes: FloatArray, precision: FloatArray) -> FloatArray:
@@ -285,8 +285,8 @@ def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -
     """Kind -> scale of its amplitude, unit of y."""
     typical = float(np.sqrt(np.median(np.diag(covariance))))
     seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
-    found = {DEVIATION: lacks.deviation} if lacks.deviation else {}
-    return found | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
+    scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
+    return scales | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
 
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
@@ -314,7 +314,7 @@ def _size(linear: Linearised, kind: str, scale: float, long: float) -> Deviation
     if not share > 0.0:
         return DeviationSize(0.0, 0.0, scale, (np.nan, np.nan, np.nan), (np.nan, np.nan, np.nan))
     alone = replace(linear, weights=np.where(mine, linear.weights, 0.0) / share)
-    low, middle, high = (scale * one for one in alone.size("amplitude"))
+    low, middle, high = (scale * quantile for quantile in alone.size("amplitude"))
     slow = float(linear.weights[mine & (linear.deviation.lengths() > long)].sum())
     return DeviationSize(share, slow, scale, (low, middle, high), alone.size("length"))
 
@@ -323,7 +323,7 @@ def _intervals(
     linear: Linearised, problem: Problem, values: FloatArray
 ) -> dict[str, dict[float, Interval]]:
     """Equal-tailed, each inside the support of the parameter's prior."""
-    found = {}
+    intervals = {}
     for parameter, value, direction in zip(
         problem.parameters, values, np.eye(problem.n_par), strict=True
     ):
@@ -340,5 +340,5 @@ def _intervals(
             ends[p] = tuple(
                 np.clip(value + linear.quantiles(direction, places), low, high).tolist()
             )
-        found[parameter.name] = ends
-    return found
+        intervals[parameter.name] = ends
+    return intervals

@@ -117,7 +117,7 @@ class MixtureErrors(Likelihood):
         """
         lost = 2.0 * (self.mixture.highest - self.mixture.log_likelihood(raw))
         square = np.sum(z**2, axis=1)
-        told = (lost > 1e-9) & (square > 0.0)
+        positive = (lost > 1e-9) & (square > 0.0)
         stretch = np.ones(lost.size)
-        stretch[told] = np.sqrt(lost[told] / square[told])
-        return stretch, np.where(told, lost, 0.0)
+        stretch[positive] = np.sqrt(lost[positive] / square[positive])
+        return stretch, np.where(positive, lost, 0.0)

@@ -87,9 +87,9 @@ def expected_root(
         for along in alongs
     ]
     lever = Response.stacked(responses).force
-    own = size.between() if several else np.zeros(size.lengths.size)
+    between = size.between() if several else np.zeros(size.lengths.size)
     covariance = size.noise * block_diag(*(errors.covariance for _, errors in about))
-    for length, shared, apart in zip(size.lengths, size.shared, own, strict=True):
+    for length, shared, apart in zip(size.lengths, size.shared, between, strict=True):
         kernel = force_kernel(track, float(length), radius=alongs[0].radian)
         covariance += shared * lever @ without_mean(kernel, track.weights) @ lever.T
         covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
@@ -116,7 +116,7 @@ def _size(likelihood: MixtureErrors, residuals: FloatArray, *, several: bool) ->
     return ForceSize(
         noise,
         np.array(lengths),
-        np.array([shared[one] for one in lengths]),
-        np.array([own[one] for one in lengths]),
+        np.array([shared[length] for length in lengths]),
+        np.array([own[length] for length in lengths]),
         several,
     )

@@ -167,12 +167,12 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
     kinds of each: the same force on both ways (a ramp that is not flat), another one on the way
     back (dirt, which changes its sign, beside it), and a moment once and twice per turn alone.
     """
-    found = []
+    priors = []
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)
         elsewhere = sd_of_mean(kernel, along.weights)
         if along.back is None:
-            found.append(
+            priors.append(
                 ForcePrior(
                     FORCE,
                     float(length),
@@ -183,7 +183,7 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
             )
             continue
         for kind, alike in _WAYS.items():
-            found.append(
+            priors.append(
                 ForcePrior(
                     kind,
                     float(length),
@@ -195,7 +195,7 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
     if along.back is not None:
         apart, turn = distances(along.nodes), radius or along.length
         kernel = turning(apart, turn, radius=turn) - matern32(apart, turn)
-        found.append(
+        priors.append(
             ForcePrior(
                 TURN,
                 turn,
@@ -204,7 +204,7 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
                 sd_of_mean(kernel, along.weights),
             )
         )
-    return tuple(found)
+    return tuple(priors)
 
 
 def _on_both_ways(along: Track, kernel: FloatArray, alike: float) -> FloatArray:

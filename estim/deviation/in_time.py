@@ -176,18 +176,18 @@ def _solutions(moving: Moving, path: _Path) -> tuple[FloatArray, FloatArray]:
     """
     matrix = _matrix(moving, path)
     h = np.diff(path.t[::2])[:, None, None]
-    one = np.eye(2)
+    identity = np.eye(2)
     k1, middle, last = matrix[:-2:2], matrix[1::2], matrix[2::2]
-    k2 = middle @ (one + 0.5 * h * k1)
-    k3 = middle @ (one + 0.5 * h * k2)
-    k4 = last @ (one + h * k3)
-    steps = one + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    k2 = middle @ (identity + 0.5 * h * k1)
+    k3 = middle @ (identity + 0.5 * h * k2)
+    k4 = last @ (identity + h * k3)
+    steps = identity + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     steps[:, 1, :] *= path.turns[:, None]
-    found = np.empty((steps.shape[0] + 1, 2, 2))
-    found[0] = one
+    solutions = np.empty((steps.shape[0] + 1, 2, 2))
+    solutions[0] = identity
     for i, step in enumerate(steps):
-        found[i + 1] = step @ found[i]
-    return found, np.concatenate([[1.0], np.cumprod(path.turns)])
+        solutions[i + 1] = step @ solutions[i]
+    return solutions, np.concatenate([[1.0], np.cumprod(path.turns)])
 
 
 def _matrix(moving: Moving, path: _Path) -> FloatArray:

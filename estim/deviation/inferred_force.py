@@ -157,12 +157,12 @@ def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArr
     r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
     lever = deviation.whiten(response.force.T).T
     order = np.argsort(linearised.weights)[::-1]
-    kept = np.sort(
+    components = np.sort(
         order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
     )
     means, sds, start = [], [], 0
     for family, kernel in zip(deviation.families, kernels, strict=True):
-        here = kept[(kept >= start) & (kept < start + family.amplitude.size)]
+        here = components[(components >= start) & (components < start + family.amplitude.size)]
         if here.size:
             reach = (kernel @ lever.T) @ family.basis
             seen = family.basis.T @ r
@@ -178,8 +178,8 @@ def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArr
             sds.append(np.sqrt(np.maximum(spread, 0.0)))
         start += family.amplitude.size
     return _Seen(
-        kept,
-        linearised.weights[kept] / linearised.weights[kept].sum(),
+        components,
+        linearised.weights[components] / linearised.weights[components].sum(),
         np.array(means),
         np.array(sds),
     )

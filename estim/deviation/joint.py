@@ -124,7 +124,7 @@ class JointlyPosed:
     def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
         moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
-        return tuple(replace(one, moved=moved) for one in self.found)
+        return tuple(replace(force, moved=moved) for force in self.found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,27 +193,32 @@ def pose_forces(
     complete = [
         information_of_run(run, problem, values) for run in problem.runs if run.name not in forced
     ]
-    told = [likelihood_information(group.beside(precision, pull), prior) for group in lacking]
+    information = [
+        likelihood_information(group.beside(precision, pull), prior) for group in lacking
+    ]
     each = [
         tuple(_told_alone(run, courses, problem, values, alone[run.name]) for run in group.runs)
         for group in lacking
     ]
-    besides = [summed([prior, *complete, *told[:i], *told[i + 1 :]]) for i in range(len(lacking))]
+    besides = [
+        summed([prior, *complete, *information[:i], *information[i + 1 :]])
+        for i in range(len(lacking))
+    ]
     linear = [
         group.beside(*as_prior([beside])) for group, beside in zip(lacking, besides, strict=True)
     ]
     noises: dict[str, Noise] = {}
-    for group, found in zip(lacking, linear, strict=True):
-        noises |= _noises(group, found)
+    for group, posterior in zip(lacking, linear, strict=True):
+        noises |= _noises(group, posterior)
     shared = tuple(
-        _together(group, found)
-        for group, found in zip(lacking, linear, strict=True)
+        _together(group, posterior)
+        for group, posterior in zip(lacking, linear, strict=True)
         if len(group.runs) > 1
     )
-    data = summed([*complete, *told])
+    data = summed([*complete, *information])
     forces = tuple(
-        replace(_found(group, found, values, without, problem, data), alone=one)
-        for group, found, one in zip(lacking, linear, each, strict=True)
+        replace(_found(group, posterior, values, without, problem, data), alone=by_run)
+        for group, posterior, by_run in zip(lacking, linear, each, strict=True)
     )
     n = problem.n_par
     parts = normal_parts(
@@ -228,15 +233,15 @@ def _speeds(
     lacking: Sequence[_Linearised], problem: Problem, values: FloatArray
 ) -> list[tuple[FloatArray, ...]]:
     """Of each run of each group (n_obs,), as far as its data and the priors tell."""
-    prior, found = priors_at(problem, values, n_start=0), []
+    prior, inferred = priors_at(problem, values, n_start=0), []
     for group in lacking:
         read = (
             np.concatenate([run.y for run in group.runs])
             - group.formed.shift
             - group.beside(*prior).errors()
         )
-        found.append(tuple(np.split(read, np.cumsum([run.n_obs for run in group.runs])[:-1])))
-    return found
+        inferred.append(tuple(np.split(read, np.cumsum([run.n_obs for run in group.runs])[:-1])))
+    return inferred
 
 
 def _prepared(
@@ -255,8 +260,8 @@ def _prepared(
     ]
     each, stated = zip(*about, strict=True)
     alongs = tuple(
-        courses[run.name].along(run.points, named, run.noise, about=own.speed)
-        for run, own in zip(runs, each, strict=True)
+        courses[run.name].along(run.points, named, run.noise, about=residuals.speed)
+        for run, residuals in zip(runs, each, strict=True)
     )
     longest = max(alongs, key=lambda along: along.track.length).track
     several = len(runs) > 1
@@ -271,7 +276,7 @@ def _prepared(
         else force_shapes(longest, responses[0], radius=radius)
     )
     points = StackedPoints(tuple(run.points for run in runs))
-    root = stacked_root([one.root for one in stated])
+    root = stacked_root([errors.root for errors in stated])
     formed = stacked(each)
     return _Linearised(
         label,
@@ -392,14 +397,14 @@ def _found(
 def _own(group: _Linearised, linear: Linearised) -> tuple[OwnForce, ...]:
     # the order of `shared_force_shapes`
     ratios = OWN * (len(linear.deviation.families) // len(OWN))
-    found = []
+    forces = []
     for i, (run, along) in enumerate(zip(group.runs, group.alongs, strict=True)):
         alone = [
             response if i == k else Response(0.0 * response.force, 0.0 * response.start)
             for k, response in enumerate(group.responses)
         ]
         end = group.track.start + along.track.length
-        found.append(
+        forces.append(
             find_own_force(
                 linear,
                 group.track,
@@ -410,4 +415,4 @@ def _own(group: _Linearised, linear: Linearised) -> tuple[OwnForce, ...]:
                 radius=along.radian,
             )
         )
-    return tuple(found)
+    return tuple(forces)

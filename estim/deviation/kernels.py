@@ -61,8 +61,8 @@ def without_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> Fl
 def root(covariance: FloatArray) -> FloatArray:
     """(n, n_cause) X with X X^T the covariance (n, n), to 1e-10 of its largest eigenvalue."""
     spectrum, basis = np.linalg.eigh(covariance)
-    kept = spectrum > _ROUNDING * spectrum[-1]
-    return np.asarray(basis[:, kept] * np.sqrt(spectrum[kept]))
+    significant = spectrum > _ROUNDING * spectrum[-1]
+    return np.asarray(basis[:, significant] * np.sqrt(spectrum[significant]))
 
 
 def sd_of_mean(covariance: FloatArray, weights: ArrayLike | None = None) -> float:

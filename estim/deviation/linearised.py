@@ -127,9 +127,9 @@ class Linearised:
             if name == "scale"
             else self.deviation.column(name)
         )
-        told = np.isfinite(values)
-        places, which = np.unique(values[told], return_inverse=True)
-        share = np.bincount(which.ravel(), self.weights[told])
+        finite = np.isfinite(values)
+        places, which = np.unique(values[finite], return_inverse=True)
+        share = np.bincount(which.ravel(), self.weights[finite])
         if not share.sum() > 0.0:
             return np.nan, np.nan, np.nan
         share = share / share.sum()
@@ -173,8 +173,8 @@ class Linearised:
         family, i = self.component(self.best)
         scale, amplitude = float(self.scales[self.best]), float(family.amplitude[i])
         lifted = amplitude * np.sqrt(family.spectrum) / scale
-        felt = lifted > _FELT
-        causes = family.basis[:, felt] * lifted[felt]
+        significant = lifted > _FELT
+        causes = family.basis[:, significant] * lifted[significant]
         if columns is not None:
             causes = np.column_stack([causes, self.deviation.whiten(columns.T).T * (size / scale)])
         return beside(self.deviation.root.times(scale / size), causes)
@@ -257,9 +257,9 @@ def linearise(
                 carried,
             )
         )
-    told = np.linalg.eigvalsh(precision)
+    eigenvalues = np.linalg.eigvalsh(precision)
     constant = (
-        0.5 * float(np.sum(np.log(told[told > 0.0])))
+        0.5 * float(np.sum(np.log(eigenvalues[eigenvalues > 0.0])))
         - deviation.root.log_volume
         - 0.5 * n_obs * np.log(2.0 * np.pi)
     )

@@ -104,15 +104,15 @@ class Mixture:
         residuals = np.atleast_2d(residuals)
         total = np.empty(residuals.shape[0])
         for start in range(0, total.size, _CHUNK):
-            some = slice(start, start + _CHUNK)
+            chunk = slice(start, start + _CHUNK)
             logs = self.log_components(
-                residuals[some],
-                relative=None if relative is None else relative[some],
-                weight=None if weight is None else replace(weight, ratio=weight.ratio[some]),
+                residuals[chunk],
+                relative=None if relative is None else relative[chunk],
+                weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
             )
             highest = np.max(logs, axis=1, keepdims=True)
             np.exp(np.subtract(logs, highest, out=logs), out=logs)
-            total[some] = highest[:, 0] + np.log(np.sum(logs, axis=1))
+            total[chunk] = highest[:, 0] + np.log(np.sum(logs, axis=1))
         return total
 
     def log_components(
@@ -135,14 +135,19 @@ class Mixture:
             )
         parts, start = [], 0
         for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
-            own = seen[:, start : start + family.spectrum.size]
+            coordinates = seen[:, start : start + family.spectrum.size]
             start += family.spectrum.size
             if relative is None:
-                parts.append(own_terms.log_density(square, own, along, weight))
+                parts.append(own_terms.log_density(square, coordinates, along, weight))
             else:
                 parts.append(
                     _rescaled(
-                        family, self.columns, square, own, along, np.asarray(relative, dtype=float)
+                        family,
+                        self.columns,
+                        square,
+                        coordinates,
+                        along,
+                        np.asarray(relative, dtype=float),
                     )
                 )
         logs = np.hstack(parts)
@@ -164,10 +169,10 @@ class Mixture:
         white = 0.0
         span = np.linalg.qr(np.hstack([self.together[0], self.columns]))[0]
         core, columns = np.zeros((span.shape[1], span.shape[1])), span.T @ self.columns
-        for family, own, flat, gain in self._felt(residuals):
+        for family, weights, flat, gain in self._felt(residuals):
             basis = span.T @ family.basis
-            core += (basis * (own @ gain)) @ basis.T
-            white += float(own @ flat)
+            core += (basis * (weights @ gain)) @ basis.T
+            white += float(weights @ flat)
             if columns.shape[1]:
                 pushed = flat[:, None, None] * columns + basis @ (
                     gain[:, :, None] * (basis.T @ columns)
@@ -175,7 +180,7 @@ class Mixture:
                 information = np.eye(columns.shape[1]) + np.einsum("ni,knj->kij", columns, pushed)
                 # (k, i, m)
                 turned = np.linalg.solve(
-                    information, (own[:, None, None] * pushed).transpose(0, 2, 1)
+                    information, (weights[:, None, None] * pushed).transpose(0, 2, 1)
                 )
                 core -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
         return Precision(white, span, core)
@@ -186,9 +191,9 @@ class Mixture:
         along = z @ self.columns
         whole = self.columns.T @ self.columns
         pull = np.zeros(residuals.size)
-        for family, own, white, gain in self._felt(residuals):
+        for family, weights, white, gain in self._felt(residuals):
             seen, lying = z @ family.basis, family.basis.T @ self.columns
-            shifts = np.zeros((own.size, self.columns.shape[1]))
+            shifts = np.zeros((weights.size, self.columns.shape[1]))
             if self.columns.shape[1]:
                 information = (
                     np.eye(self.columns.shape[1])
@@ -197,11 +202,11 @@ class Mixture:
                 )
                 explained = white[:, None] * along + (gain * seen) @ lying
                 shifts = np.linalg.solve(information, explained[..., None])[..., 0]
-            left = own[:, None] * gain * (seen - shifts @ lying.T)
+            weighted = weights[:, None] * gain * (seen - shifts @ lying.T)
             pull += (
-                (own @ white) * z
-                + family.basis @ np.sum(left, axis=0)
-                - self.columns @ ((own * white) @ shifts)
+                (weights @ white) * z
+                + family.basis @ np.sum(weighted, axis=0)
+                - self.columns @ ((weights * white) @ shifts)
             )
         return self.deviation.turned_back(pull)
 
@@ -213,12 +218,17 @@ class Mixture:
         """
         share, start = self.shares(residuals), 0
         for family in self.deviation.families:
-            own = share[start : start + family.amplitude.size]
-            start += own.size
-            felt = own > _FELT
-            if felt.any():
-                white = 1.0 / np.square(family.scale[felt])
-                yield family, own[felt], white, 1.0 / family.variances()[felt] - white[:, None]
+            weights = share[start : start + family.amplitude.size]
+            start += weights.size
+            significant = weights > _FELT
+            if significant.any():
+                white = 1.0 / np.square(family.scale[significant])
+                yield (
+                    family,
+                    weights[significant],
+                    white,
+                    1.0 / family.variances()[significant] - white[:, None],
+                )
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
@@ -245,8 +255,10 @@ class Mixture:
         whitened.
         """
         basis, lifted, white = self.lifted(residuals)
-        felt = lifted > _FELT * white
-        return np.hstack([basis[:, felt] * np.sqrt(lifted[felt]), self.columns]), white
+        significant = lifted > _FELT * white
+        return np.hstack(
+            [basis[:, significant] * np.sqrt(lifted[significant]), self.columns]
+        ), white
 
     def lifted(self, residuals: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that
@@ -254,9 +266,9 @@ class Mixture:
         """
         share, start, lifted = self.shares(residuals), 0, []
         for family in self.deviation.families:
-            own = share[start : start + family.amplitude.size]
-            start += own.size
-            lifted.append((own @ np.square(family.amplitude)) * family.spectrum)
+            weights = share[start : start + family.amplitude.size]
+            start += weights.size
+            lifted.append((weights @ np.square(family.amplitude)) * family.spectrum)
         return (
             self.together[0],
             np.concatenate(lifted),
@@ -283,14 +295,14 @@ class Mixture:
         """For each family, what `_pointwise` needs of each of its components whatever the
         residuals.
         """
-        back, own = self.deviation.turned_back, self.deviation.root.precisions
+        back, precisions = self.deviation.turned_back, self.deviation.root.precisions
         whole, moved = self.columns.T @ self.columns, back(self.columns.T).T
         for family in self.deviation.families:
             basis, lying = back(family.basis.T).T, family.basis.T @ self.columns
-            squared, found = basis**2, []
+            squared, given = basis**2, []
             for variance, scale in zip(family.variances(), family.scale, strict=True):
                 gain = 1.0 / variance - 1.0 / scale**2
-                diagonal = own / scale**2 + squared @ gain
+                diagonal = precisions / scale**2 + squared @ gain
                 turned = gain[:, None] * lying
                 root = np.linalg.inv(
                     np.linalg.cholesky(np.eye(len(whole)) + whole / scale**2 + lying.T @ turned)
@@ -305,10 +317,10 @@ class Mixture:
                         -(root / scale**2) @ pushed.T,
                     ]
                 )
-                found.append(
+                given.append(
                     _Given(half / scale**2, seen * half, 0.5 * np.log(diagonal / (2.0 * np.pi)))
                 )
-            yield tuple(found)
+            yield tuple(given)
 
     def _pointwise(
         self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
@@ -324,10 +336,10 @@ class Mixture:
         with np.errstate(over="ignore"):
             for family, each in zip(self.deviation.families, given, strict=True):
                 seen = np.hstack([z @ family.basis, along])
-                for k, one in enumerate(each, start):
-                    part = one.square(back, seen)
+                for k, component in enumerate(each, start):
+                    part = component.square(back, seen)
                     part += logs[:, k, None] - highest
-                    part -= one.log
+                    part -= component.log
                     total += np.exp(part, out=part)
                 start += len(each)
         without = np.log(total) + highest
@@ -348,9 +360,11 @@ class Mixture:
         without, start = np.full(z.shape, -np.inf), 0
         for family, each in zip(self.deviation.families, given, strict=True):
             seen = np.hstack([z @ family.basis, along])
-            for k, one in enumerate(each, start):
+            for k, component in enumerate(each, start):
                 np.logaddexp(
-                    without, one.square(back, seen) + logs[:, k, None] - one.log, out=without
+                    without,
+                    component.square(back, seen) + logs[:, k, None] - component.log,
+                    out=without,
                 )
             start += len(each)
         return without
@@ -374,9 +388,9 @@ class _Given:
         """(n_draw, n_obs) half the squared residual of each point over its variance given the
         others.
         """
-        found = seen @ self.seen
-        found += back * self.white
-        return np.asarray(np.square(found, out=found))
+        scaled = seen @ self.seen
+        scaled += back * self.white
+        return np.asarray(np.square(scaled, out=scaled))
 
 
 def keep_probable(
@@ -401,9 +415,9 @@ def keep_probable(
         if chosen.any():
             families.append(compact(merged(family.chosen(chosen))))
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
-    kept = Deviation(deviation.root, tuple(families))
+    reduced = Deviation(deviation.root, tuple(families))
     return Mixture(
-        kept,
+        reduced,
         shifts,
         tuple(terms_of(family, shifts) for family in families),
         float(linearised.weights[dropped].sum()),

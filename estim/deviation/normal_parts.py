@@ -47,11 +47,11 @@ def normal_parts(
             for weight, mean, cov in _parts(linear, values.size)
         ]
         combined = [
-            (weight * own, information + own_information, score + own_score)
+            (weight * own_weight, information + own_information, score + own_score)
             for weight, information, score in combined
-            for own, own_information, own_score in parts
+            for own_weight, own_information, own_score in parts
         ]
-        combined = sorted(combined, key=lambda one: -one[0])[:_MOST]
+        combined = sorted(combined, key=lambda part: -part[0])[:_MOST]
     weights = np.array([weight for weight, _, _ in combined])
     covs = np.array([_inverse(information) for _, information, _ in combined])
     steps = np.array([cov @ score for cov, (_, _, score) in zip(covs, combined, strict=True)])
@@ -67,7 +67,7 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
     absent = linear.deviation.column("amplitude")[order] == 0.0
     there = order[~absent]
     below = np.cumsum(linear.weights[there])
-    found = []
+    parts = []
     for group in (
         order[absent],
         *np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE)),
@@ -77,14 +77,14 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
             shares = linear.weights[group] / probability
             mean = shares @ steps[group]
             off = steps[group] - mean
-            found.append(
+            parts.append(
                 (
                     probability,
                     mean,
                     np.einsum("k,kij->ij", shares, covs[group]) + (shares[:, None] * off).T @ off,
                 )
             )
-    return found
+    return parts
 
 
 def _inverse(information: FloatArray) -> FloatArray:

@@ -149,7 +149,7 @@ def pose_force(
     means, covs = linear_groups(linear, n)
     prior = here.precision[:n, :n]
     unit = run.y_unit if run.positions else run.x_unit
-    found = FoundForce(
+    summary = FoundForce(
         run=run.name,
         unit=unit,
         scale=run.force,
@@ -172,7 +172,7 @@ def pose_force(
         if run.positions
         else Completed(here.points, run.body, mixture, here.formed, here.along),
     )
-    return Posed(noise, found, linear.mean[:n], linear.covariance[:n, :n])
+    return Posed(noise, summary, linear.mean[:n], linear.covariance[:n, :n])
 
 
 def _weighed(run: Observations, here: _Linear, bad: BadFrames) -> tuple[Linearised, FloatArray]:
@@ -293,7 +293,9 @@ def likelihood_of_normal(
 
 def summed(known: Sequence[TrialInformation]) -> TrialInformation:
     """What several sources say together."""
-    return np.sum([one[0] for one in known], axis=0), np.sum([one[1] for one in known], axis=0)
+    return np.sum([source[0] for source in known], axis=0), np.sum(
+        [source[1] for source in known], axis=0
+    )
 
 
 def as_prior(known: Sequence[TrialInformation]) -> TrialInformation:

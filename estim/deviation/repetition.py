@@ -28,18 +28,18 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
     z, again, start = mixture.deviation.whiten(residuals), np.empty_like(residuals), 0
     for family in mixture.deviation.families:
         for k in range(family.amplitude.size):
-            own = np.flatnonzero(chosen == start + k)
-            if own.size == 0:
+            rows = np.flatnonzero(chosen == start + k)
+            if rows.size == 0:
                 continue
             scale = float(family.scale[k])
             causes = np.hstack(
                 [family.amplitude[k] * np.sqrt(family.spectrum) * family.basis, mixture.columns]
             )
-            latent = rng.standard_normal((own.size, causes.shape[1]))
-            off = z[own] - latent @ causes.T - scale * rng.standard_normal((own.size, z.shape[1]))
+            latent = rng.standard_normal((rows.size, causes.shape[1]))
+            off = z[rows] - latent @ causes.T - scale * rng.standard_normal((rows.size, z.shape[1]))
             latent += np.linalg.solve(
                 causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T
             ).T
-            again[own] = latent @ causes.T + scale * rng.standard_normal((own.size, z.shape[1]))
+            again[rows] = latent @ causes.T + scale * rng.standard_normal((rows.size, z.shape[1]))
         start += family.amplitude.size
     return errors.formed.readings(errors.points, named, mixture.deviation.root.coloured(again))

@@ -63,37 +63,37 @@ def see_deviation(
     rest = _rest(deviation.whiten(np.eye(run.n_obs)), j, linear.jacobian)
     r = deviation.whiten(linear.residuals)
     order = np.argsort(linear.weights)[::-1]
-    kept = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
+    components = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
     lacks = run.lacks
     assert lacks is not None, "asked of runs that may lack something"
     means = np.zeros((linear.weights.size, run.n_obs))
     sds = np.zeros((linear.weights.size, run.n_obs))
     first = 0
     for family in deviation.families:
-        some = kept[(kept >= first) & (kept < first + family.amplitude.size)]
-        place, first = some - first, first + family.amplitude.size
+        members = components[(components >= first) & (components < first + family.amplitude.size)]
+        place, first = members - first, first + family.amplitude.size
         along = run.x if family.kind == DEVIATION or lacks.along is None else lacks.along
         kernel, prior = _seen(family, along, scales, rest)
         seen = deviation.whiten(kernel) @ family.basis  # (n_obs, n_dir)
         precision = 1.0 / family.variances()[place]
         square = np.square(family.amplitude[place])[:, None]
-        off, turned = (r - linear.steps[some] @ j) @ family.basis, j @ family.basis
-        means[some] = square * ((off * precision) @ seen.T)
+        off, turned = (r - linear.steps[members] @ j) @ family.basis, j @ family.basis
+        means[members] = square * ((off * precision) @ seen.T)
         moved = square[:, :, None] * np.einsum(
             "id,kd,pd->kip", seen, precision, turned, optimize=True
         )
         spread = square * prior - np.square(square) * (precision @ np.square(seen).T)
-        sds[some] = np.sqrt(
+        sds[members] = np.sqrt(
             np.maximum(
                 spread
                 + np.einsum(
-                    "kip,kpq,kiq->ki", moved, linear.covariances[some], moved, optimize=True
+                    "kip,kpq,kiq->ki", moved, linear.covariances[members], moved, optimize=True
                 ),
                 0.0,
             )
         )
-    means, sds = means[kept], sds[kept]
-    weights = linear.weights[kept] / linear.weights[kept].sum()
+    means, sds = means[components], sds[components]
+    weights = linear.weights[components] / linear.weights[components].sum()
     return ResidualPart(
         run.x,
         mixture_quantiles(weights, means, sds, BAND),

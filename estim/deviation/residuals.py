@@ -153,15 +153,17 @@ class Residuals:
 
 def stacked(each: Sequence[Residuals]) -> Residuals:
     """Of runs below each other, all of speeds or none."""
-    shift = np.concatenate([one.shift for one in each])
-    speeds = [one.speed for one in each if one.speed is not None]
+    shift = np.concatenate([residuals.shift for residuals in each])
+    speeds = [residuals.speed for residuals in each if residuals.speed is not None]
     if len(speeds) < len(each):
         return Residuals(shift)
-    known = np.concatenate([np.broadcast_to(one.known, one.shift.shape) for one in each])
+    known = np.concatenate(
+        [np.broadcast_to(residuals.known, residuals.shift.shape) for residuals in each]
+    )
     return Residuals(
         shift,
         np.concatenate(speeds),
         known,
-        tuple(inertia for one in each for inertia in one.inertias),
+        tuple(inertia for residuals in each for inertia in residuals.inertias),
         each[0].scale,
     )

@@ -37,14 +37,14 @@ def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> Float
     reach = _REACH * sd / np.maximum(speed, least)
     first, last = np.searchsorted(t, t - reach, "left"), np.searchsorted(t, t + reach, "right")
     many = np.flatnonzero(last - first >= _FEW)
-    found = x.copy()
+    smoothed = x.copy()
     since, rise = t - np.mean(t), x - np.mean(x)
     n = (last - first)[many]
     mean_t, mean_x = (_between(column, first[many], last[many]) / n for column in (since, rise))
     square = _between(since * since, first[many], last[many]) - n * mean_t**2
     slope = (_between(since * rise, first[many], last[many]) - n * mean_t * mean_x) / square
-    found[many] = np.mean(x) + mean_x + slope * (since[many] - mean_t)
-    return found
+    smoothed[many] = np.mean(x) + mean_x + slope * (since[many] - mean_t)
+    return smoothed
 
 
 def _between(values: FloatArray, first: NDArray[np.int64], last: NDArray[np.int64]) -> FloatArray:

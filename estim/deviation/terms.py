@@ -78,9 +78,9 @@ class Terms:
         """What N(b | 0, 1/w^2) in place of N(b | 0, 1) does for the energies b at release, whose
         estimates and variances the data give.
         """
-        own = self.root[:, : weight.n_start]
-        estimate = np.einsum("kjq,ikq->ikj", own, explained)
-        narrowed = 1.0 + weight.excess[:, :, None] * np.einsum("kjq,kjq->kj", own, own)
+        block = self.root[:, : weight.n_start]
+        estimate = np.einsum("kjq,ikq->ikj", block, explained)
+        narrowed = 1.0 + weight.excess[:, :, None] * np.einsum("kjq,kjq->kj", block, block)
         lost = np.log(narrowed) + weight.excess[:, :, None] * np.square(estimate) / narrowed
         return np.asarray(
             weight.n_start * np.log(weight.ratio)[:, None] - 0.5 * np.sum(lost, axis=2)

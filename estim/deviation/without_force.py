@@ -99,13 +99,13 @@ def pose_without_force(
     others = [
         information_of_run(run, problem, values) for run in problem.runs if run.name not in posed
     ]
-    told = [
+    information = [
         likelihood_information(group.beside(precision, pull), prior) for group in groups_stacked
     ]
     noises: dict[str, Noise] = {}
     shared = []
     for i, group in enumerate(groups_stacked):
-        linear = group.beside(*as_prior([prior, *others, *told[:i], *told[i + 1 :]]))
+        linear = group.beside(*as_prior([prior, *others, *information[:i], *information[i + 1 :]]))
         mixture = keep_probable(linear, columns=group.columns)
         white = likely_root(linear, group.columns)
         names = tuple(run.name for run in group.runs)
@@ -129,8 +129,8 @@ def _stack(
     bad: Mapping[str, BadFrames],
 ) -> _Stacked:
     named = problem.named(values)
-    own = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
-    points = StackedPoints(tuple(own.moved(run.points) for run in runs))
+    frames = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
+    points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
     n = points.y.size
     about = [
         _formed(courses.get(run.name), run.noise, one, named)
@@ -140,11 +140,11 @@ def _stack(
     nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
     return _Stacked(
         runs,
-        own,
+        frames,
         diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()),
         formed.at(points, named)[0],
         formed.gradient(points, named, problem.names),
-        own.columns(n),
+        frames.columns(n),
         formed,
     )
 
