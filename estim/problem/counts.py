@@ -141,13 +141,13 @@ class CountedResiduals:
         """(n_obs, n_sim) counts of the same rank as the standard normal errors."""
         from scipy.special import ndtri
 
-        found = np.empty_like(errors)
+        counts = np.empty_like(errors)
         for row, error, mean, size in zip(
-            found, errors, self.mean.tolist(), self.trials.tolist(), strict=True
+            counts, errors, self.mean.tolist(), self.trials.tolist(), strict=True
         ):
             y, below = self.law.table(max(mean, 0.0), size)
             row[:] = y[np.minimum(np.searchsorted(ndtri(below), error), y.size - 1)]
-        return found
+        return counts
 
 
 @dataclass(frozen=True, eq=False)

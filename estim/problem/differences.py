@@ -41,16 +41,16 @@ class Differences:
 
     def back(self, columns: FloatArray) -> FloatArray:
         """A^T times (n_obs, n): (n_row, n)."""
-        found = np.zeros((self.n_row, columns.shape[1]))
+        product = np.zeros((self.n_row, columns.shape[1]))
         for k in range(self.places.shape[1]):
-            np.add.at(found, self.places[:, k], self.weights[:, k, None] * columns)
-        return found
+            np.add.at(product, self.places[:, k], self.weights[:, k, None] * columns)
+        return product
 
     def dense(self) -> FloatArray:
         """(n_obs, n_row)."""
-        found = np.zeros((len(self.places), self.n_row))
-        np.add.at(found, (np.arange(len(self.places))[:, None], self.places), self.weights)
-        return found
+        matrix = np.zeros((len(self.places), self.n_row))
+        np.add.at(matrix, (np.arange(len(self.places))[:, None], self.places), self.weights)
+        return matrix
 
     def of(self, kept: NDArray[np.int64]) -> Differences:
         """Some of the rows."""
@@ -80,9 +80,9 @@ class Differences:
     @property
     def used(self) -> NDArray[np.bool_]:
         """(n_row,) columns in which something stands."""
-        found = np.zeros(self.n_row, dtype=bool)
-        found[self.places[self.weights != 0.0]] = True
-        return found
+        mask = np.zeros(self.n_row, dtype=bool)
+        mask[self.places[self.weights != 0.0]] = True
+        return mask
 
     def covariance(self, correlation: float = 0.0) -> FloatArray:
         """A R A^T in bands (n_band + 1, n_obs), [d, i] its element (i + d, i), with R_jk =

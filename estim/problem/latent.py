@@ -133,10 +133,10 @@ class LatentErrors(Likelihood):
         )
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        kept = self._of_curve(names)
-        score = np.where(kept, np.sum(self.scores(named, names, {}), axis=0), 0.0)
+        mask = self._of_curve(names)
+        score = np.where(mask, np.sum(self.scores(named, names, {}), axis=0), 0.0)
         return rooted(
-            np.where(kept & kept[:, None], self.information(named, names, {}), 0.0),
+            np.where(mask & mask[:, None], self.information(named, names, {}), 0.0),
             score,
             self.y.size,
         )
@@ -146,13 +146,13 @@ class LatentErrors(Likelihood):
 
     def whitened(self, named: Named, names: Sequence[str]) -> Tabled:
         at, scores, slopes = self.score_table(named, names)
-        kept = self._of_curve(names)
+        mask = self._of_curve(names)
         return Tabled(
             self.standardised(named)[0],
             self.information_root(named, names),
             at,
-            np.where(kept, scores, 0.0),
-            np.where(kept, slopes, 0.0),
+            np.where(mask, scores, 0.0),
+            np.where(mask, slopes, 0.0),
         )
 
     def sd(self, named: Named) -> FloatArray:
@@ -172,11 +172,11 @@ class LatentErrors(Likelihood):
         """
         density, tails = self._predictive(named), self.tails
         z, weight = _error_nodes(tails, named)
-        kept = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
+        nodes = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
         y = (
-            density.mean[0][:, kept, None] + np.sqrt(density.variance[0][:, kept, None]) * z
+            density.mean[0][:, nodes, None] + np.sqrt(density.variance[0][:, nodes, None]) * z
         ).reshape(self.y.size, -1)
-        chance = (np.exp(density.log_weight[0][:, kept, None]) * weight).reshape(self.y.size, -1)
+        chance = (np.exp(density.log_weight[0][:, nodes, None]) * weight).reshape(self.y.size, -1)
         total = np.zeros((len(names) + 2, len(names) + 2))
         step = max(1, int(4 * _BLOCK / (y.shape[1] * LOG_WEIGHTS.size)))
         for first in range(0, self.y.size, step):

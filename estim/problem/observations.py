@@ -146,8 +146,8 @@ class Observations:
 
     def _label(self, name: str, unit: str) -> str:
         """A body's axes have names of ours, those of a plain curve are the user's."""
-        said = name if self.motion is None else phrase(name)
-        return said if unit == "1" else f"{said} ({unit})"
+        label = name if self.motion is None else phrase(name)
+        return label if unit == "1" else f"{label} ({unit})"
 
     @property
     def points(self) -> Points:
@@ -179,18 +179,22 @@ class Observations:
         """Quantities that follow from the arguments of the curve (`bind`): those that mean
         something to a reader, and what was `sought`.
         """
-        found = {} if self.motion is None else dict(self.motion.derived(arguments))
-        for one in self.sought:
-            derived = one.of({**arguments, **{name: known.values for name, known in found.items()}})
+        quantities = {} if self.motion is None else dict(self.motion.derived(arguments))
+        for quantity in self.sought:
+            derived = quantity.of(
+                {**arguments, **{name: known.values for name, known in quantities.items()}}
+            )
             if derived is not None:
-                found[one.name] = derived
-        return found
+                quantities[quantity.name] = derived
+        return quantities
 
     def bind(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values (scalars or (n_draw, 1)), and what else is
         needed for what was `sought`.
         """
-        others = {name: source for one in self.sought for name, source in one.others.items()}
+        others = {
+            name: source for quantity in self.sought for name, source in quantity.others.items()
+        }
         known = {
             name: values.get(source) if isinstance(source, str) else source
             for name, source in others.items()

@@ -119,7 +119,7 @@ class Problem:
                     parameter.prior.centre
                 )
         return frozenset(
-            name for one in centres.values() if len(set(one.values())) > 1 for name in one
+            name for group in centres.values() if len(set(group.values())) > 1 for name in group
         )
 
     def start(self) -> FloatArray:
@@ -204,10 +204,10 @@ class Posterior:
         """(n_draw,) log likelihood, normalised, of draws (n_draw, n_par) inside the priors'
         support.
         """
-        some = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
-        if draws.shape[0] > some:
+        size = max(1, _BLOCK // self.problem.n_obs) if self.problem.many else draws.shape[0]
+        if draws.shape[0] > size:
             return np.concatenate(
-                [self.log_likelihood(draws[i : i + some]) for i in range(0, draws.shape[0], some)]
+                [self.log_likelihood(draws[i : i + size]) for i in range(0, draws.shape[0], size)]
             )
         named = self.problem.named(draws)
         total = np.zeros(draws.shape[0])
@@ -221,9 +221,9 @@ class Posterior:
         if len(self.problem.runs) == 1:
             return tuple(parts)
         rows = {
-            run.name: own
+            run.name: block
             for group, part in zip(self.problem.groups, parts, strict=True)
-            for run, own in zip(group.runs, group.split(part), strict=True)
+            for run, block in zip(group.runs, group.split(part), strict=True)
         }
         return tuple(rows[run.name] for run in self.problem.runs)
 

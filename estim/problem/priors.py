@@ -339,18 +339,20 @@ class TruncatedNormal(_CutNormal):
         return self.scale * math.sqrt(self._moments[1])
 
     def describe(self, unit: str = "1") -> str:
-        said = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
+        numbers = {"mean": self.mean, "scale": self.scale, "low": self.low, "high": self.high}
         if math.isinf(self.high):
             return _in_unit(
-                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated below {low:.4g}", **said), unit
+                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated below {low:.4g}", **numbers),
+                unit,
             )
         if math.isinf(self.low):
             return _in_unit(
-                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated above {high:.4g}", **said), unit
+                phrase("normal, {mean:.4g} ± {scale:.4g}, truncated above {high:.4g}", **numbers),
+                unit,
             )
         return _in_unit(
             phrase(
-                "normal, {mean:.4g} ± {scale:.4g}, truncated to [{low:.4g}, {high:.4g}]", **said
+                "normal, {mean:.4g} ± {scale:.4g}, truncated to [{low:.4g}, {high:.4g}]", **numbers
             ),
             unit,
         )

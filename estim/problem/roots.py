@@ -148,22 +148,22 @@ class Band:
 
     @property
     def variances(self) -> FloatArray:
-        found = np.zeros(self.n_obs)
+        diagonal = np.zeros(self.n_obs)
         for d, band in enumerate(self.lower):
-            found[d:] += band[: self.n_obs - d] ** 2
-        return found
+            diagonal[d:] += band[: self.n_obs - d] ** 2
+        return diagonal
 
     @property
     def precisions(self) -> FloatArray:
         if len(self.lower) == 1:
             return np.asarray(1.0 / self.lower[0] ** 2)
-        found = np.empty(self.n_obs)
+        diagonal = np.empty(self.n_obs)
         for start in range(0, self.n_obs, _ROWS):
-            some = np.arange(start, min(start + _ROWS, self.n_obs))
-            single = np.zeros((some.size, self.n_obs))
-            single[np.arange(some.size), some] = 1.0
-            found[some] = np.sum(self.whiten(single) ** 2, axis=1)
-        return found
+            block = np.arange(start, min(start + _ROWS, self.n_obs))
+            single = np.zeros((block.size, self.n_obs))
+            single[np.arange(block.size), block] = 1.0
+            diagonal[block] = np.sum(self.whiten(single) ** 2, axis=1)
+        return diagonal
 
     def whiten(self, rows: FloatArray) -> FloatArray:
         return rows / self.lower[0] if len(self.lower) == 1 else self._solved(rows, "N")
@@ -176,14 +176,14 @@ class Band:
         if not flat.size:  # SciPy's wrapper writes beyond an empty array
             return flat.reshape(rows.shape)
         # (n_obs, n) in the order of Fortran: no copy but the one it solves in
-        found, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)
-        return np.asarray(found.T.reshape(rows.shape))
+        solution, _ = dtbtrs(self.lower, flat.T, uplo="L", trans=trans)
+        return np.asarray(solution.T.reshape(rows.shape))
 
     def coloured(self, rows: FloatArray) -> FloatArray:
-        found = rows * self.lower[0]
+        product = rows * self.lower[0]
         for d in range(1, len(self.lower)):
-            found[..., d:] += rows[..., :-d] * self.lower[d, :-d]
-        return np.asarray(found)
+            product[..., d:] += rows[..., :-d] * self.lower[d, :-d]
+        return np.asarray(product)
 
     def times(self, factor: float) -> Band:
         return Band(factor * self.lower)
@@ -208,15 +208,19 @@ class LowRankRoot:
 
     @classmethod
     def of(cls, base: Root, causes: FloatArray) -> LowRankRoot:
-        told, parts, gains = np.eye(causes.shape[1]), [], []
+        information, parts, gains = np.eye(causes.shape[1]), [], []
         for start in range(0, len(causes), _BLOCK):
-            own = causes[start : start + _BLOCK]
-            carried = np.linalg.solve(told, own.T)
+            block = causes[start : start + _BLOCK]
+            carried = np.linalg.solve(information, block.T)
             parts.append(
-                np.asfortranarray(np.linalg.cholesky(np.eye(len(own)) + own @ carried), dtype=float)
+                np.asfortranarray(
+                    np.linalg.cholesky(np.eye(len(block)) + block @ carried), dtype=float
+                )
             )
             gains.append(solve_triangular(parts[-1], carried.T, lower=True, check_finite=False).T)
-            told = told + own.T @ own  # P^-1: loses no digits where causes are large
+            information = (
+                information + block.T @ block
+            )  # P^-1: loses no digits where causes are large
         return cls(base, causes, tuple(parts), tuple(gains))
 
     @property
@@ -246,26 +250,26 @@ class LowRankRoot:
     def whiten(self, rows: FloatArray) -> FloatArray:
         z = np.array(self.base.whiten(rows), dtype=float).reshape(-1, self.n_obs).T
         known = np.zeros((self.causes.shape[1], z.shape[1]))
-        for some, own, part, gain in self._blocks():
-            z[some] = _solved(part, z[some] - own @ known)
-            known += gain @ z[some]
+        for block, causes, part, gain in self._blocks():
+            z[block] = _solved(part, z[block] - causes @ known)
+            known += gain @ z[block]
         return np.asarray(z.T.reshape(rows.shape))
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
         y = np.array(rows, dtype=float).reshape(-1, self.n_obs).T
         later = np.zeros((self.causes.shape[1], y.shape[1]))
-        for some, own, part, gain in reversed(self._blocks()):
-            y[some] = _solved(part, y[some] - gain.T @ later, transposed=True)
-            later += own.T @ y[some]
+        for block, causes, part, gain in reversed(self._blocks()):
+            y[block] = _solved(part, y[block] - gain.T @ later, transposed=True)
+            later += causes.T @ y[block]
         return self.base.turned_back(y.T.reshape(rows.shape))
 
     def coloured(self, rows: FloatArray) -> FloatArray:
         z = np.asarray(rows, dtype=float).reshape(-1, self.n_obs).T
-        found, known = np.empty(z.shape), np.zeros((self.causes.shape[1], z.shape[1]))
-        for some, own, part, gain in self._blocks():
-            found[some] = part @ z[some] + own @ known
-            known += gain @ z[some]
-        return self.base.coloured(found.T.reshape(rows.shape))
+        product, known = np.empty(z.shape), np.zeros((self.causes.shape[1], z.shape[1]))
+        for block, causes, part, gain in self._blocks():
+            product[block] = part @ z[block] + causes @ known
+            known += gain @ z[block]
+        return self.base.coloured(product.T.reshape(rows.shape))
 
     def times(self, factor: float) -> LowRankRoot:
         return LowRankRoot(self.base.times(factor), self.causes, self.parts, self.gains)
@@ -274,8 +278,8 @@ class LowRankRoot:
         starts = range(0, self.n_obs, _BLOCK)
         somes = [slice(start, start + _BLOCK) for start in starts]
         return [
-            (some, self.causes[some], part, gain)
-            for some, part, gain in zip(somes, self.parts, self.gains, strict=True)
+            (block, self.causes[block], part, gain)
+            for block, part, gain in zip(somes, self.parts, self.gains, strict=True)
         ]
 
 
@@ -328,13 +332,15 @@ class Stacked:
         return np.concatenate([part.precisions for part in self.parts])
 
     def whiten(self, rows: FloatArray) -> FloatArray:
-        return np.concatenate([part.whiten(own) for part, own in self._each(rows)], axis=-1)
+        return np.concatenate([part.whiten(block) for part, block in self._each(rows)], axis=-1)
 
     def turned_back(self, rows: FloatArray) -> FloatArray:
-        return np.concatenate([part.turned_back(own) for part, own in self._each(rows)], axis=-1)
+        return np.concatenate(
+            [part.turned_back(block) for part, block in self._each(rows)], axis=-1
+        )
 
     def coloured(self, rows: FloatArray) -> FloatArray:
-        return np.concatenate([part.coloured(own) for part, own in self._each(rows)], axis=-1)
+        return np.concatenate([part.coloured(block) for part, block in self._each(rows)], axis=-1)
 
     def times(self, factor: float) -> Stacked:
         return Stacked(tuple(part.times(factor) for part in self.parts))

@@ -159,10 +159,10 @@ class Labelled:
         away = np.where(
             number > 0.0, np.sum(self.symmetry.weight * (images - self.mode) ** 2, axis=2), np.inf
         )
-        own = np.sum(self.symmetry.weight * (draws[inside] - self.mode) ** 2, axis=1)
+        distance = np.sum(self.symmetry.weight * (draws[inside] - self.mode) ** 2, axis=1)
         best = np.min(away, axis=0)
         log_p[inside] = np.where(
-            own <= best * (1.0 + 1e-9) + 1e-12,
+            distance <= best * (1.0 + 1e-9) + 1e-12,
             log_p[inside] + np.log(np.sum(number, axis=0)),
             -np.inf,
         )
@@ -222,9 +222,9 @@ def same_curves(
                     for i in moved
                 )
             )
-    found = []
+    findings = []
     if exchanges:
-        found.append(
+        findings.append(
             Finding(
                 Kind.EXCHANGED,
                 parts=tuple(Finding(Kind.EXCHANGE, names=pair) for pair in exchanges),
@@ -237,8 +237,8 @@ def same_curves(
     ]
     images = [Finding(Kind.IMAGE, parameters=change) for change in (*_simplest(changes), *turned)]
     if images:
-        found.append(Finding(Kind.IMAGES, parts=tuple(images)))
-    return tuple(found)
+        findings.append(Finding(Kind.IMAGES, parts=tuple(images)))
+    return tuple(findings)
 
 
 def _taking(names: Sequence[str], matrix: FloatArray, i: int) -> str:

@@ -65,7 +65,7 @@ class Tabled:
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         moved = errors.copy()
-        for one, error, table in zip(moved, errors, self.slopes, strict=True):
+        for row, error, table in zip(moved, errors, self.slopes, strict=True):
             for column, shift in zip(table.T, shifts, strict=True):
-                one += np.interp(error, self.at, column) * shift
+                row += np.interp(error, self.at, column) * shift
         return moved

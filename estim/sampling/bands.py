@@ -54,11 +54,11 @@ def posterior_bands(
     """Bands of every run of `problem` from posterior draws (n_draw, n_par).  forces : what the
     curves of some of them lack.
     """
-    completed = {found.run: found.completed for found in forces}
-    own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
+    completed = {force.run: force.completed for force in forces}
+    pairs = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
     return tuple(
         _bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x)
-        for run, rng in own
+        for run, rng in pairs
     )
 
 
@@ -73,11 +73,11 @@ def posterior_ends(
     """Run -> where its motion ends (n_draw,), of those that are motions: what `posterior_bands`
     says of it with the same `rng`, without the bands.
     """
-    completed = {found.run: found.completed for found in forces}
-    own = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
+    completed = {force.run: force.completed for force in forces}
+    pairs = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
     return {
         run.name: _ends(problem, run, draws, completed.get(run.name), rng, n_x)
-        for run, rng in own
+        for run, rng in pairs
         if run.motion is not None
     }
 
@@ -228,7 +228,7 @@ def central_intervals(
     place = levels * (values.shape[0] - 1)
     below = np.minimum(place.astype(int), max(values.shape[0] - 2, 0))
     above = np.minimum(below + 1, values.shape[0] - 1)
-    median, *found = (
+    median, *ends = (
         ordered[:, below] + (place - below) * (ordered[:, above] - ordered[:, below])
     ).T
-    return median, {p: np.array(found[2 * k : 2 * k + 2]) for k, p in enumerate(probabilities)}
+    return median, {p: np.array(ends[2 * k : 2 * k + 2]) for k, p in enumerate(probabilities)}

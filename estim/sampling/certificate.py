@@ -298,10 +298,10 @@ def compare_with_chain(
         return Agreement(
             certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit
         )
-    verdict, told = _verdict(
+    verdict, finding = _verdict(
         certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit
     )
-    return Agreement(certificate.names, verdict, (told,), *differences, *zs, limit)
+    return Agreement(certificate.names, verdict, (finding,), *differences, *zs, limit)
 
 
 def _end(
@@ -315,8 +315,8 @@ def _end(
     at, every = certificate.quantiles[p], np.full(len(certificate.names), p)
     below = np.array(
         [
-            np.searchsorted(column, one, side="right")
-            for column, one in zip(ordered.T, at, strict=True)
+            np.searchsorted(column, quantile, side="right")
+            for column, quantile in zip(ordered.T, at, strict=True)
         ]
     )
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
@@ -387,9 +387,9 @@ def _verdict(
     rows = ([*column[:2], *column[2]] for column in (differences, zs, us))
     limits = [(_NEGLIGIBLE, _COARSE)] * 2 + [(_NEGLIGIBLE_END, _COARSE_END)] * len(ENDS)
     for what, (negligible, coarse), difference, z, u in zip(whats, limits, *rows, strict=True):
-        for name, d, one in zip(certificate.names, difference, z, strict=True):
-            if not (abs(d) <= negligible or abs(one) <= limit):
-                errors = {"errors": float(abs(one))}
+        for name, d, value in zip(certificate.names, difference, z, strict=True):
+            if not (abs(d) <= negligible or abs(value) <= limit):
+                errors = {"errors": float(abs(value))}
                 called.append(
                     Finding(
                         Kind.DIFFERENCE,
@@ -399,10 +399,10 @@ def _verdict(
                         parameters=(Amount(name),),
                     )
                 )
-        hidden += [float(one) for one in limit * u if one > coarse]
+        hidden += [float(value) for value in limit * u if value > coarse]
     if certificate.ess < _FEWEST:
         return "missing", Finding(
-            Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(one) for one in us]))
+            Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(value) for value in us]))
         )
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])

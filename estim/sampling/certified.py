@@ -149,9 +149,9 @@ def proposed_chain(
 
 def _proposal(density: Density, optima: Optima, *, rng: np.random.Generator) -> Proposal:
     if optima.parts is not None:
-        found = proposal_of_parts(density, optima.parts, rng=rng)
-        if found is not None:
-            return found
+        proposal = proposal_of_parts(density, optima.parts, rng=rng)
+        if proposal is not None:
+            return proposal
     return adapt_proposal(
         density, optima.value, optima.cov, rng=rng, starts=optima.starts, covs=optima.covs
     )
@@ -162,5 +162,7 @@ def _after(first: Agreement, last: Agreement) -> Agreement:
     errors = first.told[0].parts[0].numbers["errors"]
     return replace(
         last,
-        told=tuple(replace(one, numbers={**one.numbers, "before": errors}) for one in last.told),
+        told=tuple(
+            replace(finding, numbers={**finding.numbers, "before": errors}) for finding in last.told
+        ),
     )

@@ -184,12 +184,12 @@ def sample_posterior(
             mixing = mixing_of(draws[:, n_burn:])
             convergence = _judge(mixing, target, n_step=n_step, tau=tau, tau_before=tau_before)
             if progress is not None:
-                said = (
+                message = (
                     phrase("sampling")
                     if convergence.met
                     else phrase("sampling: {message}", message=convergence.message)
                 )
-                progress(_percent(convergence, target), said)
+                progress(_percent(convergence, target), message)
             if convergence.met or n_step >= target.max_step:
                 break
             wanted = (
@@ -198,12 +198,12 @@ def sample_posterior(
                 else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
             )
         n_step, tau_before = min(target.max_step, wanted), tau
-    kept = draws[:, n_burn:]
-    moved = np.any(kept[:, 1:] != kept[:, :-1], axis=(1, 3))
+    retained = draws[:, n_burn:]
+    moved = np.any(retained[:, 1:] != retained[:, :-1], axis=(1, 3))
     acceptance = np.mean(walk.accepted, axis=1) / n_step
     return Chain(
         posterior.names,
-        kept,
+        retained,
         walk.log_density[:, n_burn:],
         n_burn,
         acceptance,

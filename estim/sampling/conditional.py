@@ -114,9 +114,9 @@ class RunTerm:
         nodes, log_weights = hermite_nodes(n_node, self.own.size)
         mode, root = self.around(shared, expansion)
         n_draw, k = mode.shape
-        own = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
+        points = mode[:, None, :] + np.einsum("nij,qj->nqi", root, nodes)
         repeated = np.repeat(shared, nodes.shape[0], axis=0)
-        log_p = self.log_joint(repeated, own.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
+        log_p = self.log_joint(repeated, points.reshape(repeated.shape[0], k)).reshape(n_draw, -1)
         terms = log_p + log_weights + 0.5 * np.sum(nodes**2, axis=1)
         return log_sum_exp(terms, axis=1) + log_volume(root) + 0.5 * k * _LOG_2PI
 
@@ -247,19 +247,19 @@ def expand(
     log_weight : of log m(s) at the points, the logarithm of the weight of each in the least
         squares.
     """
-    own = start
+    modes = start
     for _ in range(2):
-        step, information = _gauss_newton(term, shared, own)
-        own = _inside(own + step, term.own_priors)
-    step, information = _gauss_newton(term, shared, own)
-    own = _inside(own + step, term.own_priors)
+        step, information = _gauss_newton(term, shared, modes)
+        modes = _inside(modes + step, term.own_priors)
+    step, information = _gauss_newton(term, shared, modes)
+    modes = _inside(modes + step, term.own_priors)
     k = term.own.size
     root = np.linalg.cholesky(np.linalg.inv(information))
     diagonal = np.arange(k)
-    log_p = term.log_joint(shared, own) + log_volume(root)
+    log_p = term.log_joint(shared, modes) + log_volume(root)
     root[:, diagonal, diagonal] = np.log(root[:, diagonal, diagonal])
     lower = np.tril_indices(k)
-    out = np.hstack([own, root[:, lower[0], lower[1]]])
+    out = np.hstack([modes, root[:, lower[0], lower[1]]])
     scale = np.std(shared, axis=0)
     whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
     centre = np.mean(shared, axis=0)

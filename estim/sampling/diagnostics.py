@@ -127,8 +127,8 @@ def _mixing(draws: FloatArray) -> tuple[float, float, float]:
             folded = _folded_scores(order_there, ordered_there)
         with np.errstate(divide="ignore", invalid="ignore"):  # nan where no walker moved
             rhat = max(
-                _split_r_hat(one.reshape(halves.shape))
-                for one in (_halves(whole.reshape(n_ensemble, -1)), folded)
+                _split_r_hat(values.reshape(halves.shape))
+                for values in (_halves(whole.reshape(n_ensemble, -1)), folded)
             )
     if n_step < _LEAST_STEPS:
         return rhat, math.nan, math.nan
@@ -153,9 +153,9 @@ def _normal_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:
     ends = np.append(np.flatnonzero(ordered[1:] != ordered[:-1]) + 1, ordered.size)
     starts = np.concatenate([[0], ends[:-1]])
     scores = ndtri((0.5 * (starts + ends + 1) - 0.375) / (ordered.size + 0.25))
-    found = np.empty(ordered.size)
-    found[order] = np.repeat(scores, ends - starts)
-    return found
+    quantiles = np.empty(ordered.size)
+    quantiles[order] = np.repeat(scores, ends - starts)
+    return quantiles
 
 
 def _folded_scores(order: NDArray[np.int64], ordered: FloatArray) -> FloatArray:

@@ -112,7 +112,7 @@ class Moves:
         if self._known is None:
             return self._proposal.log_density(coords)
         moved = np.any(coords != self._known[0], axis=1)
-        found = self._known[1].copy()
+        values = self._known[1].copy()
         if np.any(moved):
-            found[moved] = self._proposal.log_density(coords[moved])
-        return found
+            values[moved] = self._proposal.log_density(coords[moved])
+        return values

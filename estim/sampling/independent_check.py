@@ -83,9 +83,11 @@ def repaired(
         return adapted
     grown_ones = [grown(train, n_component, rng) for n_component in _N_COMPONENT]
     candidates = [
-        both(one, ridges, share) for one in (adapted, *grown_ones) for share in _RIDGE_SHARES
+        both(proposal, ridges, share)
+        for proposal in (adapted, *grown_ones)
+        for share in _RIDGE_SHARES
     ]
-    return min(candidates, key=lambda one: _unevenness(one, test, heights))
+    return min(candidates, key=lambda proposal: _unevenness(proposal, test, heights))
 
 
 def _unevenness(proposal: Proposal, draws: FloatArray, heights: FloatArray) -> float:

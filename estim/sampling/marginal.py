@@ -188,18 +188,18 @@ def sample_marginal(
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
         given, own_columns = target.given(term, shared), term.columns[term.own]
-        own, log_q = term.draw_own(given, expansion, rng)
-        excess = term.log_joint(given[first], own[first]) - log_q[first]
+        own_draws, log_q = term.draw_own(given, expansion, rng)
+        excess = term.log_joint(given[first], own_draws[first]) - log_q[first]
         raw_all[first] += excess
         if spread(excess - log_marginal[first], log_weights[first]) > _UNEVEN:
-            own[inside] = term.refine_own(given[inside], own[inside], expansion, rng)
+            own_draws[inside] = term.refine_own(given[inside], own_draws[inside], expansion, rng)
             refined.append(term.run.name)
-        draws[:, own_columns] = own
+        draws[:, own_columns] = own_draws
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
     error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
-    trusted, told = _judge(
+    trusted, findings = _judge(
         k_hat,
         ess,
         k_hat_all,
@@ -227,7 +227,7 @@ def sample_marginal(
         expansion_error=error,
         refined=tuple(refined),
         trusted=trusted,
-        told=told,
+        told=findings,
     )
 
 
@@ -243,12 +243,12 @@ def sampled_columns(fit: Fit) -> IndexArray:
         i for i, name in enumerate(problem.names) if users[name] != 1 or len(problem.runs) == 1
     ]
     sds = np.sqrt(np.diag(fit.cov))
-    edges, own = [], set(range(problem.n_par)).difference(shared)
+    edges, candidates = [], set(range(problem.n_par)).difference(shared)
     for i, (parameter, value, sd) in enumerate(
         zip(problem.parameters, fit.values, sds, strict=True)
     ):
         prior = parameter.prior
-        if i in own and min(value - prior.low, prior.high - value) < _CLOSE * sd:
+        if i in candidates and min(value - prior.low, prior.high - value) < _CLOSE * sd:
             edges.append(i)
     if len(shared) + len(edges) > _MOST_SAMPLED:
         near = (
@@ -346,8 +346,8 @@ def _expand_all(
 
     expansions = []
     for term in target.terms:
-        own = conditional[:, term.columns[term.own]]
-        expansions.append(expand(term, target.given(term, points), own, log_weight))
+        start = conditional[:, term.columns[term.own]]
+        expansions.append(expand(term, target.given(term, points), start, log_weight))
     return expansions
 
 

@@ -44,9 +44,12 @@ def marginal_chain(
     )
     flat = draws.reshape(-1, draws.shape[-1])
     short = marginal.ess < target.ess
-    told = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.told
+    findings = (Finding(Kind.INDEPENDENT_DRAWS),) if marginal.trusted else marginal.told
     if short:
-        told = (Finding(Kind.DRAWS_SHORT, size=marginal.ess, numbers={"limit": target.ess}), *told)
+        findings = (
+            Finding(Kind.DRAWS_SHORT, size=marginal.ess, numbers={"limit": target.ess}),
+            *findings,
+        )
     convergence = Convergence(
         n_step=draws.shape[1],
         rhat=float(np.max(r_hat(draws))),
@@ -55,7 +58,7 @@ def marginal_chain(
         tau=1.0,
         tau_moved=0.0,
         met=marginal.trusted and not short,
-        told=told,
+        told=findings,
     )
     log_density = fit.sampled.log_density(flat).reshape(draws.shape[:3])
     chain = Chain(fit.names, draws, log_density, 0, np.ones(_N_CHAIN), 0, convergence)
@@ -67,6 +70,6 @@ def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
     tell.
     """
     disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
-    told = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
-    verdict = "disagree" if disagree else "agree" if marginal.trusted and told else "missing"
+    conclusive = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
+    verdict = "disagree" if disagree else "agree" if marginal.trusted and conclusive else "missing"
     return replace(no_comparison(marginal.names, *marginal.told), verdict=verdict)

@@ -127,11 +127,11 @@ class Proposal:
         matrices.
         """
         columns = np.ascontiguousarray(draws.T)
-        found = np.empty((self.weights.size, draws.shape[0]))
-        for mean, inverse, distance in zip(self.means, self._inverse_factors, found, strict=True):
+        squared = np.empty((self.weights.size, draws.shape[0]))
+        for mean, inverse, distance in zip(self.means, self._inverse_factors, squared, strict=True):
             whitened = inverse @ (columns - mean[:, None])
             np.sum(np.square(whitened, out=whitened), axis=0, out=distance)
-        return found
+        return squared
 
     def log_parts(self, distances: FloatArray) -> FloatArray:
         """(n_component, n_draw) log of weight times density of each component."""
@@ -192,7 +192,7 @@ def _settle(
     draws and weights.
     """
     proposal = mixture
-    found: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
+    rounds: list[tuple[Proposal, float, FloatArray, FloatArray]] = []
     for _ in range(_MAX_ROUND):
         draws = proposal.draw(rng, n_round)
         log_ratio = log_density_in_batches(density, draws) - proposal.log_density(draws)
@@ -200,19 +200,19 @@ def _settle(
             break
         quality = _quality(log_ratio)
         weights, _ = flattened(log_ratio, least=min(0.1 * n_round, 20.0 * proposal.n_par))
-        found.append((proposal, quality, draws, weights))
-        if (len(found) > 1 and quality > _SURE) or (
-            len(found) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in found[:-1])
+        rounds.append((proposal, quality, draws, weights))
+        if (len(rounds) > 1 and quality > _SURE) or (
+            len(rounds) > 2 and 0.05 < quality < 1.1 * max(f[1] for f in rounds[:-1])
         ):
             break
         mixture = _fit(mixture, draws, weights)
         proposal = _guarded(mixture, draws, weights)
-    if not found:
+    if not rounds:
         raise NumericalError(
             "importance sampling cannot start: the posterior density is zero or not finite "
             "everywhere around the fit"
         )
-    return max(found, key=lambda f: f[1])
+    return max(rounds, key=lambda f: f[1])
 
 
 def _quality(log_ratio: FloatArray) -> float:
@@ -235,22 +235,26 @@ def _fit(mixture: Proposal, draws: FloatArray, weights: FloatArray) -> Proposal:
         share = heights * (weights / np.sum(heights, axis=0))
         size = np.sum(share, axis=1)
         # a component must rest on enough draws for a covariance
-        kept = np.flatnonzero(size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d)
-        if kept.size == 0:
+        components = np.flatnonzero(
+            size**2 / np.maximum(np.sum(share**2, axis=1), 1e-300) > 3.0 * d
+        )
+        if components.size == 0:
             break
         pull = share * (DOF + d) / (DOF + distances)
         means, scales = [], []
-        for k in kept:
+        for k in components:
             mean = pull[k] @ draws / np.sum(pull[k])
             deviation = draws - mean
             means.append(mean)
             scales.append((pull[k][:, None] * deviation).T @ deviation / size[k] + floor)
         before = mixture
         mixture = Proposal(
-            size[kept] / np.sum(size[kept]), np.array(means), lower_factor(np.array(scales))
+            size[components] / np.sum(size[components]),
+            np.array(means),
+            lower_factor(np.array(scales)),
         )
         settled = (
-            kept.size == before.weights.size
+            components.size == before.weights.size
             and np.max(np.abs(mixture.weights - before.weights)) < 1e-3
         )
         if settled and np.max(before.distances(mixture.means).diagonal()) < 1e-5:

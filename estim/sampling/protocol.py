@@ -36,8 +36,8 @@ def log_density_in_batches(density: Density, draws: FloatArray) -> FloatArray:
     )
     if not np.all(values < np.inf):
         where = draws[np.flatnonzero(~(values < np.inf))[0]]
-        shown = ", ".join(
+        point = ", ".join(
             f"{name} = {value:.4g}" for name, value in zip(density.names, where, strict=True)
         )
-        raise NumericalError("the posterior density is not a number or infinite", at=shown)
+        raise NumericalError("the posterior density is not a number or infinite", at=point)
     return np.asarray(values)

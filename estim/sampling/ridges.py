@@ -75,9 +75,11 @@ class Coordinates:
 
     def original(self, points: FloatArray) -> FloatArray:
         """(n, n_move, n_par) the same points with the parameters in the density's own order."""
-        found = np.empty_like(points)
-        np.put_along_axis(found, np.broadcast_to(self.order[:, None], points.shape), points, axis=2)
-        return found
+        reordered = np.empty_like(points)
+        np.put_along_axis(
+            reordered, np.broadcast_to(self.order[:, None], points.shape), points, axis=2
+        )
+        return reordered
 
     def log_densities(self, points: FloatArray) -> FloatArray:
         """(n, n_move) log density at points (n, n_move, n_par), n_move about each point; -inf
@@ -236,7 +238,7 @@ def profile_paths(
     width = coordinates.factor[centre, 0, 0]
     here, depth, step = centres[centre], np.zeros(centre.size), width.copy()
     tangent = coordinates.factor[centre, :, 0] / width[:, None]  # how the others follow the first
-    rows, found, depths = [np.arange(len(centres))], [at_mode], [np.zeros(len(centres))]
+    rows, batches, depths = [np.arange(len(centres))], [at_mode], [np.zeros(len(centres))]
     for _ in range(_MAX_STEPS):
         active = np.flatnonzero(
             (np.abs(bound - here[:, 0]) > 1e-12 * width)
@@ -254,7 +256,7 @@ def profile_paths(
         accepted = np.isfinite(decrease) & (decrease <= 1.5 * allowed)
         path, reached = active[accepted], expansions.rows(accepted)
         rows.append(centre[path])
-        found.append(reached)
+        batches.append(reached)
         depths.append(new_depth[accepted])
         tangent[path] = (reached.points - before[accepted]) / (reached.points - before[accepted])[
             :, :1
@@ -271,7 +273,7 @@ def profile_paths(
     expansions = Expansions(
         *(
             np.concatenate(parts)
-            for parts in zip(*(vars(one).values() for one in found), strict=True)
+            for parts in zip(*(vars(batch).values() for batch in batches), strict=True)
         )
     )
     order = np.lexsort((expansions.points[:, 0], row))
@@ -284,17 +286,17 @@ def conditional_maxima(coordinates: Coordinates, points: FloatArray, n_held: int
     """
     begun = expanded(coordinates, points, n_held)
     points = _newton_step(coordinates, begun, n_held)
-    found = expanded(coordinates, points, n_held, begun.curvatures)
+    maxima = expanded(coordinates, points, n_held, begun.curvatures)
     moved = (points - begun.points)[:, n_held:]
     far = np.flatnonzero(~(np.einsum("ni,nij,nj->n", moved, begun.curvatures, moved) < _NEAR**2))
     if far.size:
-        own = coordinates.rows(far)
+        subset = coordinates.rows(far)
         further = expanded(
-            own, _newton_step(own, expanded(own, points[far], n_held), n_held), n_held
+            subset, _newton_step(subset, expanded(subset, points[far], n_held), n_held), n_held
         )
-        for name, whole in vars(found).items():
+        for name, whole in vars(maxima).items():
             whole[far] = getattr(further, name)
-    return found
+    return maxima
 
 
 def expanded(
