@@ -224,11 +224,11 @@ class BinnedCurve:
                 x.shape
             )
         else:  # each panel like a draw of its own
-            own = {
+            per_panel = {
                 name: np.asarray(a)[draw] if np.ndim(a) == 2 and np.shape(a)[0] > 1 else a
                 for name, a in arguments.items()
             }
-            values = np.broadcast_to(self.density.value(x, own), x.shape)
+            values = np.broadcast_to(self.density.value(x, per_panel), x.shape)
         return _panels_of(draw, low, high, bins, values)
 
     def _marks(
@@ -255,16 +255,16 @@ class BinnedCurve:
 
     def _highest_event(self, panels: _Panels, here: FloatArray) -> FloatArray:
         """(n_panel,) the greatest finite density of its events, 0 where there is none."""
-        found, n_event = np.zeros(panels.draw.size), here.shape[1]
+        highest, n_event = np.zeros(panels.draw.size), here.shape[1]
         first, last = (
             np.searchsorted(self.events, edge, side="left") for edge in (panels.low, panels.high)
         )
-        some = first < last
-        if np.any(some):
+        filled = first < last
+        if np.any(filled):
             flat = np.append(np.where(np.isfinite(here), here, 0.0).ravel(), 0.0)
-            pairs = (panels.draw * n_event)[some, None] + np.column_stack([first, last])[some]
-            found[some] = np.maximum.reduceat(flat, pairs.ravel())[::2]
-        return found
+            pairs = (panels.draw * n_event)[filled, None] + np.column_stack([first, last])[filled]
+            highest[filled] = np.maximum.reduceat(flat, pairs.ravel())[::2]
+        return highest
 
     def _summed(self, values: FloatArray, bins: NDArray[np.int64]) -> FloatArray:
         """(1, n_bin) sums of values that broadcast to (1, n_node)."""
@@ -340,7 +340,7 @@ def _joined(several: list[_Panels]) -> _Panels:
     return _Panels(
         *(
             np.concatenate(parts)
-            for parts in zip(*(vars(one).values() for one in several), strict=True)
+            for parts in zip(*(vars(panels).values() for panels in several), strict=True)
         )
     )
 

@@ -52,8 +52,10 @@ class SoughtQuantity:
     @property
     def of_levels(self) -> dict[str, tuple[str, str]]:
         """Names with a level -> name and level: "gamma[heavy]" -> ("gamma", "heavy")."""
-        found = {written: _OF_LEVEL.fullmatch(written) for written in self.symbols.values()}
-        return {written: (match[1], match[2].strip()) for written, match in found.items() if match}
+        matches = {written: _OF_LEVEL.fullmatch(written) for written in self.symbols.values()}
+        return {
+            written: (match[1], match[2].strip()) for written, match in matches.items() if match
+        }
 
     @property
     def lacking(self) -> tuple[str, ...]:
@@ -73,7 +75,7 @@ class SoughtQuantity:
         values = own_values(known, varied) if varied else known
         if any(written not in values for written in self.symbols.values()):
             return None
-        found = evaluate(
+        result = evaluate(
             self.formula.tree,
             {
                 symbol: np.asarray(values[written], dtype=float)
@@ -81,7 +83,7 @@ class SoughtQuantity:
             },
         )
         return Derived(
-            self.unit, np.atleast_2d(np.asarray(found, dtype=float)), self.meaning, self.notation
+            self.unit, np.atleast_2d(np.asarray(result, dtype=float)), self.meaning, self.notation
         )
 
     def bound(self, others: Mapping[str, str | float]) -> SoughtQuantity:
@@ -108,7 +110,9 @@ def seek(
     def stand_in(found: re.Match[str]) -> str:
         written = f"{found[1]}[{found[2].strip()}]"
         free = (f"{found[1]}_{i}" for i in count() if f"{found[1]}_{i}" not in text)
-        return symbols.setdefault(written, next(one for one in free if one not in symbols.values()))
+        return symbols.setdefault(
+            written, next(identifier for identifier in free if identifier not in symbols.values())
+        )
 
     plain = _OF_LEVEL.sub(stand_in, text)
     try:
@@ -124,11 +128,22 @@ def seek(
             "must not hold x: a derived quantity is one number, not a curve", field=name, value=text
         )
     written = {stands: full for full, stands in symbols.items()}
-    shown = " ".join(text.split())
-    said = meaning or (shown if len(shown) <= _SHOWN else f"{shown[: _SHOWN - 3]}...")
-    places = MappingProxyType({one: written.get(one, one) for one in formula.names})
+    normalised = " ".join(text.split())
+    description = meaning or (
+        normalised if len(normalised) <= _SHOWN else f"{normalised[: _SHOWN - 3]}..."
+    )
+    places = MappingProxyType(
+        {identifier: written.get(identifier, identifier) for identifier in formula.names}
+    )
     return SoughtQuantity(
-        name, unit or "1", Notation(symbol or name), said, shown, formula, places, stated=unit
+        name,
+        unit or "1",
+        Notation(symbol or name),
+        description,
+        normalised,
+        formula,
+        places,
+        stated=unit,
     )
 
 
@@ -170,19 +185,21 @@ def in_units(
     Raises InputError with the quantity as field, where the stated unit is another, or the formula
     cannot mean what it says.
     """
-    found: list[SoughtQuantity] = []
-    for one in sought:
+    quantities: list[SoughtQuantity] = []
+    for quantity in sought:
         try:
             follows = unit_that_follows(
-                one.formula.tree,
-                one.symbols,
-                {**units, **{before.name: before.unit for before in found}},
-                one.stated,
+                quantity.formula.tree,
+                quantity.symbols,
+                {**units, **{before.name: before.unit for before in quantities}},
+                quantity.stated,
             )
         except InputError as error:
-            raise InputError(error.rule, field=one.name, value=error.value or one.text) from None
-        found.append(replace(one, unit=follows))
-    return tuple(found)
+            raise InputError(
+                error.rule, field=quantity.name, value=error.value or quantity.text
+            ) from None
+        quantities.append(replace(quantity, unit=follows))
+    return tuple(quantities)
 
 
 def seek_of_fit(
@@ -198,12 +215,12 @@ def seek_of_fit(
     of_parameters : those of the parameters, stated or as they follow.
     """
     sought = tuple(seek(name, text, unit=units.get(name)) for name, text in derived.items())
-    for one in sought:
-        if one.of_levels:
+    for quantity in sought:
+        if quantity.of_levels:
             raise InputError(
                 "must use ( ), not [ ]: there are no runs to choose from",
-                field=one.name,
-                value=one.text,
+                field=quantity.name,
+                value=quantity.text,
             )
     check_derived_names(sought, known)
     return in_units(sought, of_parameters)

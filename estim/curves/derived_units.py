@@ -60,8 +60,8 @@ def unit_that_follows(
     }
     follows = _Reading(known, symbols).of(tree)
     if stated is None:
-        said = "1" if follows is None or _is_broken(follows) else _shown(follows)
-        return said if len(said) <= _LONGEST else "1"
+        unit = "1" if follows is None or _is_broken(follows) else _shown(follows)
+        return unit if len(unit) <= _LONGEST else "1"
     guessed = _Reading(known, symbols, all_pure=True).of(tree) if follows is None else None
     wrong = (
         follows is not None
@@ -69,12 +69,12 @@ def unit_that_follows(
         and not _has_own_zero(stated, follows)
     )
     if wrong or (guessed is not None and _is_of_other_size(stated, guessed)):
-        found = follows if follows is not None else guessed or {}
-        angle = is_in_degrees(stated) and same_unit(_written(found), "rad") is True
+        expected = follows if follows is not None else guessed or {}
+        angle = is_in_degrees(stated) and same_unit(_written(expected), "rad") is True
         cure = (
             ": write degrees(...)" if angle else "" if follows is not None else _NUMBER_OF_ITS_OWN
         )
-        what = f"in {_shown(found)}" if found else "a pure number"
+        what = f"in {_shown(expected)}" if expected else "a pure number"
         raise InputError(
             f"must be {what}, as its formula and the units in it say; nothing is converted{cure}",
             value=stated,
@@ -118,12 +118,12 @@ class _Reading:
     def _product(self, node: ast.expr) -> Factors | None:
         parts = list(_parts(node, 1))
         turns = any(
-            isinstance(one, ast.Name) and one.id in CONSTANTS
+            isinstance(subnode, ast.Name) and subnode.id in CONSTANTS
             for part, _ in parts
-            for one in ast.walk(part)
+            for subnode in ast.walk(part)
         )
         whole_below = any(sign < 0 and _is_whole(part) for part, sign in parts)
-        found: Factors | None = {}
+        product: Factors | None = {}
         for part, sign in parts:
             if isinstance(part, ast.Constant):
                 value = float(part.value)  # type: ignore[arg-type]
@@ -132,17 +132,19 @@ class _Reading:
                 unit: Factors | None = {} if simple and (sure or self.all_pure) else None
             else:
                 unit = self.of(part)
-            found = None if found is None or unit is None else _times(found, unit, sign)
-        return found
+            product = None if product is None or unit is None else _times(product, unit, sign)
+        return product
 
     def _call(self, name: str, arguments: list[ast.expr]) -> Factors | None:
         if name in _ALIKE:
             first, *others = arguments[_ALIKE[name] :]
-            found = self.of(first)
+            unit = self.of(first)
             for other in others:
-                found = self._alike(first, other, "compares")
-            return {"rad": Fraction(1)} if name in _ANGLES else found
-        units = [self.of(one) for one in arguments if not isinstance(one, ast.Compare)]
+                unit = self._alike(first, other, "compares")
+            return {"rad": Fraction(1)} if name in _ANGLES else unit
+        units = [
+            self.of(argument) for argument in arguments if not isinstance(argument, ast.Compare)
+        ]
         if name in _ROOTS:
             return _raised(units[0], _ROOTS[name])
         if name in _TURNED or name in ("radians", "degrees"):
@@ -155,18 +157,18 @@ class _Reading:
         """Raises InputError where a function of an angle takes something else."""
         if not unit:
             return
-        said, wanted = _written(unit), "°" if name == "radians" else "rad"
-        if same_unit(said, wanted) is not False or (
-            name == "degrees" and in_unit(1.0, said, "rad") is None
+        given, wanted = _written(unit), "°" if name == "radians" else "rad"
+        if same_unit(given, wanted) is not False or (
+            name == "degrees" and in_unit(1.0, given, "rad") is None
         ):
             return
-        if name in _TURNED and is_in_degrees(said):
+        if name in _TURNED and is_in_degrees(given):
             plain = self.symbols[angle.id] if isinstance(angle, ast.Name) else "..."
             raise InputError(
                 f"takes {name} of an angle in {_shown(unit)}, but {name} takes radians: "
                 f"write {name}(radians({plain}))"
             )
-        if name in _TURNED or in_unit(1.0, said, "rad") is not None:
+        if name in _TURNED or in_unit(1.0, given, "rad") is not None:
             takes = "degrees" if name == "radians" else "radians"
             raise InputError(f"takes {name} of what is in {_shown(unit)}, but {name} takes {takes}")
 
@@ -226,7 +228,11 @@ def _times(one: Factors, other: Factors, sign: int) -> Factors:
 
 
 def _raised(unit: Factors | None, power: Fraction) -> Factors | None:
-    return None if unit is None else {symbol: power * own for symbol, own in unit.items() if power}
+    return (
+        None
+        if unit is None
+        else {symbol: power * exponent for symbol, exponent in unit.items() if power}
+    )
 
 
 def _written(unit: Factors) -> str:
@@ -272,13 +278,13 @@ def _is_of_other_size(stated: str, unit: Factors) -> bool:
     """Whether two units differ in size alone, mJ and J, where no number can have one of its own
     that makes up for it (a degree, a percent).
     """
-    said = _factors(stated)
+    factors = _factors(stated)
     if (
-        said is None
+        factors is None
         or same_unit(stated, text := _written(unit)) is not False
         or in_unit(1.0, stated, text) is None
     ):
         return False
-    if list(said.values()) == list(unit.values()) == [1]:
+    if list(factors.values()) == list(unit.values()) == [1]:
         return True  # deg and rad
-    return not any(in_unit(1.0, symbol, "1") is not None for symbol in {**said, **unit})
+    return not any(in_unit(1.0, symbol, "1") is not None for symbol in {**factors, **unit})

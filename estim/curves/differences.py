@@ -35,13 +35,13 @@ def with_gradient(
     for i, name in enumerate(names):
         stacked[name][(2 * i + 1) * n : (2 * i + 2) * n] += steps[name]
         stacked[name][(2 * i + 2) * n : (2 * i + 3) * n] -= steps[name]
-    found = function(stacked)
+    outputs = function(stacked)
     gradient = {
         name: (
-            found[0][(2 * i + 1) * n : (2 * i + 2) * n]
-            - found[0][(2 * i + 2) * n : (2 * i + 3) * n]
+            outputs[0][(2 * i + 1) * n : (2 * i + 2) * n]
+            - outputs[0][(2 * i + 2) * n : (2 * i + 3) * n]
         )
         / (2.0 * steps[name])
         for i, name in enumerate(names)
     }
-    return tuple(values[:n] for values in found), gradient
+    return tuple(values[:n] for values in outputs), gradient

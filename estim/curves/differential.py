@@ -62,23 +62,26 @@ class OdeCurve:
         }
         own = {name: value for name, value in draws.items() if name not in self.at_start}
         state = np.array(
-            [draws[one] if isinstance(one, str) else np.full(n_draw, one) for one in self.at_start]
+            [
+                draws[entry] if isinstance(entry, str) else np.full(n_draw, entry)
+                for entry in self.at_start
+            ]
         )
-        found = self._solved(places.real, state, own)
+        states = self._solved(places.real, state, own)
         if places.dtype.kind == "c":  # to first order, which is all that a complex step asks for
             slopes = np.stack(
-                [self._rate(at, found[:, :, k], own) for k, at in enumerate(places.real)], axis=-1
+                [self._rate(at, states[:, :, k], own) for k, at in enumerate(places.real)], axis=-1
             )
-            found = found + 1j * places.imag * slopes
+            states = states + 1j * places.imag * slopes
         if callable(self.observed):
             seen = np.asarray(
                 self.observed(
-                    places, found, **{name: value[:, None] for name, value in own.items()}
+                    places, states, **{name: value[:, None] for name, value in own.items()}
                 )
             )
             seen = np.broadcast_to(seen, (n_draw, places.size))
         else:
-            seen = found[self.observed]
+            seen = states[self.observed]
         return seen if any(np.ndim(value) for value in parameters.values()) else seen[0]
 
     def _rate(self, x: float, y: Any, own: dict[str, Any]) -> Any:
@@ -87,7 +90,9 @@ class OdeCurve:
             return np.asarray(
                 self.rhs(x, y[:, 0], **{name: value.item() for name, value in own.items()})
             )[:, None]
-        return np.stack([np.broadcast_to(one, y.shape[1:]) for one in self.rhs(x, y, **own)])
+        return np.stack(
+            [np.broadcast_to(component, y.shape[1:]) for component in self.rhs(x, y, **own)]
+        )
 
     def _solved(self, x: Any, state: Any, own: dict[str, Any]) -> Any:
         """(n_state, n_draw, n_obs), forwards and backwards from x0."""
@@ -101,8 +106,8 @@ class OdeCurve:
             size,
             float(np.max(size[np.isfinite(size)], initial=0.0)) or 1.0,
         )
-        found = np.full((*state.shape, x.size), math.nan, dtype=kind)
-        found[:, :, x == self.x0] = state[:, :, None]
+        solution = np.full((*state.shape, x.size), math.nan, dtype=kind)
+        solution[:, :, x == self.x0] = state[:, :, None]
         for side in (x > self.x0, x < self.x0):
             if np.any(side):
                 places, back = np.unique(x[side], return_inverse=True)
@@ -118,10 +123,10 @@ class OdeCurve:
                     ]
                     return np.concatenate(parts, axis=1)
                 if values is not None:
-                    found[:, :, side] = (values if ordered is places else values[:, :, ::-1])[
+                    solution[:, :, side] = (values if ordered is places else values[:, :, ::-1])[
                         :, :, back
                     ]
-        return found
+        return solution
 
     def _along(self, places: Any, state: Any, own: dict[str, Any], size: Any) -> Any:
         """(n_state, n_draw, n) at places from x0 on, None where the solver does not get to their
@@ -129,10 +134,10 @@ class OdeCurve:
         """
         from scipy.integrate import solve_ivp
 
-        left = iter(range(_MOST))
+        budget = iter(range(_MOST))
 
         def rate(at: float, y: Any) -> Any:
-            if next(left, None) is None:
+            if next(budget, None) is None:
                 raise ValueError("too many steps")
             return self._rate(at, y.reshape(state.shape), own).ravel()
 
@@ -182,8 +187,8 @@ def ode(
         raise InputError("must be a function rhs(x, y, **parameters)", field="rhs", value=rhs)
     entries = list(start) if isinstance(start, Sequence) and not isinstance(start, str) else []
     if not entries or not all(
-        isinstance(one, str) or (isinstance(one, int | float) and math.isfinite(one))
-        for one in entries
+        isinstance(entry, str) or (isinstance(entry, int | float) and math.isfinite(entry))
+        for entry in entries
     ):
         raise InputError(
             'must be the state at x0, numbers or names of parameters, like ["s0", 0.0]',
@@ -202,7 +207,7 @@ def ode(
         raise InputError("must be DOP853, RK45, Radau or BDF", field="method", value=method)
     return OdeCurve(
         rhs,
-        tuple(one if isinstance(one, str) else float(one) for one in entries),
+        tuple(entry if isinstance(entry, str) else float(entry) for entry in entries),
         float(x0),
         observed,
         method,

@@ -79,7 +79,7 @@ def pure_angles(formula: Formula) -> set[str]:
     """Names of what must be a pure number for the argument of a sine, cosine or tangent to be one,
     whatever stands around that.
     """
-    found: set[str] = set()
+    pure: set[str] = set()
     for node in ast.walk(formula.tree):
         if (
             isinstance(node, ast.Call)
@@ -88,8 +88,10 @@ def pure_angles(formula: Formula) -> set[str]:
         ):
             system = _System(any_angle=True, any_logarithm=True, is_pure=is_pure_in_angle)
             system.equal(_dimension(node.args[0], system), {})
-            names = {one.id for one in ast.walk(node.args[0]) if isinstance(one, ast.Name)}
-            found |= (
+            names = {
+                subnode.id for subnode in ast.walk(node.args[0]) if isinstance(subnode, ast.Name)
+            }
+            pure |= (
                 set()
                 if system.contradicted
                 else {
@@ -98,7 +100,7 @@ def pure_angles(formula: Formula) -> set[str]:
                     if not system.reduced({name: Fraction(1)})
                 }
             )
-    return found
+    return pure
 
 
 def arc_among_terms(tree: ast.expr) -> ast.expr | None:
@@ -149,10 +151,10 @@ def _solved(formula: Formula, system: _System, density: bool | None) -> _System:
 
 
 def _found(system: _System, formula: Formula) -> dict[str, Dimension]:
-    found = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
+    rows = {name: system.reduced({name: Fraction(1)}) for name in formula.names}
     return {
         name: (float(row.get(_X, 0)), float(row.get(_Y, 0)))
-        for name, row in found.items()
+        for name, row in rows.items()
         if not set(row) - {_X, _Y}
     }
 
@@ -163,13 +165,13 @@ def angles_of(formula: Formula) -> list[tuple[str, ast.expr, Dimension]]:
     """
     system = _System(any_angle=True)
     system.equal(_dimension(formula.tree, system), {_Y: Fraction(1)})
-    found = [(name, node, system.reduced(row)) for name, node, row in system.turned]
+    angles = [(name, node, system.reduced(row)) for name, node, row in system.turned]
     units = [
         (name, node, (float(row.get(_X, 0)), float(row.get(_Y, 0))))
-        for name, node, row in found
+        for name, node, row in angles
         if not set(row) - {_X, _Y}
     ]
-    return [one for one in units if one[2] in ((1.0, 0.0), (0.0, 1.0))]
+    return [angle for angle in units if angle[2] in ((1.0, 0.0), (0.0, 1.0))]
 
 
 @dataclass
@@ -198,11 +200,11 @@ class _System:
         return {f"({self.made})": Fraction(1)}
 
     def reduced(self, row: Mapping[str, Fraction]) -> _Row:
-        found: _Row = {}
+        result: _Row = {}
         for name, factor in row.items():
             for other, share in self.solved.get(name, {name: Fraction(1)}).items():
-                found[other] = found.get(other, Fraction(0)) + factor * share
-        return {name: factor for name, factor in found.items() if factor}
+                result[other] = result.get(other, Fraction(0)) + factor * share
+        return {name: factor for name, factor in result.items() if factor}
 
     def equal(self, left: Mapping[str, Fraction], right: Mapping[str, Fraction]) -> None:
         """Adds an equation, unless it contradicts the others."""
@@ -257,7 +259,7 @@ def _dimension(node: ast.expr, system: _System) -> _Row:
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _call(
                 name,
-                [_dimension(one, system) for one in arguments if not _is_choice(one, system)],
+                [_dimension(part, system) for part in arguments if not _is_choice(part, system)],
                 system,
             )
     return system.fresh()
@@ -302,8 +304,8 @@ def number_in_formula(node: ast.expr) -> Fraction | None:
         case ast.Constant(value=float(value)):
             return Fraction(value).limit_denominator(_MOST_DIGITS)
         case ast.UnaryOp(op=op, operand=operand):
-            found = number_in_formula(operand)
-            return None if found is None else -found if isinstance(op, ast.USub) else found
+            number = number_in_formula(operand)
+            return None if number is None else -number if isinstance(op, ast.USub) else number
         case ast.BinOp(left=left, op=ast.Div(), right=right):
             first, second = number_in_formula(left), number_in_formula(right)
             return None if first is None or not second else first / second

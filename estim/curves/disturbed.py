@@ -206,10 +206,10 @@ class DisturbedPhaseCurve:
         known = _disturbed(arguments, self.setting)
         true = known.true_position(from_release(x, arguments))
         squares = self._squares(true, known, order)
-        found = phase.time_derivative(squares, order)
+        derivative = phase.time_derivative(squares, order)
         if known.readings is not None:
-            found = _as_read(found, squares, order, known.readings, true)
-        return np.atleast_2d(found)
+            derivative = _as_read(derivative, squares, order, known.readings, true)
+        return np.atleast_2d(derivative)
 
     def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         known = _disturbed(arguments, self.setting)
@@ -243,12 +243,14 @@ def _scaled(curve: PhaseCurve, x: FloatArray, arguments: Mapping[str, ArrayLike]
     k = np.square(scale / clock)
     inner = curve.local_square(zero + since / scale, arguments)
     value, slope = k * inner.value, k / scale * inner.slope
-    own = {
+    partials = {
         "scale_x": (2.0 * value - since * slope) / scale,
         "scale_t": -2.0 * value / clock,
         "offset": -slope,
     }
-    return LocalCurve(value, slope, {**{name: k * d for name, d in inner.gradient.items()}, **own})
+    return LocalCurve(
+        value, slope, {**{name: k * d for name, d in inner.gradient.items()}, **partials}
+    )
 
 
 def _as_read(
@@ -356,26 +358,26 @@ class DisturbedMotion(RollingMotion):
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
         known = _disturbed(arguments, self.setting)
-        found = derived_of(known.body, known.motion, self.mass)
+        quantities = derived_of(known.body, known.motion, self.mass)
         if known.forces is not None:
-            found |= _of_forces(known, arguments, found.get("resisting_moment"))
+            quantities |= _of_forces(known, arguments, quantities.get("resisting_moment"))
         if "release_energy" in arguments:
-            found["speed_at_release"] = _derived(
+            quantities["speed_at_release"] = _derived(
                 "m/s",
                 known.speed,
                 phrase("speed at release, from the energy at release"),
                 Notation("v_0"),
             )
         elif "release_speed" in arguments:
-            found["energy_at_release"] = _derived(
+            quantities["energy_at_release"] = _derived(
                 "1", known.energy, phrase("kinetic energy at release / (M g R)"), Notation("E_0")
             )
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = _derived(
+            quantities["turning_point"] = _derived(
                 unit, self._stop(arguments), phrase(FIRST_TURNING), self.end_notation
             )
-        return found
+        return quantities
 
     def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         """As it is read."""
@@ -398,18 +400,18 @@ def _derived(unit: str, values: ArrayLike | None, meaning: str, notation: Notati
 def _of_forces(
     known: _Disturbed, arguments: Mapping[str, ArrayLike], rolling: Derived | None
 ) -> dict[str, Derived]:
-    found: dict[str, Derived] = {}
+    quantities: dict[str, Derived] = {}
     forces = known.forces or Forces()
     if "moment" in arguments:
         slope = phase.effective_slope(
             known.motion["phi"], known.motion["rolling_resistance"]
         ) + np.asarray(forces.moment)
-        found["slope"] = _derived(
+        quantities["slope"] = _derived(
             "1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s")
         )
         if rolling is not None:
             whole = rolling.values + np.asarray(arguments["moment"])
-            found["resisting_moment"] = _derived(
+            quantities["resisting_moment"] = _derived(
                 "N m",
                 whole,
                 phrase("total resisting moment, c_rr M g R cos φ + Q"),
@@ -418,11 +420,11 @@ def _of_forces(
     for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
         if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
             size, angle = turn_amplitude(cosine, sine)
-            found[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
-            found[f"moment_{k}_phase"] = _derived(
+            quantities[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
+            quantities[f"moment_{k}_phase"] = _derived(
                 "rad", angle, phrase(_PHASES[k]), Notation(f"p_{k}", "°", _DEGREES)
             )
-    return found
+    return quantities
 
 
 def energy_of_speed(arguments: Mapping[str, ArrayLike]) -> float:

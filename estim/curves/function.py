@@ -216,7 +216,9 @@ def _derivatives(function: Function, x: FloatArray, start: Mapping[str, float]) 
         except Exception:
             continue
         ours = (local.slope, *(local.gradient[name] for name in start))
-        alike = all(_alike(one, *theirs) for one, theirs in zip(ours, reference, strict=True))
+        alike = all(
+            _alike(derivative, *theirs) for derivative, theirs in zip(ours, reference, strict=True)
+        )
         if alike and np.allclose(local.value, value, rtol=1e-12, equal_nan=True):
             return way
     return "differences"

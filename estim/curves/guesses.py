@@ -83,8 +83,8 @@ def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatAr
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
     ends: list[tuple[FloatArray, float]] = []
-    for some in (drawn[:_FEW], drawn) if alone else (drawn,):
-        for point in _best_apart(search, some, _GO_DOWN):
+    for points in (drawn[:_FEW], drawn) if alone else (drawn,):
+        for point in _best_apart(search, points, _GO_DOWN):
             ends.append(_down(search, point, _ROUGH))
             best = min(end[1] for end in ends) * (1.0 + _AGREE) + search.rounding
             if alone and sum(end[1] <= best for end in ends) == _ENOUGH:
@@ -103,27 +103,28 @@ def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[Floa
     alone = [i for i in range(len(search.bent)) if not any(i in block for block in blocks)]
     if len(blocks) < 2 or alone:
         return []
-    found = []
+    points = []
     for first in blocks:
         absent = [block for block in blocks if block != first]
         for point in _best_apart(
             search, _drawn_for(search, first, np.zeros(len(search.bent)), rng), _FIRST, absent
         ):
-            left = list(absent)
-            while left:
+            remaining = list(absent)
+            while remaining:
                 tries = []
-                for block in left:
-                    others = [other for other in left if other != block]
+                for block in remaining:
+                    others = [other for other in remaining if other != block]
                     best = _best_apart(search, _drawn_for(search, block, point, rng), 1, others)
                     tries += [
-                        (float(search.squares(one[None, :], others)[0]), one, block) for one in best
+                        (float(search.squares(candidate[None, :], others)[0]), candidate, block)
+                        for candidate in best
                     ]
                 if not tries:
                     break
-                _, point, block = min(tries, key=lambda one: one[0])
-                left.remove(block)
-            found += [] if left else [point]
-    return found
+                _, point, block = min(tries, key=lambda candidate: candidate[0])
+                remaining.remove(block)
+            points += [] if remaining else [point]
+    return points
 
 
 def _drawn_for(
@@ -151,7 +152,7 @@ def _swept(
             tried = _drawn_for(search, block, end[0], rng)
             end = min(
                 [end, *(_down(search, point, _ROUGH) for point in _best_apart(search, tried, 2))],
-                key=lambda one: one[1],
+                key=lambda candidate: candidate[1],
             )
         if not end[1] < before * (1.0 - 0.01 * _AGREE):
             break
@@ -196,11 +197,11 @@ def _best_apart(
     if not order.size:
         return []
     with np.errstate(all="ignore"):
-        left = search.left(points[order], absent)
-        left = left / np.linalg.norm(left, axis=1, keepdims=True)
+        residuals = search.left(points[order], absent)
+        residuals = residuals / np.linalg.norm(residuals, axis=1, keepdims=True)
     chosen: list[int] = []
     for k in range(order.size):
-        if all(float(left[k] @ left[other]) < _ALIKE for other in chosen):
+        if all(float(residuals[k] @ residuals[other]) < _ALIKE for other in chosen):
             chosen.append(k)
         if len(chosen) == n:
             break
@@ -219,8 +220,8 @@ def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatA
     size = math.sqrt(first) or 1.0
 
     def residuals(point: FloatArray) -> FloatArray:
-        left = search.left(point[None, :])[0] / size
-        return left if np.all(np.isfinite(left)) else np.full(left.size, 1e3)
+        scaled = search.left(point[None, :])[0] / size
+        return scaled if np.all(np.isfinite(scaled)) else np.full(scaled.size, 1e3)
 
     def slopes(point: FloatArray) -> FloatArray:
         step = _STEP * np.where(point == 0.0, typical, np.abs(point))
@@ -230,13 +231,13 @@ def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatA
             )
             / size
         )
-        found = (moved[1:] - moved[0]) / np.where(point + step < high, step, -step)[:, None]
-        return np.asarray(np.where(np.isfinite(found), found, 0.0).T)
+        result = (moved[1:] - moved[0]) / np.where(point + step < high, step, -step)[:, None]
+        return np.asarray(np.where(np.isfinite(result), result, 0.0).T)
 
     if not math.isfinite(first) or np.any(start <= low) or np.any(start >= high):
         return start, first if math.isfinite(first) else math.inf
     with np.errstate(all="ignore"):
-        found = least_squares(
+        result = least_squares(
             residuals,
             start,
             slopes,
@@ -245,5 +246,5 @@ def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatA
             x_scale="jac",
             max_nfev=steps,
         )
-    after = float(search.squares(found.x[None, :])[0])
-    return (found.x, after) if after < first else (start, first)
+    after = float(search.squares(result.x[None, :])[0])
+    return (result.x, after) if after < first else (start, first)

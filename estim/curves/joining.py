@@ -65,8 +65,8 @@ class JointProblem:
         for name, part in self.parts.items():
             run, sources = part.with_sigma(sigma).runs[0], self.sources[name]
             arguments = {
-                one: sources.get(source, source) if isinstance(source, str) else source
-                for one, source in run.arguments.items()
+                argument: sources.get(source, source) if isinstance(source, str) else source
+                for argument, source in run.arguments.items()
             }
             runs.append(replace(run, name=name, arguments=MappingProxyType(arguments)))
         return Problem(self.parameters, tuple(runs))
@@ -115,28 +115,29 @@ def join(
         }
         for name, part in parts.items()
     }
-    found = {
+    by_name = {
         sources[name][p.name]: replace(p, name=sources[name][p.name])
         for name, part in reversed(list(parts.items()))
         for p in part.parameters
     }
-    ordered = [name for name in found if "[" not in name] + [
+    ordered = [name for name in by_name if "[" not in name] + [
         sources[name][p.name] for name, part in parts.items() for p in part.parameters
     ]
     fixed: dict[str, float] = {}
     for name, part in parts.items():
         alike = {
-            one: all(other.fixed.get(one) == value for other in parts.values())
-            for one, value in part.fixed.items()
+            parameter: all(other.fixed.get(parameter) == value for other in parts.values())
+            for parameter, value in part.fixed.items()
         }
         fixed |= {
-            one if alike[one] else f"{one}[{name}]": value for one, value in part.fixed.items()
+            parameter if alike[parameter] else f"{parameter}[{name}]": value
+            for parameter, value in part.fixed.items()
         }
     y = np.concatenate([part.y for part in parts.values()])
     return JointProblem(
         MappingProxyType(dict(parts)),
         MappingProxyType(sources),
-        tuple(found[name] for name in dict.fromkeys(ordered)),
+        tuple(by_name[name] for name in dict.fromkeys(ordered)),
         y,
         MappingProxyType(fixed),
     )
@@ -150,7 +151,7 @@ def of_data_set(
     """
     if not isinstance(given, Mapping):
         raise InputError("must be a mapping from names of parameters", field=field, value=given)
-    own: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for written, value in given.items():
         parameter, mark, level = str(written).partition("[")
         if mark and (not level.endswith("]") or level[:-1] not in everyone):
@@ -160,7 +161,7 @@ def of_data_set(
                 value=written,
             )
         if not mark:
-            own.setdefault(parameter, value)
+            entries.setdefault(parameter, value)
         elif level == f"{name}]":
-            own[parameter] = value
-    return own
+            entries[parameter] = value
+    return entries

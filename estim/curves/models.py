@@ -91,7 +91,7 @@ class Term:
             return self.model.expression
         names = "|".join(self.model.parameters)
         return re.sub(
-            rf"\b({names})\b", lambda found: self.prefix + found[1], self.model.expression
+            rf"\b({names})\b", lambda match: self.prefix + match[1], self.model.expression
         )
 
 
@@ -147,9 +147,9 @@ def read_model(text: object) -> ModelSum:
     """`named_model`, where the text can be nothing else.  Raises InputError with the names there
     are.
     """
-    found = named_model(text)
-    if found is not None:
-        return found
+    models = named_model(text)
+    if models is not None:
+        return models
     words = [word.strip() for word in str(text).split("+")]
     unknown = next((word for word in words if _term(word) is None), str(text))
     close = difflib.get_close_matches(unknown.rpartition("_")[2], MODELS, n=1)
@@ -209,13 +209,13 @@ def _peaks(extent: Extent) -> FloatArray:
     """Centres and widths: for each width, centres that are closer than it is; wide ones beyond the
     ends too.
     """
-    found = []
+    pairs = []
     for sigma in _scales(0.5 * extent.step, extent.length):
         beyond = min(sigma, 0.5 * extent.length)
         n = min(2000, 2 + int((extent.length + 2.0 * beyond) / (0.8 * sigma)))
         centres = np.linspace(extent.low - beyond, extent.high + beyond, n)
-        found.append(np.column_stack([centres, np.full(n, sigma)]))
-    return np.concatenate(found)
+        pairs.append(np.column_stack([centres, np.full(n, sigma)]))
+    return np.concatenate(pairs)
 
 
 def _peaks_of_two_widths(extent: Extent) -> FloatArray:
@@ -248,7 +248,9 @@ def _damped(extent: Extent) -> FloatArray:
 
 
 def _alone(*names: str) -> tuple[Mapping[str, float], ...]:
-    return tuple(MappingProxyType({name: float(name == one) for name in names}) for one in names)
+    return tuple(
+        MappingProxyType({name: float(name == chosen) for name in names}) for chosen in names
+    )
 
 
 _POSITIVE: Limits = (0.0, None)

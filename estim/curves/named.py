@@ -55,9 +55,9 @@ def unstarted(
     """What finds the starts that are not given, of models by name or of a formula of x; None where
     none is missing, or nothing can.
     """
-    asked = called_by_name(curve, start, fixed, tied)
+    models = called_by_name(curve, start, fixed, tied)
     if (
-        asked is not None
+        models is not None
         or tied
         or not (
             isinstance(curve, str)
@@ -66,7 +66,7 @@ def unstarted(
             and isinstance(fixed, Mapping)
         )
     ):
-        return asked
+        return models
     formula = read_formula(curve, field="curve")
     return BareFormula(formula) if formula.uses_x and {*formula.names} - {*start, *fixed} else None
 
@@ -77,12 +77,12 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
     Raises InputError for names of nothing: no starts, and names alone.
     """
-    asked = named_model(curve) if any(named) or not names_only(curve) else read_model(curve)
-    if asked is None or any(
-        word.strip() in names for word in asked.text.split("+") for names in named
+    models = named_model(curve) if any(named) or not names_only(curve) else read_model(curve)
+    if models is None or any(
+        word.strip() in names for word in models.text.split("+") for names in named
     ):
         return None
-    return asked
+    return models
 
 
 def provisional(
@@ -124,11 +124,11 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
     )
     points = posed.x, posed.y / width, gain / width
     if isinstance(asked, ModelSum):
-        found = find_starts(asked, *points, known=fixed, limits=limits)
+        starts = find_starts(asked, *points, known=fixed, limits=limits)
     else:
-        found = guess_starts(asked.formula, *points, known=fixed, limits=limits)
+        starts = guess_starts(asked.formula, *points, known=fixed, limits=limits)
     begun = {
-        name: Flat(known[name].prior.low, known[name].prior.high, found[name], start_stated=False)
+        name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
     }
     return replace(

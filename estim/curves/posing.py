@@ -282,7 +282,9 @@ def pose_curve(
     )
     begun |= {name: float(followed(ties, {**values, **exact})[name]) for name in ties}
     read = _curve(curve, points["x"], begun, held)
-    said = units_of(read, axes, names, density=(density := counted is not None and counted.density))
+    parameter_units = units_of(
+        read, axes, names, density=(density := counted is not None and counted.density)
+    )
     refuse_degrees(read, axes, "curve")
     check_units(
         read,
@@ -291,8 +293,8 @@ def pose_curve(
         {name: value for name, value in {**exact, **values}.items() if name not in chosen},
         density=density,
     )
-    said |= {name: unit for name, unit in units.items() if name not in following}
-    parameters = _parameters(names, values, bounds, priors, said, exact)
+    parameter_units |= {name: unit for name, unit in units.items() if name not in following}
+    parameters = _parameters(names, values, bounds, priors, parameter_units, exact)
     shared = _shared(errors, (*all_of, *ties), axes)
     stated = u_y is not None or cov is not None or counted is not None
     everything = (*parameters, *shared)
@@ -325,7 +327,7 @@ def pose_curve(
         fixed=MappingProxyType(exact),
         lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
-        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], said),
+        sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
     )
 
 

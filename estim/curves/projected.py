@@ -117,14 +117,14 @@ class ProjectedCurve:
         """(n,) sums of squares, inf where the curve is not finite or turns unseen."""
         size = max(1, _CHUNK // self.x.size)
         with np.errstate(all="ignore"):
-            found = np.concatenate(
+            sums = np.concatenate(
                 [
                     np.sum(self.left(bent[k : k + size], absent) ** 2, axis=1)
                     for k in range(0, bent.shape[0], size)
                 ]
             )
         return np.where(
-            np.isfinite(found) & np.logical_not(self._turns_unseen(bent)), found, math.inf
+            np.isfinite(sums) & np.logical_not(self._turns_unseen(bent)), sums, math.inf
         )
 
     def _turns_unseen(self, bent: FloatArray) -> FloatArray:

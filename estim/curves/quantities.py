@@ -88,9 +88,9 @@ def _base(value: Any) -> tuple[Any, str | None]:
     """
     if not _is_quantity(value):
         return value, None
-    found = value.to_base_units()
-    name = f"{found.units:~P}"
-    return found.magnitude, "1" if name in _PLAIN else name
+    converted = value.to_base_units()
+    name = f"{converted.units:~P}"
+    return converted.magnitude, "1" if name in _PLAIN else name
 
 
 def refuse_quantities(**given: object) -> None:
@@ -118,9 +118,9 @@ def _size(name: str, value: Any, unit: str | None) -> Any:
 
 
 def _same(name: str, value: Any, unit: str | None) -> Any:
-    number, own = _base(value)
+    number, value_unit = _base(value)
     if (
-        own is None
+        value_unit is None
         and unit not in (None, "1")
         and not (value is None or (np.ndim(value) == 0 and value in (0, math.inf, -math.inf)))
     ):
@@ -129,7 +129,7 @@ def _same(name: str, value: Any, unit: str | None) -> Any:
             field=name,
             value=str(value),
         )
-    if own is not None and own != (unit or "1"):
+    if value_unit is not None and value_unit != (unit or "1"):
         raise InputError(
             f"must be of the same kind as what it belongs to, which is in {unit or '1'}",
             field=name,

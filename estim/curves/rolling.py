@@ -284,13 +284,13 @@ class RollingMotion:
         return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        found = derived_of(*body_of(arguments), self.mass)
+        quantities = derived_of(*body_of(arguments), self.mass)
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            found["turning_point"] = Derived(
+            quantities["turning_point"] = Derived(
                 unit, np.atleast_2d(self._stop(arguments)), phrase(FIRST_TURNING), self.end_notation
             )
-        return found
+        return quantities
 
     def errors_in_common(
         self, curve: Curve, arguments: Mapping[str, str | float]

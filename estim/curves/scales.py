@@ -31,16 +31,16 @@ class Scale:
             [] if self.places is None else [self.places[2]]
         )
         kinds = rng.choice(len(shares), n, p=np.array(shares) / sum(shares))
-        found = rng.choice([-1.0, 1.0], n)
+        draws = rng.choice([-1.0, 1.0], n)
         for k, (small, large, _) in enumerate(self.sizes):
-            found[kinds == k] *= np.exp(
+            draws[kinds == k] *= np.exp(
                 rng.uniform(math.log(small), math.log(large), int(np.sum(kinds == k)))
             )
         if self.places is not None:
-            found[kinds == len(self.sizes)] = rng.uniform(
+            draws[kinds == len(self.sizes)] = rng.uniform(
                 *self.places[:2], int(np.sum(kinds == len(self.sizes)))
             )
-        return self.inside(found, rng)
+        return self.inside(draws, rng)
 
     def inside(self, values: FloatArray, rng: np.random.Generator) -> FloatArray:
         """The same, those beyond a limit mirrored at it or drawn between the limits."""

@@ -119,14 +119,14 @@ class DistortedCurve:
         scale = 1.0 + self._sum("scale_y", arguments)
         stretch = 1.0 + self._sum("scale_x", arguments)
         slope = scale * inner.slope / stretch
-        own = {
+        by_kind = {
             "zero_y": np.ones_like(inner.value),
             "scale_y": inner.value,
             "zero_x": -slope,
             "scale_x": -slope * true,
         }
         gradient = {name: scale * partial for name, partial in inner.gradient.items()}
-        gradient |= {c.parameter_name: own[c.kind] for c in self.components}
+        gradient |= {c.parameter_name: by_kind[c.kind] for c in self.components}
         return LocalCurve(scale * inner.value + self._sum("zero_y", arguments), slope, gradient)
 
 
@@ -135,7 +135,9 @@ def scale_errors_of(curve: Curve, *, counted: bool) -> tuple[CommonError, ...]:
     has no scale of y.
     """
     known = (
-        {one.kind for one in curve.components} if isinstance(curve, DistortedCurve) else set[str]()
+        {component.kind for component in curve.components}
+        if isinstance(curve, DistortedCurve)
+        else set[str]()
     )
     return tuple(
         _scale_error(curve, kind)

@@ -90,10 +90,12 @@ class _TermSearch:
         model = self.term.model
         given = {self.term.prefix + name: bent[:, [i]] for i, name in enumerate(model.bent)}
         with np.errstate(all="ignore"):
-            found = [
+            curves = [
                 self.formula.value(x, {**given, **self.term.renamed(unit)}) for unit in model.units
             ]
-        return np.stack([np.broadcast_to(one, (bent.shape[0], x.size)) for one in found], axis=1)
+        return np.stack(
+            [np.broadcast_to(curve, (bent.shape[0], x.size)) for curve in curves], axis=1
+        )
 
     def values(self, bent: FloatArray, solved: FloatArray) -> dict[str, float]:
         """Name -> value from the coefficients (n_unit,) of the units."""
@@ -163,7 +165,10 @@ def _pursued(
     )
     runs.sort(key=lambda run: run[1])
     if len(bent) > 1:
-        runs = [_swept(searches, chosen, left, bent, data, limits) for chosen, left in runs[:_KEPT]]
+        runs = [
+            _swept(searches, chosen, remainder, bent, data, limits)
+            for chosen, remainder in runs[:_KEPT]
+        ]
     chosen, _ = min(runs, key=lambda run: run[1])
     return [chosen[i] for i in range(len(searches))]
 
@@ -180,12 +185,12 @@ def _completed(
     """
     chosen, left = _polished(searches, chosen, left, data, limits)
     while len(chosen) < len(searches):
-        found = {
+        candidates = {
             i: _best(searches, i, chosen, data)[0] for i in range(len(searches)) if i not in chosen
         }
-        first = min(found, key=lambda i: found[i][1])
+        first = min(candidates, key=lambda i: candidates[i][1])
         chosen, left = _polished(
-            searches, {**chosen, first: found[first][0]}, found[first][1], data, limits
+            searches, {**chosen, first: candidates[first][0]}, candidates[first][1], data, limits
         )
     return chosen, left
 
@@ -230,11 +235,11 @@ class _Data:
         self, searches: Sequence[_TermSearch], chosen: Mapping[int, FloatArray]
     ) -> FloatArray:
         """(n, n_obs) weighted curves of the terms."""
-        found = [
+        curves = [
             searches[j].columns(self.x, bent[None, :])[0] * self.weight
             for j, bent in chosen.items()
         ]
-        return np.concatenate(found) if found else np.zeros((0, self.x.size))
+        return np.concatenate(curves) if curves else np.zeros((0, self.x.size))
 
 
 def _polished(
@@ -265,17 +270,17 @@ def _polished(
         return moved
 
     def residuals(point: FloatArray) -> FloatArray:
-        left = data.left(searches, at(point))
+        residual = data.left(searches, at(point))
         return (
-            left
-            if np.all(np.isfinite(left))
-            else np.full(left.size, 1e3 * math.sqrt(squares + 1e-300))
+            residual
+            if np.all(np.isfinite(residual))
+            else np.full(residual.size, 1e3 * math.sqrt(squares + 1e-300))
         )
 
     first = np.array([chosen[i][k] for i, k in free])
     with np.errstate(all="ignore"):
         size = math.sqrt(squares) or 1.0
-        found = least_squares(
+        result = least_squares(
             lambda point: residuals(point) / size,
             first,
             method="trf",
@@ -284,10 +289,10 @@ def _polished(
         )
     inside = all(
         _allowed(value, limits.get(names[i][k]))
-        for (i, k), value in zip(free, found.x, strict=True)
+        for (i, k), value in zip(free, result.x, strict=True)
     )
-    after = 2.0 * float(found.cost) * size**2
-    return (at(found.x), after) if inside and after < squares else (chosen, squares)
+    after = 2.0 * float(result.cost) * size**2
+    return (at(result.x), after) if inside and after < squares else (chosen, squares)
 
 
 def _best(
@@ -314,13 +319,13 @@ def _best(
         )
     columns = search.columns(data.x, search.grid[order])[:, 0] * data.weight
     columns = columns / np.linalg.norm(columns, axis=1, keepdims=True)
-    kept: list[int] = []
+    selected: list[int] = []
     for k in range(order.size):
-        if all(abs(float(columns[k] @ columns[other])) < _ALIKE for other in kept):
-            kept.append(k)
-        if len(kept) == _SEVERAL:
+        if all(abs(float(columns[k] @ columns[other])) < _ALIKE for other in selected):
+            selected.append(k)
+        if len(selected) == _SEVERAL:
             break
-    return [(search.grid[order[k]], float(rest @ rest - saved[order[k]])) for k in kept]
+    return [(search.grid[order[k]], float(rest @ rest - saved[order[k]])) for k in selected]
 
 
 def _saved(tried: FloatArray, base: FloatArray, rest: FloatArray) -> FloatArray:
@@ -334,8 +339,8 @@ def _saved(tried: FloatArray, base: FloatArray, rest: FloatArray) -> FloatArray:
         column = column - (column @ base) @ base.T
         for earlier in taken:
             column = column - np.sum(column * earlier, axis=1, keepdims=True) * earlier
-        left = np.linalg.norm(column, axis=1, keepdims=True)
-        column = np.where(left > _FLAT, column / left, 0.0)
+        length = np.linalg.norm(column, axis=1, keepdims=True)
+        column = np.where(length > _FLAT, column / length, 0.0)
         taken.append(column)
         saved = np.where(
             np.isfinite(whole[:, 0]) & (whole[:, 0] > 0.0), saved + (column @ rest) ** 2, -math.inf

@@ -111,6 +111,6 @@ def only_for_ties(
         return set()
     return (
         set()
-        if any(one.kind is one.VAR_KEYWORD for one in takes)
-        else named - {one.name for one in takes}
+        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in takes)
+        else named - {parameter.name for parameter in takes}
     )

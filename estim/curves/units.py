@@ -59,8 +59,12 @@ def units_of(
         or (axes.x_unit, axes.y_unit) == ("1", "1")
     ):
         return {}
-    found = certain_dimensions(curve, density=density, x_is=_x_is(axes))
-    units = {name: _unit(*found[name], axes.x_unit, axes.y_unit) for name in names if name in found}
+    dimensions = certain_dimensions(curve, density=density, x_is=_x_is(axes))
+    units = {
+        name: _unit(*dimensions[name], axes.x_unit, axes.y_unit)
+        for name in names
+        if name in dimensions
+    }
     return {name: unit for name, unit in units.items() if unit is not None}
 
 
@@ -97,7 +101,7 @@ def contradiction(
         return None
     follows = "rad" if follows == "1" and is_angle(stated) else follows
     what = "a pure number" if follows == "1" else f"in {follows}"
-    said = (
+    message = (
         f"must be {what} here, as the formula and the units of the axes say; nothing is converted"
     )
     converted = (
@@ -107,16 +111,16 @@ def contradiction(
     )
     if converted is not None:
         return (
-            f"{said}: write {with_unit(f'{converted:.6g}', follows)} for "
+            f"{message}: write {with_unit(f'{converted:.6g}', follows)} for "
             f"{with_unit(f'{number:g}', stated)}"
         )
     certain = certain_dimensions(curve, density=density, x_is=_x_is(axes), any_number=True).get(
         name
     ) == (power_x, power_y)
     return (
-        said
+        message
         if certain or is_angle(stated)
-        else f"{said} (a number in the formula that has a unit of its own is better a parameter "
+        else f"{message} (a number in the formula that has a unit of its own is better a parameter "
         "with a value)"
     )
 

@@ -42,13 +42,13 @@ def shift_of(argument: str) -> str:
 def own_values(arguments: Arguments, varied: Collection[str]) -> dict[str, ArrayLike]:
     """The arguments of one run, each with its own value of those that are `varied`."""
     held = {spread_of(name) for name in varied} | {shift_of(name) for name in varied}
-    own = {name: value for name, value in arguments.items() if name not in held}
+    values = {name: value for name, value in arguments.items() if name not in held}
     for name in varied:
         mean, spread, shift = (
             np.asarray(arguments[part]) for part in (name, spread_of(name), shift_of(name))
         )
-        own[name] = mean + spread * shift
-    return own
+        values[name] = mean + spread * shift
+    return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,10 +135,10 @@ class VaryingMotion:
     ) -> tuple[CommonError, ...]:
         """Of a curve that varies."""
         assert isinstance(curve, VaryingCurve)
-        found = self.motion.errors_in_common(curve.curve, arguments)
+        errors = self.motion.errors_in_common(curve.curve, arguments)
         return tuple(
-            replace(one, curve=VaryingCurve(cast(SpeedCurve, one.curve), self.varied))
-            for one in found
+            replace(error, curve=VaryingCurve(cast(SpeedCurve, error.curve), self.varied))
+            for error in errors
         )
 
     def derived(self, arguments: Arguments) -> Mapping[str, Derived]:

@@ -69,9 +69,9 @@ class _Part:
     @classmethod
     def of(cls, columns: Indices, jacobian: FloatArray, mine: Indices, slopes: FloatArray) -> _Part:
         inner = np.isin(columns, mine)
-        told = inner & (np.any(jacobian != 0.0, axis=0) | (slopes[columns] != 0.0))
-        mine, shared = columns[told], columns[~inner]
-        basis, triangle = np.linalg.qr(np.vstack([jacobian[:, told], np.diag(slopes[mine])]))
+        informed = inner & (np.any(jacobian != 0.0, axis=0) | (slopes[columns] != 0.0))
+        mine, shared = columns[informed], columns[~inner]
+        basis, triangle = np.linalg.qr(np.vstack([jacobian[:, informed], np.diag(slopes[mine])]))
         across = np.vstack([jacobian[:, ~inner], np.zeros((mine.size, shared.size))])
         along = basis.T @ across
         rest, wide = np.linalg.qr(across - basis @ along)
@@ -79,9 +79,9 @@ class _Part:
 
     def below(self, place: Indices, n_border: int) -> FloatArray:
         """What is left for the shared parameters, in the columns `place` (n_par,) of the border."""
-        found = np.zeros((len(self.wide), n_border))
-        found[:, place[self.shared]] = self.wide
-        return found
+        block = np.zeros((len(self.wide), n_border))
+        block[:, place[self.shared]] = self.wide
+        return block
 
 
 def many(problem: Problem) -> bool:
@@ -105,24 +105,24 @@ def solve_by_runs(rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray) -
     slopes : (n_par,).  pulls : (n_par, n_target).  A parameter of which nothing is said stays at 0.
     """
     n_par, n_target = pulls.shape
-    found = np.zeros((n_par, n_target))
-    own = own_columns([one.columns for one in rows], n_par)
+    solution = np.zeros((n_par, n_target))
+    own = own_columns([run.columns for run in rows], n_par)
     border = np.setdiff1d(np.arange(n_par), np.concatenate([np.zeros(0, dtype=np.int64), *own]))
     place = np.full(n_par, -1)
     place[border] = np.arange(border.size)
     below, aims, parts = [np.diag(slopes[border])], [pulls[border]], []
-    for one, mine in zip(rows, own, strict=True):
-        part, n = _Part.of(one.columns, one.jacobian, mine, slopes), len(one.jacobian)
+    for run, mine in zip(rows, own, strict=True):
+        part, n = _Part.of(run.columns, run.jacobian, mine, slopes), len(run.jacobian)
         added = pulls[part.mine]
         below.append(part.below(place, border.size))
-        aims.append(part.rest[:n].T @ one.target + part.rest[n:].T @ added)
-        parts.append((part, part.basis[:n].T @ one.target + part.basis[n:].T @ added))
+        aims.append(part.rest[:n].T @ run.target + part.rest[n:].T @ added)
+        parts.append((part, part.basis[:n].T @ run.target + part.basis[n:].T @ added))
     design = np.vstack(below)
-    found[border] = _solved(design, np.vstack(aims))
+    solution[border] = _solved(design, np.vstack(aims))
     for part, aim in parts:
         if part.mine.size:
-            found[part.mine] = _solved(part.triangle, aim - part.along @ found[part.shared])
-    return found
+            solution[part.mine] = _solved(part.triangle, aim - part.along @ solution[part.shared])
+    return solution
 
 
 def spreads_by_runs(
@@ -147,15 +147,15 @@ def spreads_by_runs(
         [np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)]
     )
     root_of_shared = _inverted(design)
-    found = []
+    covariances = []
     for part, used in zip(parts, columns, strict=True):
         turned, of_shared = _inverted(part.triangle), root_of_shared[place[part.shared]]
         own_too = np.hstack([turned, -turned @ part.along @ of_shared])
         follow = np.zeros((used.size, own_too.shape[1]))
         follow[np.isin(used, part.mine)] = own_too
         follow[np.isin(used, part.shared), part.mine.size :] = of_shared
-        found.append(follow @ follow.T)
-    return found
+        covariances.append(follow @ follow.T)
+    return covariances
 
 
 def _solved(design: FloatArray, aims: FloatArray) -> FloatArray:
@@ -266,8 +266,8 @@ def _height(posterior: Posterior, values: FloatArray) -> float:
 def _norms(rows: Sequence[Rows], slopes: FloatArray) -> FloatArray:
     """(n_par,) lengths of the columns."""
     squares = slopes**2
-    for one in rows:
-        squares[one.columns] += np.sum(one.jacobian**2, axis=0)
+    for run in rows:
+        squares[run.columns] += np.sum(run.jacobian**2, axis=0)
     return np.sqrt(squares)
 
 
@@ -288,22 +288,22 @@ def _step(
     pull = np.divide(-slopes * pulls, slope, out=np.zeros_like(slope), where=slope > 0.0)
     free, step = moving.copy(), np.zeros(slope.size)
     gradient = slopes * pulls
-    for one in rows:
-        gradient[one.columns] -= one.jacobian.T @ one.target[:, 0]
+    for run in rows:
+        gradient[run.columns] -= run.jacobian.T @ run.target[:, 0]
     free &= ~(((low >= 0.0) & (gradient > 0.0)) | ((high <= 0.0) & (gradient < 0.0)))
     for _ in range(_HELD_ROUNDS):
         held = np.where(free, 0.0, step)
-        kept = [
+        reduced = [
             Rows(
-                one.columns,
-                one.jacobian * free[one.columns],
-                one.target - one.jacobian @ held[one.columns][:, None],
+                run.columns,
+                run.jacobian * free[run.columns],
+                run.target - run.jacobian @ held[run.columns][:, None],
             )
-            for one in rows
+            for run in rows
         ]
         step = np.where(
             free,
-            solve_by_runs(kept, np.where(free, slope, 0.0), np.where(free, pull, 0.0)[:, None])[
+            solve_by_runs(reduced, np.where(free, slope, 0.0), np.where(free, pull, 0.0)[:, None])[
                 :, 0
             ],
             held,
@@ -317,13 +317,13 @@ def _step(
     after = sum(
         float(
             np.sum(
-                (one.jacobian @ step[one.columns] - one.target[:, 0])
-                * (one.jacobian @ step[one.columns])
+                (run.jacobian @ step[run.columns] - run.target[:, 0])
+                * (run.jacobian @ step[run.columns])
             )
         )
-        for one in rows
+        for run in rows
     )
-    before = -sum(float(one.target[:, 0] @ (one.jacobian @ step[one.columns])) for one in rows)
+    before = -sum(float(run.target[:, 0] @ (run.jacobian @ step[run.columns])) for run in rows)
     after += float(np.sum((slopes * step + pulls) * slopes * step))
     before += float(np.sum(pulls * slopes * step))
     return step, -(after + before)

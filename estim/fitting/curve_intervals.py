@@ -83,11 +83,11 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
         left_open = open_sides(fixed.problem, best.values, sds)
-        unheld = {found.parameters[0].name for found in left_open}
+        unheld = {finding.parameters[0].name for finding in left_open}
         sds[[name in unheld for name in names]] = np.nan
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
     (intervals, left_open), notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
-    unheld = {found.parameters[0].name for found in left_open}
+    unheld = {finding.parameters[0].name for finding in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
             sds[i] = np.nan
@@ -157,7 +157,7 @@ def _profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
     fit : with errors of a fixed size.
     dof : degrees of freedom of that size, infinite where it was stated.
     """
-    found: dict[str, Ends] = {}
+    intervals: dict[str, Ends] = {}
     left_open: list[Finding] = []
     for interval, parameter in zip(
         profile_intervals(fit, probabilities=PROBABILITIES, dof=dof),
@@ -166,11 +166,11 @@ def _profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
     ):
         unheld = side_left_open(interval, parameter)
         left_open += unheld
-        found[parameter.name] = {
+        intervals[parameter.name] = {
             p: (math.nan, math.nan) if unheld else (interval.low[p], interval.high[p])
             for p in PROBABILITIES
         }
-    return found, left_open
+    return intervals, left_open
 
 
 def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:

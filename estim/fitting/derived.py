@@ -82,7 +82,7 @@ def linear_derived(
             for q, d in varying.items()
         }
     reach = np.array([*(-k for k in reversed(factors.values())), -1.0, 1.0, *factors.values()])
-    found = []
+    quantities = []
     for q, derived in varying.items():
         centre, along = float(derived.values[0, 0]), cov @ gradients[q]
         sd = float(np.sqrt(max(float(gradients[q] @ along), 0.0)))
@@ -99,7 +99,7 @@ def linear_derived(
                     if max(abs(above - centre - sd), abs(centre - below - sd)) <= _BENT * sd
                     else np.nan
                 )
-        found.append(
+        quantities.append(
             LinearDerived(
                 q,
                 derived.unit,
@@ -111,7 +111,7 @@ def linear_derived(
                 interval,
             )
         )
-    return tuple(found)
+    return tuple(quantities)
 
 
 def _at(run: Observations, names: Sequence[str], points: FloatArray) -> Mapping[str, Derived]:

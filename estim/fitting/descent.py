@@ -336,13 +336,15 @@ def _learned(
     """
     with np.errstate(all="ignore"):
         before = np.einsum("kij,kj->ki", curvatures, steps)
-        expected, told = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
-        share = np.where(told < 0.2 * expected, 0.8 * expected / (expected - told), 1.0)[:, None]
+        expected, observed = np.sum(steps * before, axis=1), np.sum(steps * changes, axis=1)
+        share = np.where(observed < 0.2 * expected, 0.8 * expected / (expected - observed), 1.0)[
+            :, None
+        ]
         changes = share * changes + (1.0 - share) * before
-        told = np.sum(steps * changes, axis=1)
+        observed = np.sum(steps * changes, axis=1)
         updated = (
             curvatures
-            + _squared(changes) / told[:, None, None]
+            + _squared(changes) / observed[:, None, None]
             - _squared(before) / expected[:, None, None]
         )
         sound = (
@@ -365,16 +367,17 @@ def _damped(
     """
     scale = np.sqrt(np.maximum(np.diagonal(curvatures, axis1=1, axis2=2), 0.0))
     scale = np.where(free & (scale > 0.0) & np.isfinite(scale), scale, 1.0)
-    one = np.eye(scale.shape[1])
+    identity = np.eye(scale.shape[1])
     unit = np.where(
         free[:, :, None] & free[:, None, :],
         curvatures / (scale[:, :, None] * scale[:, None, :]),
-        one,
+        identity,
     )
     with np.errstate(all="ignore"):
         step = (
             -np.linalg.solve(
-                unit + damping[:, None, None] * one, np.where(free, slopes / scale, 0.0)[..., None]
+                unit + damping[:, None, None] * identity,
+                np.where(free, slopes / scale, 0.0)[..., None],
             )[..., 0]
             / scale
         )

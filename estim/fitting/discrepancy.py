@@ -27,11 +27,13 @@ def fit_discrepancy(white: Fit, *, rng: np.random.Generator) -> Fit:
         for run in problem.runs
     )
     low, high = problem.support()
-    start = np.clip(np.mean([one.found.mean for one in posed.values()], axis=0), low, high)
+    start = np.clip(
+        np.mean([deviation.found.mean for deviation in posed.values()], axis=0), low, high
+    )
     fit = fit_least_squares(Problem(problem.parameters, runs), rng=rng, n_start=1, start=start)
     return replace(
         fit,
-        deviations=tuple(one.found for one in posed.values()),
+        deviations=tuple(deviation.found for deviation in posed.values()),
         symmetry=white.symmetry,
         aliases=white.aliases,
         n_start=white.n_start,

@@ -111,9 +111,9 @@ def around(fit: Fit) -> Quadratic:
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
     if not whole and many(problem):  # the rows of all runs would be as many as their points
-        told = posterior.told(fit.values)[np.ix_(curve, curve)] * np.outer(scale, scale)
+        curvature = posterior.told(fit.values)[np.ix_(curve, curve)] * np.outer(scale, scale)
         gradient = posterior.score(fit.values)[curve] * scale
-        spectrum, basis = np.linalg.eigh(told)
+        spectrum, basis = np.linalg.eigh(curvature)
     elif not whole:
         rows = (
             np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
@@ -126,8 +126,8 @@ def around(fit: Fit) -> Quadratic:
             * scale
         )
     else:
-        told, score = whole[0].told
-        information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+        curvature, score = whole[0].told
+        information = curvature[np.ix_(curve, curve)] * np.outer(scale, scale)
         score = score[curve] * scale
         spectrum, basis = np.linalg.eigh(information)
         rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
@@ -166,7 +166,7 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     inferred = estimated or bool(problem.noise_names)
     dof = max(1, problem.n_obs - curve.size)
     squares = float(np.sum(fit.posterior.size_residuals(fit.values) ** 2))
-    found = {}
+    probabilities = {}
     for k in on_edge:
         parameter, value = problem.parameters[curve[k]], float(fit.values[curve[k]])
         passed = replace(model, low=model.low.copy(), high=model.high.copy())
@@ -178,10 +178,10 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
         if inferred:  # the size of the noise was taken from residuals that the edge has made larger
             # no squares, nothing to fall
             fall *= dof / max(squares - fall, 1e-9 * squares) if fall > 0.0 else 0.0
-            found[parameter.name] = float(student_tail(math.sqrt(fall), dof))
+            probabilities[parameter.name] = float(student_tail(math.sqrt(fall), dof))
         else:
-            found[parameter.name] = float(normal_tail(math.sqrt(fall)))
-    return found
+            probabilities[parameter.name] = float(normal_tail(math.sqrt(fall)))
+    return probabilities
 
 
 def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:

@@ -67,10 +67,10 @@ def step_between(
         return step
     # what the data are silent about stays where it is
     still = silent * np.linalg.norm(scaled, 2) * np.eye(scale.size)
-    found = lsq_linear(
+    result = lsq_linear(
         np.vstack([scaled, still]),
         np.append(-aim, np.zeros(scale.size)),
         bounds=(low * scale, high * scale),
         method="bvls",
     )
-    return np.clip(found.x / scale, low, high)
+    return np.clip(result.x / scale, low, high)

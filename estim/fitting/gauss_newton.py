@@ -70,11 +70,11 @@ def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
         max_nfev=200,
     )
     # nan: no parameter changes the residuals here
-    found = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)
+    optimum = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)
     return (
-        stepped(search, found, most=_N_FINISH)[0]
-        if search.creeps and math.isfinite(search.chi2(found))
-        else found
+        stepped(search, optimum, most=_N_FINISH)[0]
+        if search.creeps and math.isfinite(search.chi2(optimum))
+        else optimum
     )
 
 

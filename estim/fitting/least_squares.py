@@ -229,12 +229,12 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
 
 
 def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
-    own = np.diag(information(posterior, values))
+    diagonal = np.diag(information(posterior, values))
     where = (
         " and ".join(
             name
-            for name, one in zip(posterior.problem.names, own, strict=True)
-            if not math.isfinite(one)
+            for name, entry in zip(posterior.problem.names, diagonal, strict=True)
+            if not math.isfinite(entry)
         )
         or "its parameters"
     )
@@ -293,9 +293,9 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     """
     units = _units(matrix)
     scaled = matrix / np.outer(units, units)
-    found = inverse_by_runs(scaled, problem) if many(problem) else None
+    inverse = inverse_by_runs(scaled, problem) if many(problem) else None
     return (
-        np.asarray(np.linalg.pinv(scaled, hermitian=True)) if found is None else found
+        np.asarray(np.linalg.pinv(scaled, hermitian=True)) if inverse is None else inverse
     ) / np.outer(units, units)
 
 
@@ -303,8 +303,8 @@ def _units(matrix: FloatArray) -> FloatArray:
     """(n_par,) in which the diagonal of an information matrix is 1; 1 for what it says next to
     nothing of.
     """
-    own = np.diag(matrix)
-    return np.sqrt(np.where(own > _NOTHING, own, 1.0))
+    diagonal = np.diag(matrix)
+    return np.sqrt(np.where(diagonal > _NOTHING, diagonal, 1.0))
 
 
 def _condition(matrix: FloatArray, inverse: FloatArray, problem: Problem) -> float:
@@ -468,11 +468,11 @@ def far_apart(values: FloatArray, ends: list[FloatArray], scale: FloatArray) -> 
     """(n_other, n_par) those of `ends` that lie more than some standard deviations from `values`
     and from each other.
     """
-    kept = [values]
+    distinct = [values]
     for end in ends:
-        if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in kept):
-            kept.append(end)
-    return np.array(kept[1:]).reshape(-1, values.size)
+        if all(np.max(np.abs(end - other) / scale) > _FAR_APART for other in distinct):
+            distinct.append(end)
+    return np.array(distinct[1:]).reshape(-1, values.size)
 
 
 def _describe(

@@ -47,13 +47,13 @@ def open_sides(problem: Problem, values: FloatArray, sds: FloatArray) -> list[Fi
     best = find_optimum(problem, values, rng=np.random.default_rng(1), n_start=1)
     if best.singular:
         return []
-    own = np.sqrt(np.diag(best.cov))
+    spreads = np.sqrt(np.diag(best.cov))
     findings = []
     for i in free:
         prior = problem.parameters[i].prior
-        if not 0.0 < own[i] < math.inf or not math.isfinite(sds[i]):
+        if not 0.0 < spreads[i] < math.inf or not math.isfinite(sds[i]):
             continue
-        limit = float(chi2_quantile(_PROBABILITY, 1)) * (sds[i] / own[i]) ** 2
+        limit = float(chi2_quantile(_PROBABILITY, 1)) * (sds[i] / spreads[i]) ** 2
         low, high = (
             math.isinf(edge)
             and _rise(problem, best.values, best.cov, i, side * _FAR * float(sds[i])) - best.chi2

@@ -165,13 +165,13 @@ def _found(
     distinct = distinct_ends(search, best, every, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    found = _polished(search, values, n_start=len(tried), n_same=n_same)
+    optimum = _polished(search, values, n_start=len(tried), n_same=n_same)
     return replace(
-        found,
+        optimum,
         others=others,
         symmetry=symmetry,
         aliases=aliases,
-        unheld=_unheld(search, found, symmetry.period),
+        unheld=_unheld(search, optimum, symmetry.period),
     )
 
 
@@ -248,10 +248,10 @@ def _scanned(
     """The best point after scans from ever better ones, and all ends of descents."""
     ends = list(tried)
     for _ in range(_ROUNDS):
-        found, before = further_optima(search, best[0], symmetry.period), best
+        optima, before = further_optima(search, best[0], symmetry.period), best
         spread, limit = spread_at(search, best), chi2_limit(search, best)
         fresh: list[FloatArray] = []
-        for point, chi2 in zip(found, chi2_at(search, found), strict=True):
+        for point, chi2 in zip(optima, chi2_at(search, optima), strict=True):
             if chi2 > 1.5 * limit or len(fresh) == _MOST_DESCENTS:
                 break
             if not any(
@@ -314,7 +314,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
     with np.errstate(all="ignore"):
         simpler = fit.problem.for_search()
         search = set_apart(simpler, fit.values, rng, unstated=simpler is not fit.problem)
-        found = (
+        optima = (
             further_optima(search, fit.values)
             if search.bent.size
             else np.zeros((0, fit.values.size))
@@ -323,28 +323,33 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         near, limit = [fit.values, *fit.others], chi2_limit(search, here)
         spread = np.sqrt(np.diag(fit.cov))
         fresh: list[FloatArray] = []
-        for point, chi2 in zip(found, chi2_at(search, found), strict=True):
+        for point, chi2 in zip(optima, chi2_at(search, optima), strict=True):
             if chi2 > limit or len(fresh) == _MOST_REFITTED:
                 break
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
     refitted = [fit_least_squares(fit.problem, rng=rng, n_start=1, start=point) for point in fresh]
     ends = [
-        (one.values, float(fit.posterior.log_density(one.values[None, :])[0]))
-        for one in (fit, *refitted)
-        if one.success
+        (candidate.values, float(fit.posterior.log_density(candidate.values[None, :])[0]))
+        for candidate in (fit, *refitted)
+        if candidate.success
     ]
     ends += [(other, float(fit.posterior.log_density(other[None, :])[0])) for other in fit.others]
     highest = max((height for _, height in ends), default=-math.inf)
     better = [
-        one
-        for one in refitted
-        if one.success
-        and float(fit.posterior.log_density(np.vstack([one.values, fit.values])) @ [1.0, -1.0])
+        candidate
+        for candidate in refitted
+        if candidate.success
+        and float(
+            fit.posterior.log_density(np.vstack([candidate.values, fit.values])) @ [1.0, -1.0]
+        )
         > 0.5
     ]
     if better:
-        best = max(better, key=lambda one: float(fit.posterior.log_density(one.values[None, :])[0]))
+        best = max(
+            better,
+            key=lambda candidate: float(fit.posterior.log_density(candidate.values[None, :])[0]),
+        )
         fit = replace(
             best, n_start=fit.n_start, n_same=0, message=settled(led_here(0, fit.n_start))
         )
@@ -403,10 +408,10 @@ def _placed(problem: Problem, names: Sequence[str], values: FloatArray) -> Float
     prior.
     """
     known = dict(zip(names, values.tolist(), strict=True))
-    own = problem.noise_names
+    noise = problem.noise_names
     return np.array(
         [
-            v if n in own else known[n]
+            v if n in noise else known[n]
             for n, v in zip(problem.names, problem.start().tolist(), strict=True)
         ]
     )
@@ -422,17 +427,17 @@ def with_other_modes(fit: Fit, best: Optimum, rng: np.random.Generator) -> Fit:
     more = fit.values.size - best.values.size
     symmetry = best.symmetry.widened(more)
     scale = np.where((sds := np.sqrt(np.diag(fit.cov))) > 0.0, sds, np.inf)
-    found = []
+    modes = []
     for point in best.others[:MOST_OTHERS]:
         start = symmetry.nearest(np.append(point, fit.values[point.size :]), fit.values)
         if fit.problem.noise_names:
             start = fit_least_squares(fit.problem, rng=rng, n_start=1, start=start).values
         worse = float(np.diff(fit.posterior.log_density(np.vstack([start, fit.values])))[0])
         if worse < WITHIN_REACH:
-            found.append(start)
+            modes.append(start)
     return replace(
         fit,
-        others=far_apart(fit.values, found, scale),
+        others=far_apart(fit.values, modes, scale),
         symmetry=symmetry,
         aliases=best.aliases,
         unheld=best.unheld,
@@ -488,7 +493,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         )
         raise InputError(rule, field="start")
     rounded = rounding(search, values)
-    left = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
+    floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     near = near_bound(search, values, jacobian, residual, chi2)
     moving = free[~near[free]]
     cov, condition = inverse_information(jacobian[:, moving], resolved)
@@ -502,7 +507,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
         chi2,
         rounded,
         step_size,
-        max(_SETTLED, left),
+        max(_SETTLED, floor),
         problem.names[mover],
         condition,
         resolved,

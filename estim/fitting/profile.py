@@ -188,9 +188,9 @@ def _intervals(
         minima(search, [Start(point.values, (), point) for point in dips(points)])
         for points in walks
     ]
-    found = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
+    explored = [_Side(*side) for side in zip(walks, ends, valleys, strict=True)]
     return [
-        _interval(fit, search, i, found[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)
+        _interval(fit, search, i, explored[2 * k : 2 * k + 2], rises) for k, i in enumerate(indices)
     ]
 
 
@@ -211,13 +211,13 @@ def _interval(
     parameter, mode = fit.problem.parameters[i], sides[0].walk[0]
     points = [
         mode,
-        *(point for side in sides for _, own in side.ends.values() for point in own),
+        *(point for side in sides for _, trials in side.ends.values() for point in trials),
         *(p for side in sides for p in side.walk[1:]),
     ]
     points.sort(key=lambda point: float(point.values[i]))
-    kept = [point for point in points if math.isfinite(point.objective)]
+    finite = [point for point in points if math.isfinite(point.objective)]
     best = min(
-        [*kept, *(point for side in sides for point in side.valleys)],
+        [*finite, *(point for side in sides for point in side.valleys)],
         key=lambda point: point.objective,
     )
     fall = max(0.0, search.objective(fit.values) - best.objective)
@@ -237,8 +237,8 @@ def _interval(
         high=high,
         open_low=open_low,
         open_high=open_high,
-        x=np.array([point.values[i] for point in kept]),
-        rise=np.array([point.objective - mode.objective for point in kept]),
+        x=np.array([point.values[i] for point in finite]),
+        rise=np.array([point.objective - mode.objective for point in finite]),
         found_better=better,
         better_values=best.values if better else None,
         n_failed=sum(not point.settled for point in points),
@@ -290,14 +290,14 @@ _ABOVE = (
 
 
 def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInterval:
-    shown = parameter.label
-    unit = "" if shown.unit == "1" else f" {shown.unit}"
+    label = parameter.label
+    unit = "" if label.unit == "1" else f" {label.unit}"
     intervals = [
-        f"{percentage(p)} [{found.low[p] * shown.factor:.4g}, "
-        f"{found.high[p] * shown.factor:.4g}]{unit}"
+        f"{percentage(p)} [{found.low[p] * label.factor:.4g}, "
+        f"{found.high[p] * label.factor:.4g}]{unit}"
         for p in found.low
     ]
-    said = ["; ".join(intervals)]
+    clauses = ["; ".join(intervals)]
     prior = parameter.prior
     for words, opened, ends, edge in (
         (_BELOW, found.open_low, found.low, prior.low),
@@ -307,7 +307,7 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
         if not which:
             continue
         end = ends[which[0]]
-        place = f"{end * shown.factor:.3g}{unit}"
+        place = f"{end * label.factor:.3g}{unit}"
         size = (
             ""
             if len(which) == len(opened)
@@ -316,12 +316,12 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
             )
         )
         if end != edge:
-            said.append(phrase(words[0], size=size, place=place))
+            clauses.append(phrase(words[0], size=size, place=place))
         elif abs(found.value - edge) < 1e-3 * (max(found.high.values()) - min(found.low.values())):
-            said.append(phrase(words[1], size=size, place=place))
+            clauses.append(phrase(words[1], size=size, place=place))
         else:
-            said.append(phrase(words[2], size=size, place=place))
-    said += [
+            clauses.append(phrase(words[2], size=size, place=place))
+    clauses += [
         phrase(
             "the {p} region consists of several separate pieces; the interval spans them",
             p=percentage(p),
@@ -334,15 +334,15 @@ def _with_sentence(found: ProfileInterval, parameter: Parameter) -> ProfileInter
             "lower by {by:.2g})",
             by=found.found_better,
         )
-        said.append(better)
+        clauses.append(better)
     if found.n_failed:
-        said.append(
+        clauses.append(
             phrase(
                 "the search over the other parameters did not converge at {n} points",
                 n=found.n_failed,
             )
         )
-    return replace(found, sentence=f"{shown.symbol}: " + "; ".join(said))
+    return replace(found, sentence=f"{label.symbol}: " + "; ".join(clauses))
 
 
 def _grid(

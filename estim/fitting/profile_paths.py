@@ -77,9 +77,9 @@ def crossing(
         return None, []
     inner, beyond = points[outer - 1], points[outer]
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
-    found: list[End] = []
+    cuts: list[End] = []
     widths = [abs(float(beyond.values[i] - inner.values[i]))]
-    while len(found) < _MAX_CUTS and widths[-1] > _CLOSE * search.scale[i]:
+    while len(cuts) < _MAX_CUTS and widths[-1] > _CLOSE * search.scale[i]:
         share = below / (below - above)
         if len(widths) > 3 and widths[-1] > 0.5 * widths[-4]:
             share, widths = 0.5, widths[-1:]
@@ -88,25 +88,25 @@ def crossing(
         if not math.isfinite(near.objective):
             near = inner
         point = yield Start(values, (i,), near, instead=_with(inner.values, i, float(values[i])))
-        found.append(point)
+        cuts.append(point)
         height = _height(point, mode, rise)
         if height < 0.0:
-            above *= _weight(height, below) if found[-2:-1] == [inner] else 1.0
+            above *= _weight(height, below) if cuts[-2:-1] == [inner] else 1.0
             inner, below = point, height
         else:
-            below *= _weight(height, above) if found[-2:-1] == [beyond] else 1.0
+            below *= _weight(height, above) if cuts[-2:-1] == [beyond] else 1.0
             beyond, above = point, height
         widths.append(abs(float(beyond.values[i] - inner.values[i])))
         if abs(height) < _ON_LEVEL:
             break
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     share = below / (below - above)
-    return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), found
+    return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), cuts
 
 
 def _weight(height: float, before: float) -> float:
-    kept = 1.0 - height / before
-    return kept if kept > 0.0 else 0.5
+    weight = 1.0 - height / before
+    return weight if weight > 0.0 else 0.5
 
 
 def _with(values: FloatArray, i: int, value: float) -> FloatArray:

@@ -72,9 +72,9 @@ class ProfileSearch:
         units = np.outer(self.scale, self.scale)
         curvatures = np.zeros((*points.shape, self.scale.size))
         for k in np.flatnonzero(curved):
-            found = self.information(points[k])
+            expected = self.information(points[k])
             curvatures[k] = (
-                found if np.all(np.isfinite(found)) else 2.0 * np.linalg.inv(self.cov) * units
+                expected if np.all(np.isfinite(expected)) else 2.0 * np.linalg.inv(self.cov) * units
             ) / units
         return self.gradients(points) / self.scale, curvatures
 
@@ -95,17 +95,17 @@ class ProfileSearch:
         slopes = _quotients(
             self._priors(up), self._priors(points), self._priors(down), up, points, down
         )
-        for likelihood, own in self._groups:
-            n = own.size
+        for likelihood, indices in self._groups:
+            n = indices.size
             rows = np.repeat(points[:, None, :], 1 + 2 * n, axis=1)
-            rows[:, 1 + np.arange(n), own], rows[:, 1 + n + np.arange(n), own] = (
-                up[:, own],
-                down[:, own],
+            rows[:, 1 + np.arange(n), indices], rows[:, 1 + n + np.arange(n), indices] = (
+                up[:, indices],
+                down[:, indices],
             )
-            heights = self._heights(likelihood, own, rows)
+            heights = self._heights(likelihood, indices, rows)
             above, below = heights[:, 1 : 1 + n], heights[:, 1 + n :]
-            slopes[:, own] += _quotients(
-                above, heights[:, :1], below, up[:, own], points[:, own], down[:, own]
+            slopes[:, indices] += _quotients(
+                above, heights[:, :1], below, up[:, indices], points[:, indices], down[:, indices]
             )
         return slopes * self.scale
 
@@ -123,10 +123,10 @@ class ProfileSearch:
         """The likelihood of each group of runs that depends on any parameter, and the indices of
         those.
         """
-        problem, found = self.posterior.problem, []
+        problem, groups = self.posterior.problem, []
         for group, likelihood in zip(problem.groups, self.posterior.likelihoods, strict=True):
             used = frozenset[str]().union(*(run.parameters for run in group.runs))
-            found.append(
+            groups.append(
                 (
                     likelihood,
                     np.array(
@@ -134,7 +134,7 @@ class ProfileSearch:
                     ),
                 )
             )
-        return tuple((likelihood, own) for likelihood, own in found if own.size)
+        return tuple((likelihood, indices) for likelihood, indices in groups if indices.size)
 
     def _heights(self, likelihood: Likelihood, own: FloatArray, rows: FloatArray) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
@@ -144,8 +144,8 @@ class ProfileSearch:
         minus = np.empty(len(flat))
         with np.errstate(all="ignore"):
             for start in range(0, len(flat), _AT_ONCE):
-                some = flat[start : start + _AT_ONCE]
-                named = {self.posterior.names[i]: some[:, i : i + 1] for i in own}
+                batch = flat[start : start + _AT_ONCE]
+                named = {self.posterior.names[i]: batch[:, i : i + 1] for i in own}
                 minus[start : start + _AT_ONCE] = _minus_twice(likelihood.log_likelihood(named))
         return minus.reshape(rows.shape[:-1])
 

@@ -56,14 +56,14 @@ def measure_of(posterior: Posterior, values: FloatArray, cov: FloatArray) -> Mea
     rooms = np.array([_log_room(posterior, point, readings) for point in (values, *tried)])
     seen = np.isfinite(rooms[1:])
     slope = np.linalg.lstsq(off[seen], rooms[0] - rooms[1:][seen], rcond=None)[0]
-    felt = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
+    influence = np.max(np.abs(root @ slope) / np.linalg.norm(root, axis=1))
     n_run = sum(not run.curve_parameters.isdisjoint(readings) for run in problem.runs)
     return Measure(
         shared,
         values[shared],
         np.linalg.solve(root.T, slope),
         float(np.linalg.norm(slope)),
-        float(felt),
+        float(influence),
         n_run,
     )
 
@@ -73,11 +73,11 @@ def _log_room(posterior: Posterior, values: FloatArray, readings: frozenset[str]
     problem, named, room = posterior.problem, posterior.problem.named(values), 0.0
     uses, slopes = uses_of(problem.runs), posterior.prior_slopes(values)
     for likelihood, columns in zip(posterior.likelihoods, problem.columns, strict=True):
-        own = columns[[uses[problem.names[i]] == 1 for i in columns]]
-        names = [problem.names[i] for i in own]
+        indices = columns[[uses[problem.names[i]] == 1 for i in columns]]
+        names = [problem.names[i] for i in indices]
         other = [name not in readings for name in names]
         root = likelihood.whitened(named, names).root
-        information = root.T @ root + np.diag(slopes[own] ** 2)
+        information = root.T @ root + np.diag(slopes[indices] ** 2)
         room += 0.5 * float(
             np.linalg.slogdet(information[np.ix_(other, other)])[1]
             - np.linalg.slogdet(information)[1]

@@ -116,27 +116,29 @@ def settle_by_runs(
         moved = float(np.max(np.abs(step), initial=0.0))
         if moved < tolerance:
             break
-        now = np.array([float(np.max(np.abs(step[one.mine]), initial=0.0)) for one in paces])
+        now = np.array([float(np.max(np.abs(step[group.mine]), initial=0.0)) for group in paces])
         if number >= _FREE_ROUNDS:
             paces = _been(paces, posterior, values)
             swings = (now > 0.5 * far) & (now > _WITH_IT * np.max(now))  # the others only follow
             paces = [
-                _relaxed(one, step, before, number, now[i], swings=bool(swings[i]))
-                for i, one in enumerate(paces)
+                _relaxed(group, step, before, number, now[i], swings=bool(swings[i]))
+                for i, group in enumerate(paces)
             ]
             others = np.ones(values.size, dtype=bool)
             others[
                 np.concatenate(
                     [
                         np.zeros(0, dtype=np.int64),
-                        *(one.mine for one in paces if one.since is not None),
+                        *(group.mine for group in paces if group.since is not None),
                     ]
                 )
             ] = False
-            felt = float(np.max(np.abs(step[others]), initial=0.0))
+            largest = float(np.max(np.abs(step[others]), initial=0.0))
             paces = [
-                one if one.held or one.since is None else replace(one, felt=max(one.felt, felt))
-                for one in paces
+                group
+                if group.held or group.since is None
+                else replace(group, felt=max(group.felt, largest))
+                for group in paces
             ]
             worst = _to_hold(
                 paces,
@@ -149,17 +151,17 @@ def settle_by_runs(
             if worst:
                 last = number
                 paces = [
-                    replace(one, held=True, share=1.0, felt=max(one.felt, felt))
+                    replace(group, held=True, share=1.0, felt=max(group.felt, largest))
                     if i in worst
-                    else one
-                    for i, one in enumerate(paces)
+                    else group
+                    for i, group in enumerate(paces)
                 ]
                 for i in worst:
                     values[paces[i].mine] = paces[i].place
                 posterior = _linearised(problem, values, paces)
         pace = np.ones(values.size)
-        for one in paces:
-            pace[one.mine] = one.share
+        for group in paces:
+            pace[group.mine] = group.share
         before, far = step, now
     return FixedPoint(values, posterior, moved, _held(paces, problem, values, scale))
 
@@ -171,7 +173,7 @@ def _linearised(problem: Problem, values: FloatArray, paces: list[_Pace]) -> Pos
     return replace(
         posterior,
         likelihoods=tuple(
-            one.likelihood if one.held and one.likelihood else new for new, one in likelihoods
+            pace.likelihood if pace.held and pace.likelihood else new for new, pace in likelihoods
         ),
     )
 
@@ -182,19 +184,19 @@ def _been(paces: list[_Pace], posterior: Posterior, values: FloatArray) -> list[
     """
     parameters = posterior.problem.parameters
     named = posterior.problem.named(values[None, :])
-    found = []
-    for one, likelihood in zip(paces, posterior.likelihoods, strict=True):
-        if not one.held:
+    updated = []
+    for pace, likelihood in zip(paces, posterior.likelihoods, strict=True):
+        if not pace.held:
             height = float(likelihood.log_likelihood(named)[0]) + sum(
-                float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in one.mine
+                float(parameters[i].prior.log_density(values[i : i + 1])[0]) for i in pace.mine
             )
-            one = (
-                replace(one, height=height, place=values[one.mine], likelihood=likelihood)
-                if height > one.height
-                else one
+            pace = (
+                replace(pace, height=height, place=values[pace.mine], likelihood=likelihood)
+                if height > pace.height
+                else pace
             )
-        found.append(one)
-    return found
+        updated.append(pace)
+    return updated
 
 
 def _relaxed(
@@ -225,8 +227,8 @@ def _to_hold(
     """The groups whose covariance is to be held from here on."""
     free = [
         i
-        for i, one in enumerate(paces)
-        if not one.held and one.place is not None and now[i] >= tolerance
+        for i, pace in enumerate(paces)
+        if not pace.held and pace.place is not None and now[i] >= tolerance
     ]
     lost = [
         i
@@ -242,9 +244,11 @@ def _to_hold(
 def _held(
     paces: list[_Pace], problem: Problem, values: FloatArray, scale: FloatArray
 ) -> tuple[Held, ...]:
-    found = []
-    for one, group in zip(paces, problem.groups, strict=True):
-        if one.held and one.place is not None:
-            off = float(np.max(np.abs(values[one.mine] - one.place) / scale[one.mine], initial=0.0))
-            found.append(Held(tuple(run.name for run in group.runs), off, one.felt))
-    return tuple(found)
+    held = []
+    for pace, group in zip(paces, problem.groups, strict=True):
+        if pace.held and pace.place is not None:
+            off = float(
+                np.max(np.abs(values[pace.mine] - pace.place) / scale[pace.mine], initial=0.0)
+            )
+            held.append(Held(tuple(run.name for run in group.runs), off, pace.felt))
+    return tuple(held)

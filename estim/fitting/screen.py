@@ -42,9 +42,9 @@ def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     parts = []
     with np.errstate(all="ignore"):
         for first in range(0, max(1, points.shape[0]), rows):
-            some = points[first : first + rows]
-            pulls = [problem.parameters[i].prior.residual(some[:, i])[:, None] for i in pulling]
-            parts.append(np.hstack([posterior.residuals_at(some), *pulls]))
+            batch = points[first : first + rows]
+            pulls = [problem.parameters[i].prior.residual(batch[:, i])[:, None] for i in pulling]
+            parts.append(np.hstack([posterior.residuals_at(batch), *pulls]))
     return np.vstack(parts)
 
 
@@ -67,17 +67,17 @@ def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
     """
     if not search.linear.size:
         return points
-    some = max(1, _BATCH // search.posterior.problem.n_obs)
-    if search.posterior.problem.many and points.shape[0] > some:
+    most = max(1, _BATCH // search.posterior.problem.n_obs)
+    if search.posterior.problem.many and points.shape[0] > most:
         return np.vstack(
-            [solved_at(search, points[i : i + some]) for i in range(0, points.shape[0], some)]
+            [solved_at(search, points[i : i + most]) for i in range(0, points.shape[0], most)]
         )
     base, columns = _tangents(search, points, search.linear, 1.0)
     with np.errstate(all="ignore"):
         step = _solve(columns, -base)
-    found = points.copy()
-    found[:, search.linear] += np.where(np.isfinite(step), step, 0.0)
-    return found
+    solution = points.copy()
+    solution[:, search.linear] += np.where(np.isfinite(step), step, 0.0)
+    return solution
 
 
 def further_optima(
@@ -115,7 +115,7 @@ def far_squares(
         terms cancel.  Of the places in one the median counts, for a frequency meets an alias here
         and there; of the reaches the lowest.
     """
-    found: dict[int, float] = {}
+    lowest: dict[int, float] = {}
     for i in (
         int(i)
         for i in search.bent
@@ -139,10 +139,10 @@ def far_squares(
             if held.free.size
             else (points, chi2_at(search, points))
         )
-        found[i] = min(
+        lowest[i] = min(
             (float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf
         )
-    return found
+    return lowest
 
 
 def _size(search: SeparableSearch, points: FloatArray, i: int) -> FloatArray:
@@ -237,19 +237,19 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     moved = points.copy()
     rows = max(1, _BATCH // max(1, n_obs * (1 + n_par)))
     for first in range(0, places.size, rows):
-        some = slice(first, first + rows)
+        batch = slice(first, first + rows)
         base, columns = (
-            _tangents(search, points[some], others, _STEP)
+            _tangents(search, points[batch], others, _STEP)
             if others.size
-            else (residuals_at(search, points[some]), None)
+            else (residuals_at(search, points[batch]), None)
         )
         with np.errstate(all="ignore"):
-            left = base
+            residuals = base
             if columns is not None:
                 step = _solve(columns, -base)
-                left = base + (columns @ step[:, :, None])[..., 0]
-                moved[some, others] += step
-            heights[some] = np.sum(left**2, axis=1)
+                residuals = base + (columns @ step[:, :, None])[..., 0]
+                moved[batch, others] += step
+            heights[batch] = np.sum(residuals**2, axis=1)
     heights = np.where(np.isfinite(heights), heights, np.inf)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
     dips = np.flatnonzero((heights <= padded[:-2]) & (heights <= padded[2:]) & np.isfinite(heights))
@@ -276,11 +276,11 @@ def _bending(
         change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
         size = np.sqrt(np.sum(here**2, axis=1))
         for k in range(search.free.size):
-            left = (
+            orthogonal = (
                 change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
             )
-            one = np.sqrt(np.sum(left**2, axis=1)) / size[:, k]
-            rate = np.fmax(rate, np.where(np.isfinite(one), one, 0.0))
+            relative = np.sqrt(np.sum(orthogonal**2, axis=1)) / size[:, k]
+            rate = np.fmax(rate, np.where(np.isfinite(relative), relative, 0.0))
     return rate
 
 

@@ -98,9 +98,9 @@ class SeparableSearch:
         scale = np.linalg.norm(columns, axis=0)
         scale[scale == 0.0] = 1.0
         step, *_ = np.linalg.lstsq(columns / scale, -residual, rcond=self.resolved)
-        found = values.copy()
-        found[self.linear] += step / scale
-        return found
+        solution = values.copy()
+        solution[self.linear] += step / scale
+        return solution
 
 
 def set_apart(
@@ -140,9 +140,9 @@ def _linear(
     when they do.
     """
     reference = posterior.jacobian(start)
-    found: list[int] = []
+    linear: list[int] = []
     for i in free:
-        trial = [*found, i]
+        trial = [*linear, i]
         if (
             math.isfinite(low[i])
             or math.isfinite(high[i])
@@ -159,8 +159,8 @@ def _linear(
         if np.any(reference[:, i] != 0.0) and all(
             _stays_straight(posterior, start, trial, move, columns) for move in moves
         ):
-            found = trial
-    return found
+            linear = trial
+    return linear
 
 
 def _stays_straight(

@@ -80,19 +80,21 @@ def distinct_ends(
     """Ends that are not much worse than the best, each place once, labels aside; the best first, of
     equal ones that closest to the start.
     """
-    kept: list[End] = []
+    distinct: list[End] = []
     limit, equal = chi2_limit(search, best), equal_to(search, best[1])
     for end in sorted(
         ends,
-        key=lambda one: (
-            (0.0, distance(search, one[0], start)) if one[1] <= equal else (one[1], 0.0)
+        key=lambda candidate: (
+            (0.0, distance(search, candidate[0], start))
+            if candidate[1] <= equal
+            else (candidate[1], 0.0)
         ),
     ):
-        if end[1] > limit or len(kept) > MOST_OTHERS:
+        if end[1] > limit or len(distinct) > MOST_OTHERS:
             break
-        if not any(is_at(search, other, end[0], other[0], symmetry) for other in kept):
-            kept.append(end)
-    return kept
+        if not any(is_at(search, other, end[0], other[0], symmetry) for other in distinct):
+            distinct.append(end)
+    return distinct
 
 
 def choose(
@@ -124,7 +126,7 @@ def choose(
         [i for i in search.bent if not math.isfinite(symmetry.period[i])], dtype=np.int64
     )
     moved = steady[apart[steady] > spread_at(search, distinct[heaviest])[steady]]
-    chosen, told = same[0], list[Finding]()
+    chosen, findings = same[0], list[Finding]()
     if moved.size:
         chosen = min(
             same, key=lambda i: float(np.sum(((named[i] - start)[moved] / apart[moved]) ** 2))
@@ -156,14 +158,14 @@ def choose(
         ]
         aside += alike
         if alike:
-            told.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))
+            findings.append(Finding(Kind.OTHER_NUMBERS, parts=shown(alike)))
         if faster and _roughness(search, named[chosen]) <= min(
             _roughness(search, named[i]) for i in faster
         ):
             aside += faster
-            told.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
+            findings.append(Finding(Kind.FASTER_CURVES, parts=shown(faster)))
     rest = [named[i] for i in range(len(named)) if i != chosen and i not in aside]
-    return named[chosen], np.array(rest).reshape(-1, start.size), tuple(told)
+    return named[chosen], np.array(rest).reshape(-1, start.size), tuple(findings)
 
 
 def written(
@@ -220,8 +222,8 @@ def _same_curve(
     for run in problem.runs:
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
         a, b = (
-            np.broadcast_to(run.curve.value(x, run.bind(problem.named(one))), (1, x.size))[0]
-            for one in (values, other)
+            np.broadcast_to(run.curve.value(x, run.bind(problem.named(point))), (1, x.size))[0]
+            for point in (values, other)
         )
         if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
             return False

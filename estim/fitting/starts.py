@@ -45,7 +45,7 @@ def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
         len(starts) < 2
         or len(problem.runs) > 1
         or not _square(problem)
-        or any(one.creeps for one in posterior.likelihoods)
+        or any(likelihood.creeps for likelihood in posterior.likelihoods)
     ):
         return starts
     low, high = problem.support()

@@ -33,14 +33,14 @@ def find_symmetry(
     whose distance chooses a label.
     """
     n_par = values.size
-    found = _Found(problem)
+    checker = _Found(problem)
     trials = [_trial(problem, values, rng) for _ in range(3)]
     period = np.full(n_par, np.inf)
     sources = _free_arguments(problem)
     for argument in sources:
         for turn in TURNS:
             map_ = {argument: ({argument: 1.0}, turn)}
-            if found.holds(map_, trials) and (lifted := found.lifted(map_)) is not None:
+            if checker.holds(map_, trials) and (lifted := checker.lifted(map_)) is not None:
                 period[lifted[1] != 0.0] = turn
                 break
     arguments = list(sources)
@@ -56,8 +56,8 @@ def find_symmetry(
         )
     ]
     elements = [(np.eye(n_par), np.zeros(n_par))]
-    for map_ in found.survivors(maps, trials):
-        lifted = found.lifted(map_)
+    for map_ in checker.survivors(maps, trials):
+        lifted = checker.lifted(map_)
         if lifted is not None:
             elements.append(lifted)
     elements = _closed(elements, period)
@@ -212,7 +212,7 @@ class _Found:
                     if math.isfinite(size)
                     else False
                 )
-        return [bool(one) for one in same]
+        return [bool(flag) for flag in same]
 
     def lifted(self, map_: Map) -> Lifted | None:
         """A map of arguments as one of parameters; None where the runs or the priors do not allow
@@ -274,14 +274,14 @@ def _closed(elements: list[Lifted], period: FloatArray) -> list[Lifted]:
     def key(element: Lifted) -> tuple[object, ...]:
         return tuple(element[0].ravel().tolist()), tuple(np.round(element[1], 6).tolist())
 
-    kept: dict[tuple[object, ...], Lifted] = {}
+    group: dict[tuple[object, ...], Lifted] = {}
     waiting = [reduced(element) for element in elements]
-    while waiting and len(kept) < _MOST_KEPT:
+    while waiting and len(group) < _MOST_KEPT:
         element = waiting.pop(0)
-        if key(element) in kept:
+        if key(element) in group:
             continue
-        kept[key(element)] = element
-        for other in list(kept.values()):
+        group[key(element)] = element
+        for other in list(group.values()):
             # first `element`, then `other`
             waiting.append(reduced((other[0] @ element[0], other[0] @ element[1] + other[1])))
-    return list(kept.values())
+    return list(group.values())
