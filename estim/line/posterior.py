@@ -38,15 +38,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, phrase
+from estim.common import InputError
 from estim.line.angle import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
 
 
 @dataclass(frozen=True, eq=False)
 class LinePosterior:
-    """A line's posterior density; give ``names``, ``log_density`` and the start of ``line_mode`` to
-    a sampler.
+    """A line's posterior density; a sampler (`estim.sample_posterior`) takes it with ``start`` and
+    the squares of ``step``.
     """
 
     # "intercept", "slope", "mu_x", "log_tau", "log_scatter", "zero_x", "zero_y": those that are
@@ -223,91 +223,4 @@ def _assemble(
         u_zero_y=u_zero_y,
         intercept_sd=intercept_sd,
         through_origin=through_origin,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class LineMode:
-    """Where the posterior density is largest, and its curvature there."""
-
-    values: FloatArray  # (n_par,) in the order of ``LinePosterior.names``
-    cov: FloatArray  # (n_par, n_par) inverse of the negative Hessian of log_density
-    message: str  # what went wrong, a sentence; "" if nothing
-
-
-def line_mode(posterior: LinePosterior) -> LineMode:
-    """Mode and covariance of the posterior, from a trust-region search on central differences.
-
-    cov is all nan, and the message says so, where the density has no peak.
-    Source: Nocedal and Wright 2006, Numerical Optimization, section 4.3 (scipy's trust-exact).
-    """
-    from scipy.optimize import minimize
-
-    start, step = posterior.start, posterior.step
-    n_par = len(start)
-    h = 1e-3
-    eye = h * np.eye(n_par)
-    first, second = np.triu_indices(n_par, 1)
-
-    def height(shifts: FloatArray) -> FloatArray:
-        # finite, so that a trial step to where the density vanishes is turned down like any other
-        # bad step
-        return np.minimum(-posterior.log_density(start + step * shifts), 1e100)
-
-    def value(at: FloatArray) -> float:
-        return float(height(at[None])[0])
-
-    def gradient(at: FloatArray) -> FloatArray:
-        return np.asarray((height(at + eye) - height(at - eye)) / (2.0 * h))
-
-    def hessian(at: FloatArray) -> FloatArray:
-        centre, plus, minus = height(at[None]), height(at + eye), height(at - eye)
-        both = [
-            height(at + i * eye[first] + j * eye[second])
-            for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-        ]
-        matrix = np.diag(plus - 2.0 * centre + minus)
-        matrix[first, second] = matrix[second, first] = 0.25 * (
-            both[0] - both[1] - both[2] + both[3]
-        )
-        return np.asarray(matrix / h**2)
-
-    optimum = minimize(
-        value,
-        np.zeros(n_par),
-        method="trust-exact",
-        jac=gradient,
-        hess=hessian,
-        options={"gtol": 1e-4},
-    )
-    curvature = hessian(optimum.x)
-    peaked = bool(np.all(np.isfinite(curvature)) and np.all(np.linalg.eigvalsh(curvature) > 0.0))
-    cov = (
-        np.linalg.inv(curvature) * np.outer(step, step)
-        if peaked
-        else np.full((n_par, n_par), np.nan)
-    )
-    steepness = gradient(optimum.x)
-    distance = (
-        float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
-    )
-    message = (
-        ""
-        if distance < 1e-2
-        else phrase("The search for the mode did not converge to a peak of the posterior density.")
-    )
-    values = np.asarray(start + step * optimum.x)
-    values.flags.writeable = cov.flags.writeable = False
-    return LineMode(values, cov, message)
-
-
-def mode_or_guess(posterior: LinePosterior) -> LineMode:
-    """`line_mode`, or where the density has no peak the rough guess with its rough standard
-    deviations, and the message that says so.
-    """
-    mode = line_mode(posterior)
-    return (
-        mode
-        if np.all(np.isfinite(mode.cov))
-        else LineMode(posterior.start, np.diag(posterior.step**2), mode.message)
     )
