@@ -95,5 +95,5 @@ def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:
     from estim.reports import fitted_values
 
     path = fitted / "result.json" if fitted.is_dir() else fitted
-    text, _ = read_text(path, shown_as=str(path))
+    text, _ = read_text(path)
     return fitted_values(campaign, text, place=str(path))

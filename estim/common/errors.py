@@ -42,15 +42,14 @@ class InputError(EstimError, ValueError):
         quoted: str = "",
         index: int | None = None,
     ) -> None:
-        self.rule, self.field, self.value, self.file, self.line, self.quoted = (
+        self.rule, self.field, self.value, self.quoted, self.index = (
             rule,
             field,
             value,
-            file,
-            line,
             quoted,
+            index,
         )
-        self.index = index
+        self.file, self.line = None if file is None else str(file), line
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
         value_text = "" if value is None else f": {shorten(value)}"

@@ -82,9 +82,7 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     line, folder = source.line, source.path.parent
     path = Path(folder / line.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(
-            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2]
-        )
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS[:2])
     for name in COLUMNS[:2]:
         outside = np.abs(table.columns[name]) > 90.0
         if np.any(outside):

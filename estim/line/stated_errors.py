@@ -144,7 +144,7 @@ def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArra
     )
     written = Dialect(names, dialect.delimiter, dialect.decimal, None, None, dialect.encoding)
     try:
-        table = read_columns(path, needed=names, min_rows=1, shown_as=str(path), dialect=written)
+        table = read_columns(path, needed=names, min_rows=1, dialect=written)
     except InputError as error:
         if error.field not in ("columns", "row"):
             raise

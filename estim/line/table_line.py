@@ -25,15 +25,15 @@ from estim.line.regression import (
 )
 from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import (
+    PLAIN,
     Dialect,
     Layout,
     columns_sentence,
     first_and_second,
     is_column,
     name_and_unit,
-    no_names,
-    read_columns,
     read_layout,
+    table_of,
     uncertainty_of,
     value_columns,
 )
@@ -139,7 +139,7 @@ def straight_line(
     predict: Sequence[Quantity] = (),
     inverse: Sequence[Quantity] = (),
     probability: float = 0.95,
-    dialect: Dialect | None = None,
+    dialect: Dialect = PLAIN,
     correlated: Correlated | None = None,
 ) -> StraightLine:
     """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule
@@ -151,45 +151,27 @@ def straight_line(
     correlated : errors that points share.
     """
     stated = correlated or Correlated()
-    layout = read_layout(
-        path,
-        dialect or Dialect(),
-        shown_as=str(path),
-        needed=[name for name in (columns.x, columns.y) if name],
-    )
-    if not layout.names:
-        raise no_names(layout)
+    layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
     columns = _with_axes(columns, layout)
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
-    uncertainties = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
-    u_x, u_y = (
-        u or (name and name_and_unit(name)[0])
-        for u, name in zip((columns.u_x, columns.u_y), uncertainties, strict=True)
+    wanted = replace(
+        columns,
+        u_x=columns.u_x or _own_uncertainty(columns.x, layout),
+        u_y=columns.u_y or _own_uncertainty(columns.y, layout),
+        r_xy=columns.r_xy or "r_xy",
     )
-    wanted = replace(columns, u_x=u_x, u_y=u_y, r_xy=columns.r_xy or "r_xy")
     named = [
         name
-        for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy)
-        if name is not None and _number(name) is None
+        for name in dict.fromkeys(vars(wanted).values())
+        if name is not None
+        and _number(name) is None
+        and (name in vars(columns).values() or is_column(name, layout.names))
     ]
-    needed = [
-        name
-        for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy)
-        if name is not None and _number(name) is None
-    ]
-    table = read_columns(
-        path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
-    )
+    table = table_of(layout, named, _MIN_ROWS)
 
     def column(name: str | None) -> FloatArray | float | None:
-        return (
-            None
-            if name is None
-            else table.columns[name]
-            if name in table.columns
-            else _number(name)
-        )
+        return None if name is None else table.columns.get(name, _number(name))
 
     def there(name: str | None) -> str | None:
         return name if column(name) is not None else None
@@ -220,9 +202,7 @@ def straight_line(
             fit = fit_line(
                 x,
                 y,
-                cov=stated_covariance(
-                    stated, x, y, column(read.u_x), column(read.u_y), r, dialect or Dialect()
-                ),
+                cov=stated_covariance(stated, x, y, column(read.u_x), column(read.u_y), r, dialect),
             )
         else:
             fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
@@ -261,6 +241,12 @@ def straight_line(
         tuple(stated.words),
         tuple(points_findings(fit)),
     )
+
+
+def _own_uncertainty(name: str, layout: Layout) -> str | None:
+    """The column u_NAME or u(NAME), without its unit, if it is there."""
+    column = uncertainty_of(name, layout)
+    return column and name_and_unit(column)[0]
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:

@@ -119,9 +119,7 @@ def read_trials(source: CampaignFile) -> Trials:
         )
     path = Path(source.path.parent / stated.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(
-            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS
-        )
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS)
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
         outside = (table.columns[name] < low) | (table.columns[name] > high)
         if np.any(outside):

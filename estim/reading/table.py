@@ -54,7 +54,8 @@ class Table:
     """columns : name -> (n_row,) read-only array.  lines : (n_row,) line of the file of each row.
 
     file : how messages name it.
-    header_line : line of the column names.  sha256 : of the file's bytes.
+    header_line : line of the column names, 0 where they are not in it.
+    sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".
     facts : the other comments above the header of a file that `estim import` made; empty for other
         files.  units : column -> unit that the header states, "" for none; empty where no header
@@ -66,9 +67,9 @@ class Table:
 
     file: str
     sha256: str
-    header_line: int
     columns: Mapping[str, FloatArray]
     lines: NDArray[np.int64]
+    header_line: int = 0
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
@@ -156,4 +157,16 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
     enclose whole cells.
     """
+    if delimiter == " ":
+        return line.split()
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
+
+
+def row_of(line: str, delimiter: str, file: str, number: int) -> list[str]:
+    """`split_cells` with the place in its error."""
+    try:
+        return split_cells(line, delimiter)
+    except csv.Error as error:
+        raise InputError(
+            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
+        ) from None

@@ -65,12 +65,7 @@ class _Clip:
 
 
 def read_tracker(
-    path: Path,
-    *,
-    track: str | None = None,
-    unit: str | None = None,
-    frame_ms: float | None = None,
-    shown_as: str | None = None,
+    path: Path, *, track: str | None = None, unit: str | None = None, frame_ms: float | None = None
 ) -> Track:
     """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.  Of
     one of several .trk in a .trz: "NAME.trk/mass A".
@@ -79,9 +74,9 @@ def read_tracker(
     frame_ms : duration of a frame, where the file contradicts the video (a film taken at high
         speed).  Raises InputError with file, line, field, rule and value.
     """
-    file = shown_as or str(path)
+    file = str(path)
     archive = path.suffix.lower() == ".trz"
-    data = read_bytes(path, shown_as=file, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
+    data = read_bytes(path, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
     text, track = unpack_trz(data, track, file=file) if archive else (data, track)
     panel = parse_tracker_xml(text, file=file)
     if not panel.kind.endswith(".TrackerPanel"):
