@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -15,9 +14,9 @@ import click
 
 from estim.cli.formats import FORMAT, chosen
 from estim.cli.language import LANG
-from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
+from estim.cli.options import FOLDER, JOBS, NO_FIGURES, PATH, SEED, STEPS
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, reserve_output, say, write_report
+from estim.cli.terminal import exit_unless, pieces, report_at, reserve_output, say, write_report
 from estim.common import EstimError, InputError, held, phrase
 
 if TYPE_CHECKING:
@@ -61,9 +60,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 
 @click.command()
-@click.argument(
-    "paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path)
-)
+@click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=PATH)
 @JOBS
 @click.option(
     "--shard",
@@ -84,7 +81,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @STEPS
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("out/batch"),
     show_default=True,
     help="Folder for the results.",
@@ -137,8 +134,9 @@ def batch(
     with (
         held(out / lock / ".lock", within=out),
         cluster(scheduler) as executor,
-        counted(phrase("batch"), len(units), unit=phrase("run")) as progress,
+        pieces(phrase("batch"), phrase("run"), kept=True) as progress,
     ):
+        progress(0, len(units))
         rows = run_batch(
             units,
             out.resolve(),
@@ -147,7 +145,7 @@ def batch(
             resume=resume,
             jobs=processes,
             executor=executor,
-            progress=progress,
+            progress=lambda done: progress(done, len(units)),
         )
     for row in rows:
         note_of_others(row.inputs)
@@ -162,5 +160,4 @@ def batch(
         else phrase("{n} run: {what}", **values)
     )
     report_at(place / "report.md", ())
-    if any(row.status != "ok" for row in rows):
-        sys.exit(NOT_OK)
+    exit_unless(all(row.status == "ok" for row in rows))

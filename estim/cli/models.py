@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,10 +10,20 @@ import click
 
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
-from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
+from estim.cli.options import (
+    CAMPAIGN,
+    JOINT,
+    NO_FIGURES,
+    OUT_MODELS,
+    RESUME,
+    RUNS,
+    SEED,
+    STEPS,
+    out_folder,
+)
 from estim.cli.terminal import (
-    NOT_OK,
     conclude,
+    exit_unless,
     finished_pieces,
     groups_of,
     progress_bar,
@@ -30,7 +39,7 @@ if TYPE_CHECKING:
 
 
 @click.command("compare-models")
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @JOINT
 @click.option(
@@ -41,12 +50,7 @@ if TYPE_CHECKING:
     help="This model only; give two or more.  [default: all]",
 )
 @STEPS
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
-    "campaign, models/]",
-)
+@OUT_MODELS
 @SEED
 @NO_FIGURES
 @FORMAT
@@ -119,5 +123,4 @@ def compare_models(
                 say(f"  {price}")
             report_at(place / "report.md", loaded.source.files_outside())
             recommended = recommended and bool(comparison.recommended)
-    if not recommended:
-        sys.exit(NOT_OK)
+    exit_unless(recommended)

@@ -11,6 +11,10 @@ WHERE = (
     "campaign.toml"
 )
 
+PATH = click.Path(path_type=Path)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+CAMPAIGN = click.argument("campaign", type=PATH)
 RUNS = click.option(
     "--run",
     "runs",
@@ -29,9 +33,16 @@ STEPS = click.option(
     help="Hard cap on the sampler's steps.",
 )
 OUT = click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help=f"Folder for the report, made if it is not there.  [{WHERE}]",
+    "--out", type=FOLDER, help=f"Folder for the report, made if it is not there.  [{WHERE}]"
+)
+OUT_MODELS, OUT_PLAN = (
+    click.option(
+        "--out",
+        type=FOLDER,
+        help="Folder for the report, made if it is not there.  [default: out/, the name of the "
+        f"campaign, {part}/]",
+    )
+    for part in ("models", "plan")
 )
 SEED = click.option(
     "--seed",

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
+from estim.cli.options import CAMPAIGN, NO_FIGURES, OUT_PLAN, RUNS, SEED, out_folder
 from estim.cli.terminal import (
-    NOT_OK,
     conclude,
+    exit_unless,
     groups_of,
     pieces,
     report_at,
@@ -23,7 +22,7 @@ from estim.common import phrase
 
 
 @click.command("plan")
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @click.option(
     "--for",
@@ -32,12 +31,7 @@ from estim.common import phrase
     metavar="NAME",
     help="A quantity to know better; may be repeated.  [default: those that are unknown]",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
-    "campaign, plan/]",
-)
+@OUT_PLAN
 @SEED
 @NO_FIGURES
 @FORMAT
@@ -71,5 +65,4 @@ def plan_next(
     status, reasons = plan_status(result)
     conclude(phrase("plan"), status, [*plan_answers(result), *reasons])
     report_at(folder / "report.md", loaded.source.files_outside())
-    if not status.ok:
-        sys.exit(NOT_OK)
+    exit_unless(status.ok)

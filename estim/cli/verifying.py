@@ -18,6 +18,7 @@ from typing import Any
 
 import click
 
+from estim.cli.options import FOLDER, PATH
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
@@ -58,12 +59,9 @@ _FAR = 0.1  # sds: what moved by less is told together
 
 
 @click.command()
-@click.argument("report", type=click.Path(path_type=Path))
+@click.argument("report", type=PATH)
 @click.option(
-    "--from",
-    "root",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder from which the inputs are named.  [default: found]",
+    "--from", "root", type=FOLDER, help="Folder from which the inputs are named.  [default: found]"
 )
 def verify(report: Path, root: Path | None) -> None:
     """Recompute REPORT (its folder) from the inputs that it names, and list what differs.
@@ -429,8 +427,8 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 
 
 @click.command()
-@click.argument("first", type=click.Path(path_type=Path))
-@click.argument("second", type=click.Path(path_type=Path))
+@click.argument("first", type=PATH)
+@click.argument("second", type=PATH)
 def diff(first: Path, second: Path) -> None:
     """What differs between the results of two analyses, FIRST and SECOND (folders, or files
     result.json).
