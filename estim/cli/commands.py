@@ -44,7 +44,7 @@ from estim.cli.options import (
     STEPS,
     out_folder,
 )
-from estim.cli.origin import Ledger, origin_of
+from estim.cli.origin import origin_of
 from estim.cli.origin_record import SIMULATION, written_before
 from estim.cli.planning import plan_next
 from estim.cli.propagating import propagate
@@ -70,6 +70,7 @@ from estim.common import (
     Stream,
     as_json,
     ended_by_signals,
+    inputs_read,
     phrase,
     replace_own,
     stream,
@@ -107,7 +108,7 @@ def cli() -> None:
     (docs/README.md).
     """
     context = click.get_current_context()
-    context.obj = context.with_resource(Ledger())
+    context.obj = context.with_resource(inputs_read())
 
 
 @cli.command()
