@@ -120,7 +120,7 @@ def ways(
         return {"posterior": central(trials, truth, known, rng)}
     variants = {
         "posterior": trials,
-        "release left out": trials.without_release(),
+        "release left out": replace(trials, release=0.0),
         "tilts taken as exact": replace(trials, u_phi=0.0),
     }
     held = {name: central(variant, truth, known, rng) for name, variant in variants.items()}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -31,7 +31,7 @@ from estim.common import (
     stream,
     wrong,
 )
-from estim.line.release_draws import sample, weigh
+from estim.line.release_draws import rough_start, weigh
 from estim.line.release_likelihood import (
     FACTOR,
     ReleasePosterior,
@@ -42,7 +42,17 @@ from estim.line.release_likelihood import (
 from estim.line.thresholds import Threshold, thresholds
 from estim.line.trial_data import HIGH, LOW, Trials
 from estim.problem import Prior
-from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
+from estim.sampling import (
+    MAX_PARAMETERS,
+    Agreement,
+    Chain,
+    Optima,
+    Progress,
+    Summary,
+    Target,
+    certified_chain,
+    summarise,
+)
 from estim.words import advice_for, tell
 
 WAYS: Mapping[str, str] = PhraseTable(
@@ -235,20 +245,23 @@ def analyse_trials(
     gamma_masses : gamma as stated, to compare with; it does not enter.
     """
     posterior = release_posterior(trials, resistance)
-    chain, agreement = sample(
+    certified = certified_chain(
         posterior,
-        rng=stream(seed, Stream.RELEASE_CHAIN),
-        seed=seed,
+        Optima(*rough_start(posterior, stream(seed, Stream.RELEASE_CHAIN))),
         target=target or Target(),
+        seed=seed,
+        most=MAX_PARAMETERS,
+        support=posterior.support,
         progress=progress,
     )
+    chain, agreement = certified.chain, certified.comparison
     values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
     findings = _findings(trials, posterior, values, chain, agreement)
     ways = {"both": _way(values["gamma"], gamma_masses, True)}
     apart = None
     if decide(findings).draws_count:
         variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
-        variants |= {"free": trials.without_release()} if trials.release > 0.0 else {}
+        variants |= {"free": replace(trials, release=0.0)} if trials.release > 0.0 else {}
         for i, (name, variant) in enumerate(variants.items()):
             weighted = weigh(
                 release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i)

@@ -1,6 +1,4 @@
-"""Draws of a release posterior: where to start, importance sampling, and a chain with a second
-computation beside it.
-"""
+"""Draws of a release posterior: where to start, and importance sampling."""
 
 from __future__ import annotations
 
@@ -8,18 +6,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.line.release_likelihood import ReleasePosterior, rough_gamma
-from estim.sampling import (
-    MAX_PARAMETERS,
-    Agreement,
-    Certificate,
-    Chain,
-    Optima,
-    Progress,
-    Target,
-    adapt_proposal,
-    certified_chain,
-    certify,
-)
+from estim.sampling import Certificate, adapt_proposal, certify
 
 _N_ROUGH = 2000
 _LOG_SD_GAMMA = 0.5  # of the first draws about a rough value
@@ -58,45 +45,9 @@ def rough_start(
     return mean, np.atleast_2d(np.cov(draws.T, aweights=weights, ddof=0))
 
 
-def weigh(
-    posterior: ReleasePosterior,
-    *,
-    rng: np.random.Generator,
-    n_draw: int = 8000,
-    least_ess: float = 4000.0,
-) -> Certificate:
+def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certificate:
     """The posterior by importance sampling alone: some tenths of a second; `reliable` says whether
     to believe it.
     """
     mean, cov = rough_start(posterior, rng)
-    return certify(
-        posterior,
-        adapt_proposal(posterior, mean, cov, rng=rng),
-        rng=rng,
-        n_draw=n_draw,
-        least_ess=least_ess,
-    )
-
-
-def sample(
-    posterior: ReleasePosterior,
-    *,
-    rng: np.random.Generator,
-    seed: int,
-    target: Target,
-    progress: Progress | None,
-) -> tuple[Chain, Agreement]:
-    """A chain of the posterior, and how it compares with importance sampling.  rng : of the start.
-    seed : of the draws.
-    """
-    optima = Optima(*rough_start(posterior, rng))
-    certified = certified_chain(
-        posterior,
-        optima,
-        target=target,
-        seed=seed,
-        most=MAX_PARAMETERS,
-        support=posterior.support,
-        progress=progress,
-    )
-    return certified.chain, certified.comparison
+    return certify(posterior, adapt_proposal(posterior, mean, cov, rng=rng), rng=rng)

@@ -8,11 +8,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
+from estim.line.conventions import is_exact
 from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.regression import (
@@ -40,7 +42,6 @@ from estim.reading import (
 from estim.words import tell
 
 _MIN_ROWS = 3
-_PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,73 +174,60 @@ def straight_line(
     def column(name: str | None) -> FloatArray | float | None:
         return None if name is None else table.columns.get(name, _number(name))
 
-    def there(name: str | None) -> str | None:
-        return name if column(name) is not None else None
-
-    read = replace(wanted, u_x=there(wanted.u_x), u_y=there(wanted.u_y), r_xy=there(wanted.r_xy))
-    if stated.cov is not None or stated.cov_x is not None or stated.cov_y is not None:
-        read = _in_their_place(columns, read, stated)
+    unread: dict[str, Any] = {
+        key: None for key, name in vars(wanted).items() if column(name) is None
+    }
+    read = _in_their_place(columns, replace(wanted, **unread), stated)
     if read.u_x is None or read.u_y is None:
         if columns.r_xy is not None:
             raise InputError(
                 "needs uncertainties of x and y", field="--correlation", value=columns.r_xy
             )
         read = replace(read, r_xy=None)
-    for key, of in (("u_x", read.x), ("u_y", read.y)):
-        values = column(getattr(read, key))
-        table.require_unit(str(getattr(read, key)), of)
-        if values is not None and np.any(np.asarray(values) <= 0.0):
-            bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
-            if np.ndim(values) == 0:
-                raise InputError("must be > 0", field=f"--{key.replace('_', '')}", value=values)
-            raise table.error("must be > 0", str(getattr(read, key)), bad)
+    u_x, u_y = column(read.u_x), column(read.u_y)
+    for option, u, of, values in (("--ux", read.u_x, read.x, u_x), ("--uy", read.u_y, read.y, u_y)):
+        name = str(u)
+        table.require_unit(name, of)
+        wrong = np.atleast_1d(1.0 if values is None else values) <= 0.0
+        if np.any(wrong) and name in table.columns:
+            raise table.error("must be > 0", name, int(np.argmax(wrong)))
+        if np.any(wrong):
+            raise InputError("must be > 0", field=option, value=values)
+    x, y, r_xy = table.columns[read.x], table.columns[read.y], column(read.r_xy)
+    if r_xy is None:
+        r_xy = 0.0
     try:
-        correlation = column(read.r_xy)
-        x = table.columns[read.x]
-        y = table.columns[read.y]
-        r = 0.0 if correlation is None else correlation
         if stated:
-            fit = fit_line(
-                x,
-                y,
-                cov=stated_covariance(stated, x, y, column(read.u_x), column(read.u_y), r, dialect),
-            )
+            cov = stated_covariance(stated, x, y, u_x, u_y, r_xy, dialect)
+            fit = fit_line(x, y, cov=cov)
         else:
-            fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
+            fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
     except InputError as error:
-        raise error if error.file is not None else error.at(str(path)) from None
-    if (
-        fit.method == "ols"
-        and fit.chi2
-        <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2
-    ):
+        raise error if error.file is not None else error.at(path) from None
+    if fit.method == "ols" and is_exact(fit.data, fit.chi2):
         rule = (
             "has no scatter about a line but rounding errors (computed values, not readings?): "
             "nothing tells how large its errors are"
         )
         raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
-    predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
-    inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
-    slope = slope_interval(fit, probability=probability)
     used = [
         (key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns
     ]
-    sentence, facts = columns_sentence(used, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
-        path,
-        table.sha256,
-        read,
-        fit,
-        slope,
-        k,
-        probability,
-        predictions,
-        inverses,
-        sentence,
-        facts,
-        tuple(stated.words),
-        tuple(points_findings(fit)),
+        path=path,
+        sha256=table.sha256,
+        columns=read,
+        fit=fit,
+        slope=slope_interval(fit, probability=probability),
+        k=k,
+        probability=probability,
+        predictions=tuple(_prediction(fit, x0, k) for x0 in predict),
+        inverses=tuple(_inverse(fit, y0, k, probability) for y0 in inverse),
+        told=columns_sentence(used, table.unread),
+        facts=(*table.facts, *table.warnings),
+        correlated=tuple(stated.words),
+        findings=tuple(points_findings(fit)),
     )
 
 
@@ -280,14 +268,16 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
     """The columns without those of uncertainties that a matrix holds.  Raises InputError where one
     of these was named.
     """
-    held = (
-        ("u_x", "u_y")
-        if stated.cov is not None
-        else tuple(key for key in ("u_x", "u_y") if getattr(stated, f"cov_{key[-1]}") is not None)
-    )
-    for key in (*held, "r_xy"):
-        if getattr(columns, key) is not None:
-            option = {"u_x": "--ux", "u_y": "--uy", "r_xy": "--correlation"}[key]
+    held = [
+        key
+        for key, of_axis in (("u_x", stated.cov_x), ("u_y", stated.cov_y))
+        if stated.cov is not None or of_axis is not None
+    ]
+    if not held:
+        return read
+    held.append("r_xy")
+    for key, option in (("u_x", "--ux"), ("u_y", "--uy"), ("r_xy", "--correlation")):
+        if key in held and getattr(columns, key) is not None:
             raise InputError(
                 "cannot be combined with a covariance matrix, which already contains it",
                 field=option,
@@ -298,12 +288,8 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
             "cannot be combined with --cov, which already contains it",
             field="--cov-x" if stated.cov_x is not None else "--cov-y",
         )
-    return replace(
-        read,
-        u_x=None if "u_x" in held else read.u_x,
-        u_y=None if "u_y" in held else read.u_y,
-        r_xy=None,
-    )
+    none: dict[str, Any] = dict.fromkeys(held)
+    return replace(read, **none)
 
 
 def _number(text: str) -> float | None:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -79,25 +79,8 @@ class Trials:
 
     def end(self, end: str) -> Trials:
         """The trials at one end alone."""
-        tilts = [part for tilt in self.tilts if (part := tilt.end(end)).theta.size]
-        return self._with(tuple(tilts), self.release)
-
-    def without_release(self) -> Trials:
-        """The same trials, taken as released without any cost."""
-        return self._with(self.tilts, 0.0)
-
-    def _with(self, tilts: tuple[Tilt, ...], release: float) -> Trials:
-        return Trials(
-            self.body,
-            self.file,
-            self.sha256,
-            tilts,
-            self.u_phi,
-            self.u_theta,
-            release,
-            self.u_zero_phi,
-            self.u_zero_theta,
-        )
+        tilts = tuple(part for tilt in self.tilts if (part := tilt.end(end)).theta.size)
+        return replace(self, tilts=tilts)
 
 
 def by_tilt(phi: FloatArray, theta: FloatArray, climbed: NDArray[np.bool_]) -> tuple[Tilt, ...]:
