@@ -2,7 +2,16 @@
 writes.  Read `statuses` and `kinds` first.
 """
 
-from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
+from estim.common.errors import (
+    EstimError,
+    InputError,
+    Interrupted,
+    NumericalError,
+    in_file,
+    in_its_file,
+    listed,
+    shorten,
+)
 from estim.common.escaping import (
     Markdown,
     as_json,

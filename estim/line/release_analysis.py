@@ -122,16 +122,6 @@ class EndsApart:
         return 0.5 * self.sds
 
 
-@dataclass(frozen=True)
-class TrialInformation:
-    """What the trials tell of one unknown: posterior over prior standard deviation, and correlation
-    with gamma.
-    """
-
-    share: float
-    with_gamma: float
-
-
 @dataclass(frozen=True, eq=False)
 class TrialsAnalysis:
     """The trials of one body.
@@ -142,7 +132,7 @@ class TrialsAnalysis:
     thresholds : at each tilt by itself.
     offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad):
         release and resistance together.
-    told : unknown -> what the trials tell of it.
+    told : unknown -> posterior over prior standard deviation, what the trials tell of it.
     correlation : of c_rr and release, nan where one of them is not free.
     findings : what is wrong; empty means ok.
     """
@@ -156,7 +146,7 @@ class TrialsAnalysis:
     thresholds: tuple[Threshold, ...]
     offset: Quantity
     phi_mean: float
-    told: Mapping[str, TrialInformation]
+    told: Mapping[str, float]
     correlation: float
     gamma_masses: Quantity | None
     findings: tuple[Finding, ...]
@@ -275,11 +265,8 @@ def analyse_trials(
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
-    information: dict[str, TrialInformation] = {
-        name: TrialInformation(
-            float(values[name].std() / posterior.priors[name].sd),
-            float(np.corrcoef(values[name], values["gamma"])[0, 1]),
-        )
+    shares: dict[str, float] = {
+        name: float(values[name].std() / posterior.priors[name].sd)
         for name in ("rolling_resistance", "release", "scatter")
         if name in values
     }
@@ -299,7 +286,7 @@ def analyse_trials(
         thresholds(trials, values["scatter"]),
         Quantity(float(above.mean()), float(above.std(ddof=1))),
         phi_mean,
-        information,
+        shares,
         correlation,
         gamma_masses,
         findings,

@@ -64,7 +64,7 @@ class Prediction:
     """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one
     more reading too, nan where that is not known.
 
-    low, high and low_reading, high_reading : intervals for the probability of the line.
+    low, high : interval for the probability of the line.
     """
 
     x0: Quantity
@@ -73,8 +73,6 @@ class Prediction:
     low: float
     high: float
     u_reading: float
-    low_reading: float
-    high_reading: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,8 +300,7 @@ def _number(text: str) -> float | None:
 def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
     values = line_values(fit, x0.value)
     y, u = float(values.values[0]), math.hypot(float(values.u[0]), fit.slope * x0.u)
-    reading = math.hypot(u, _of_one_reading(fit))
-    return Prediction(x0, y, u, y - k * u, y + k * u, reading, y - k * reading, y + k * reading)
+    return Prediction(x0, y, u, y - k * u, y + k * u, math.hypot(u, _of_one_reading(fit)))
 
 
 def _of_one_reading(fit: LineFit) -> float:

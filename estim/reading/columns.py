@@ -16,7 +16,17 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import EXTREME, InputError, extreme, listed, phrase, read_number, same_unit
+from estim.common import (
+    EXTREME,
+    InputError,
+    extreme,
+    in_file,
+    in_its_file,
+    listed,
+    phrase,
+    read_number,
+    same_unit,
+)
 from estim.reading.cells import is_missing, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import PLAIN, Dialect, name_and_unit
 from estim.reading.layout import Layout, Row, cells_differ, numeric_columns, read_layout
@@ -43,6 +53,11 @@ def table_of(
     """The columns `needed` of a table that is laid out so.  complete : whether an empty cell is
     refused; else its row is left out.  Raises InputError as `read_columns` does.
     """
+    with in_file(layout.file):
+        return _columns(layout, needed, min_rows, complete)
+
+
+def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
     places = [_place_of(name, layout) for name in needed]
     unsaid = layout.delimiter == "," and layout.dialect.delimiter is layout.dialect.decimal is None
     if (
@@ -51,7 +66,7 @@ def table_of(
         and may_be_decimal_commas(row.line for row in layout.rows)
     ):
         rule = f'{DECIMAL_COMMAS}, or say --decimal point (decimal = "point" in a campaign)'
-        raise _refused(layout, layout.rows[0], rule, "row", layout.rows[0].line)
+        raise _refused(layout.rows[0], rule, "row", layout.rows[0].line)
     rows = [row._replace(cells=_whole(row, layout)) for row in layout.rows]
     mark = _decimal_mark(layout, rows, places)
     numbers, values, left_out = [], [], dict[str, list[int]]()
@@ -60,20 +75,17 @@ def table_of(
         cells = dict(zip(needed, (row.cells[place] for place in places), strict=True))
         blank = next((name for name, cell in cells.items() if is_missing(cell)), None)
         if blank is not None and complete:
-            raise _refused(layout, row, "must be a number", blank, cells[blank])
+            raise _refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
             left_out.setdefault(blank, []).append(row.number)
             continue
         if (first := lines.setdefault(tuple(row.cells), row.number)) != row.number:
             copies[row.number] = first
         numbers.append(row.number)
-        values.append([_value(layout, row, name, cell, mark) for name, cell in cells.items()])
+        values.append([_value(row, name, cell, mark) for name, cell in cells.items()])
     if len(values) < min_rows:
         raise InputError(
-            f"must hold at least {min_rows} rows of numbers",
-            field="rows",
-            value=len(values),
-            file=layout.file,
+            f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values)
         )
     table = np.array(values)
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
@@ -97,6 +109,7 @@ def table_of(
     )
 
 
+@in_its_file
 def read_known_columns(
     path: Path,
     *,
@@ -117,9 +130,7 @@ def read_known_columns(
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
 
     def refused(rule: str, field: str, value: str | None = None, quoted: str = "") -> InputError:
-        return InputError(
-            rule, field=field, value=value, file=layout.file, line=layout.header_line, quoted=quoted
-        )
+        return InputError(rule, field=field, value=value, line=layout.header_line, quoted=quoted)
 
     for name in () if stated else layout.names:
         if name not in called and not name.startswith("_"):
@@ -149,15 +160,15 @@ def read_known_columns(
     )
 
 
-def _refused(layout: Layout, row: Row, rule: str, field: str, value: object) -> InputError:
-    return InputError(rule, field=field, value=value, file=layout.file, line=row.number)
+def _refused(row: Row, rule: str, field: str, value: object) -> InputError:
+    return InputError(rule, field=field, value=value, line=row.number)
 
 
 def _place_of(name: str, layout: Layout) -> int:
     """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
     what there is.
     """
-    names, file, line = layout.names, layout.file, layout.header_line
+    names, line = layout.names, layout.header_line
     places = [i for i, column in enumerate(names) if column == name] or [
         i for i, column in enumerate(names) if name_and_unit(column)[0] == name
     ]
@@ -165,7 +176,6 @@ def _place_of(name: str, layout: Layout) -> int:
         raise InputError(
             "is missing",
             field=name,
-            file=file,
             line=line,
             quoted=f"the header has {listed([column for column in names if column])}",
         )
@@ -174,7 +184,7 @@ def _place_of(name: str, layout: Layout) -> int:
             "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
             "columns = [...] in a campaign)"
         )
-        raise InputError(rule, field=name, file=file, line=line)
+        raise InputError(rule, field=name, line=line)
     return places[0]
 
 
@@ -183,7 +193,7 @@ def _whole(row: Row, layout: Layout) -> list[str]:
     width = len(layout.names)
     cells = row.cells if any(row.cells[width:]) else row.cells[:width]
     if len(cells) != width:
-        raise cells_differ(len(cells), width, layout.delimiter, layout.file, row.number)
+        raise cells_differ(len(cells), width, layout.delimiter, row.number)
     return cells
 
 
@@ -208,7 +218,7 @@ def _decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) ->
             "state which of the two is the decimal mark (--decimal point or comma; "
             "decimal = ... in a campaign)"
         )
-        raise _refused(layout, row, rule, "row", cell)
+        raise _refused(row, rule, "row", cell)
     if "," in first and not any(
         looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
         for row in rows
@@ -219,17 +229,17 @@ def _decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) ->
             '--decimal comma (decimal = "comma" in a campaign), or write the numbers without '
             "thousands"
         )
-        raise _refused(layout, first[","][0], rule, "comma", first[","][1])
+        raise _refused(first[","][0], rule, "comma", first[","][1])
     return "," if "," in first else "."
 
 
-def _value(layout: Layout, row: Row, name: str, cell: str, mark: str) -> float:
+def _value(row: Row, name: str, cell: str, mark: str) -> float:
     """The number in a cell that is not missing.  Raises InputError."""
     if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
         value = read_number(cell.replace(",", "."))
         if not np.isfinite(value) or extreme(value):
             rule = EXTREME if np.isfinite(value) else "must be finite"
-            raise _refused(layout, row, rule, name, cell)
+            raise _refused(row, rule, name, cell)
         return value
     hint = ""
     if looks_like_a_number(cell):
@@ -242,7 +252,7 @@ def _value(layout: Layout, row: Row, name: str, cell: str, mark: str) -> float:
         hint = " without marks between thousands"
     elif is_spreadsheet_error(cell):
         hint = " (leave the row out where there is none)"
-    raise _refused(layout, row, f"must be a number{hint}", name, cell)
+    raise _refused(row, f"must be a number{hint}", name, cell)
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from estim.common import InputError, is_unit
+from estim.common import InputError, in_its_file, is_unit
 from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import PLAIN, Dialect, is_uncertainty, name_and_unit, shown_delimiter
 from estim.reading.input_file import read_any_text
@@ -74,42 +74,41 @@ _NAMED_BY_A_NUMBER = re.compile(
 )
 
 
+@in_its_file
 def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] = ()) -> Layout:
     """How the table at `path` is laid out.  needed : names of columns that tell the header from
     other lines.  Raises InputError, also where the columns have no names.
     """
-    file = str(path)
     text, digest, note = read_any_text(path, encoding=dialect.encoding)
-    lines = numbered_lines(text, file=file)
+    lines = numbered_lines(text)
     below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
     plain = [(number, line) for number, line in below if not is_comment(line)]
     if not plain:
         raise InputError(
             "has no rows of numbers"
-            + (" below the lines that are skipped" if dialect.skip_rows else ""),
-            file=file,
+            + (" below the lines that are skipped" if dialect.skip_rows else "")
         )
     delimiter = dialect.mark or (
         _ONE_COLUMN
         if _is_one_column(plain, dialect)
         else shown_delimiter(*(line for _, line in plain[-2:]))
     )
-    start = _start(plain, delimiter, file) if dialect.header is None else int(dialect.header)
+    start = _start(plain, delimiter) if dialect.header is None else int(dialect.header)
     above = plain[:start]
     percent = any(line.lstrip().startswith("%") for _, line in above)
     rows = [
-        Row(number, line, row_of(line, delimiter, file, number))
+        Row(number, line, row_of(line, delimiter, number))
         for number, line in plain[start:]
         if not (percent and line.lstrip().startswith("%"))
     ]
     if not rows:
-        raise InputError("has no rows of numbers below the line of names", file=file)
-    names, header_line, units = _header(above, below, rows, delimiter, dialect, needed, file)
+        raise InputError("has no rows of numbers below the line of names")
+    names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
     if not names:
-        raise _no_names(rows[0], delimiter, file)
+        raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
     return Layout(
-        file,
+        str(path),
         digest,
         dialect,
         delimiter,
@@ -137,7 +136,7 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
     return dialect.decimal == "comma" or named
 
 
-def _no_names(first: Row, delimiter: str, file: str) -> InputError:
+def _no_names(first: Row, delimiter: str) -> InputError:
     """What to say of a table whose columns have no names."""
     width = len(first.cells)
     rule = (
@@ -149,7 +148,7 @@ def _no_names(first: Row, delimiter: str, file: str) -> InputError:
             "; the comma is taken to part the cells: if it is the decimal mark, say --decimal "
             'comma (decimal = "comma")'
         )
-    return InputError(rule, field="header", value=first.line.strip(), file=file, line=first.number)
+    return InputError(rule, field="header", value=first.line.strip(), line=first.number)
 
 
 def numeric_columns(layout: Layout) -> tuple[str, ...]:
@@ -216,7 +215,7 @@ def _bare(name: str) -> str:
     return name_and_unit(name)[0]
 
 
-def _start(lines: Lines, delimiter: str, file: str) -> int:
+def _start(lines: Lines, delimiter: str) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or
     nothing) in the same columns.
 
@@ -240,11 +239,7 @@ def _start(lines: Lines, delimiter: str, file: str) -> int:
     else:
         number, line = lines[-1]
         raise InputError(
-            "must hold numbers: the last line holds none",
-            field="row",
-            value=line,
-            file=file,
-            line=number,
+            "must hold numbers: the last line holds none", field="row", value=line, line=number
         )
     while first and _is_blank(lines[first - 1][1], delimiter, shape):
         first -= 1
@@ -255,7 +250,7 @@ def _start(lines: Lines, delimiter: str, file: str) -> int:
                 "is a row with another number of cells than the last one: say how many lines "
                 "stand above the table (--skip-rows, skip_rows)"
             )
-            raise InputError(rule, field="row", value=line, file=file, line=number)
+            raise InputError(rule, field="row", value=line, line=number)
     return first
 
 
@@ -295,7 +290,6 @@ def _header(
     delimiter: str,
     dialect: Dialect,
     needed: Sequence[str],
-    file: str,
 ) -> tuple[tuple[str, ...], int | None, list[str]]:
     """Names of the columns, their line, and the cells of a line of units below it.  above : lines
     over the numbers, which stand in `rows`; below : all lines with comments.
@@ -313,17 +307,16 @@ def _header(
     def odd_row(width: int) -> InputError:
         """What is said of the first row that has another number of cells than there are names."""
         row = next(row for row in rows if len(row.cells) != width)
-        return cells_differ(len(row.cells), width, delimiter, file, row.number)
+        return cells_differ(len(row.cells), width, delimiter, row.number)
 
     if not dialect.header and above:
-        _refuse_half_a_row(above, delimiter, fits, file)
+        _refuse_half_a_row(above, delimiter, fits)
     if dialect.columns is not None:
         if not fits(dialect.columns):
             raise InputError(
                 f"must name all {least} columns from left to right",
                 field="columns",
                 value=", ".join(dialect.columns),
-                file=file,
                 line=rows[0].number,
             )
         return dialect.columns, None, []
@@ -362,9 +355,7 @@ def _header(
     return (), None, []
 
 
-def _refuse_half_a_row(
-    above: Lines, delimiter: str, fits: Callable[[Sequence[str]], bool], file: str
-) -> None:
+def _refuse_half_a_row(above: Lines, delimiter: str, fits: Callable[[Sequence[str]], bool]) -> None:
     """Raises InputError where the line over the first row looks like one more, with something in it
     that is no number.
     """
@@ -383,7 +374,7 @@ def _refuse_half_a_row(
             "must be a row of numbers, like those below it, or of names, which begin with a "
             "letter (if it is neither: --skip-rows, skip_rows)"
         )
-        raise InputError(rule, field="row", value=line, file=file, line=number)
+        raise InputError(rule, field="row", value=line, line=number)
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
@@ -415,7 +406,7 @@ def _is_in_symbols(unit: str) -> bool:
     )
 
 
-def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:
+def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputError:
     commas = delimiter == "," and cells == 2 * width
     cure = (
         '--decimal comma, or decimal = "comma"'
@@ -423,6 +414,4 @@ def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -
         else "write decimal points, or separate the cells by semicolons"
     )
     hint = f" (decimal commas? {cure})" if commas else ""
-    return InputError(
-        f"must have {width} cells{hint}", field="row", value=cells, file=file, line=line
-    )
+    return InputError(f"must have {width} cells{hint}", field="row", value=cells, line=line)

@@ -114,28 +114,25 @@ def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ..
     return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(NOTE))
 
 
-def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:
+def numbered_lines(text: str) -> list[tuple[int, str]]:
     """The lines that are not blank, each with its number.  Raises InputError where there are too
     many, or one is too long.
     """
     rows = [(number, line) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
     if len(rows) > _MAX_ROWS:
-        raise InputError(
-            f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows), file=file
-        )
+        raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows))
     if hidden := line_after_comment(text):
         rule = (
             "must not follow a comment after a carriage return alone, where other lines end "
             "otherwise"
         )
-        raise InputError(rule, field="row", file=file, line=hidden)
+        raise InputError(rule, field="row", line=hidden)
     for number, line in rows:
         if len(line) > _MAX_LINE:
             raise InputError(
                 f"must have at most {_MAX_LINE} characters",
                 field="row",
                 value=len(line),
-                file=file,
                 line=number,
             )
     return rows
@@ -162,11 +159,11 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
 
 
-def row_of(line: str, delimiter: str, file: str, number: int) -> list[str]:
+def row_of(line: str, delimiter: str, number: int) -> list[str]:
     """`split_cells` with the place in its error."""
     try:
         return split_cells(line, delimiter)
     except csv.Error as error:
         raise InputError(
-            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
+            f"cannot be split into cells ({error})", field="row", value=line, line=number
         ) from None

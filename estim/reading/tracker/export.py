@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from estim.common import InputError, listed, phrase, read_number
+from estim.common import InputError, in_its_file, listed, phrase, read_number
 from estim.reading.cells import is_comment, looks_like_a_number
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.table import (
@@ -54,7 +54,6 @@ class _Layout:
     units : of t, x, y, as named.
     """
 
-    file: str
     line: int
     delimiter: str
     width: int
@@ -84,6 +83,7 @@ def head_of_export(text: str) -> tuple[int, str, bool] | None:
     return number, line, nameless and not {"x", "y"} <= set(names)
 
 
+@in_its_file
 def read_export(
     path: Path, *, track: str | None = None, unit: str | None = None, drop_duplicates: bool = False
 ) -> Track:
@@ -93,10 +93,9 @@ def read_export(
     drop_duplicates : leave out rows that are exact copies of the row before.  Raises InputError
         with file, line, field, rule and value.
     """
-    file = str(path)
     text, digest = read_text(path)
-    lines = [(n, line) for n, line in numbered_lines(text, file=file) if not is_comment(line)]
-    layout = _layout(lines, track, file)
+    lines = [(n, line) for n, line in numbered_lines(text) if not is_comment(line)]
+    layout = _layout(lines, track)
     factor, unit_fact = _length_unit(layout, unit)
     data = [(n, line) for n, line in lines if n > layout.line]
     numbers, rows = _rows(data, layout)
@@ -107,7 +106,7 @@ def read_export(
         and rows
         and may_be_decimal_commas(line for _, line in data)
     ):
-        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], file=file, line=data[0][0])
+        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], line=data[0][0])
     distinct = [
         i
         for i, row in enumerate(rows)  # a blank copies a blank
@@ -129,7 +128,6 @@ def read_export(
                 f"must lie within ±{_LIMIT:g} {'s' if name == 't' else 'm'}",
                 field=name,
                 value=float(columns[name][row]),
-                file=file,
                 line=int(at[row]),
             )
     frames = columns.get("frame")
@@ -144,7 +142,7 @@ def read_export(
         else phrase("{n} rows that copy the previous one were dropped", n=copies)
     )
     return Track(
-        file=file,
+        file=str(path),
         sha256=digest,
         name=layout.track,
         t=columns["t"],
@@ -168,17 +166,12 @@ def _rows(lines: Lines, layout: _Layout) -> tuple[list[int], list[list[float]]]:
     mark = ""
     for number, line in lines:
         cells = _cells(line, layout, number)
-        mark = _decimal_mark(cells, mark, layout.file, number)
-        values = {
-            name: _value(cells[place], name, layout.file, number)
-            for name, place in layout.places.items()
-        }
+        mark = _decimal_mark(cells, mark, number)
+        values = {name: _value(cells[place], name, number) for name, place in layout.places.items()}
         if any(math.isnan(values[name]) for name in ("x", "y") if name in values):
             continue
         if math.isnan(values["t"]):
-            raise InputError(
-                "must be a number", field="t", value="blank", file=layout.file, line=number
-            )
+            raise InputError("must be a number", field="t", value="blank", line=number)
         numbers.append(number)
         rows.append(list(values.values()))
     return numbers, rows
@@ -212,11 +205,11 @@ def _is_header(line: str) -> bool:
     return "t" in names and bool({"x", "y"} & names)
 
 
-def _layout(lines: Lines, wanted: str | None, file: str) -> _Layout:
+def _layout(lines: Lines, wanted: str | None) -> _Layout:
     """Where the columns of the wanted track are.  Raises InputError."""
     at = _header_at(lines)
     if at is None:
-        raise _no_header(lines, file)
+        raise _no_header(lines)
     number, text = lines[at]
     delimiter = _delimiter(text)
     cells = split_cells(text, delimiter)
@@ -224,30 +217,24 @@ def _layout(lines: Lines, wanted: str | None, file: str) -> _Layout:
         cells.pop()
     columns = [_named(cell) for cell in cells]
     starts = _track_names(lines[:at], delimiter, len(cells))
-    track, low, high = _chosen(starts, len(cells), wanted, file, number)
+    track, low, high = _chosen(starts, len(cells), wanted, number)
     places: dict[str, int] = {}
     for i, (name, _) in enumerate(columns):
         if name in _COLUMNS and (low <= i < high or (name in ("t", "frame") and i < starts[0][1])):
             if name in places and places[name] >= low:
-                raise InputError("occurs twice in the header", field=name, file=file, line=number)
+                raise InputError("occurs twice in the header", field=name, line=number)
             places[name] = i
     if "t" not in places:
         places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
     if not {"x", "y"} & set(places):
-        raise InputError(
-            "must have a column x or y", field=f"track {track}", file=file, line=number
-        )
+        raise InputError("must have a column x or y", field=f"track {track}", line=number)
     units = {name: columns[i][1] for name, i in places.items() if columns[i][1]}
     for name, known in (("t", _SECONDS), ("x", METRES), ("y", METRES)):
         if name in units and units[name] not in known:
             raise InputError(
-                f"must be in one of {', '.join(known)}",
-                field=name,
-                value=units[name],
-                file=file,
-                line=number,
+                f"must be in one of {', '.join(known)}", field=name, value=units[name], line=number
             )
-    return _Layout(file, number, delimiter, len(cells), places, units, track)
+    return _Layout(number, delimiter, len(cells), places, units, track)
 
 
 def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, int]]:
@@ -266,17 +253,13 @@ def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, in
 
 
 def _chosen(
-    starts: list[tuple[str, int]], width: int, wanted: str | None, file: str, line: int
+    starts: list[tuple[str, int]], width: int, wanted: str | None, line: int
 ) -> tuple[str, int, int]:
     """Name and range of columns of the wanted track."""
     names = [name for name, _ in starts]
     if wanted is None and len(starts) > 1:
         raise InputError(
-            "must be named, as there are several",
-            field="track",
-            quoted=listed(names),
-            file=file,
-            line=line,
+            "must be named, as there are several", field="track", quoted=listed(names), line=line
         )
     if wanted is not None and names.count(wanted) != 1 and names != ["unnamed"]:
         raise InputError(
@@ -284,27 +267,25 @@ def _chosen(
             field="track",
             value=wanted,
             quoted=listed(names),
-            file=file,
             line=line,
         )
     i = names.index(wanted) if wanted in names else 0
     return wanted or names[i], starts[i][1], starts[i + 1][1] if i + 1 < len(starts) else width
 
 
-def _no_header(lines: Lines, file: str) -> InputError:
+def _no_header(lines: Lines) -> InputError:
     """Why a file without a line of names is refused: destroyed by a spreadsheet, or something
     else.
     """
     rule = "must have a line of column names with t and x or y, as Tracker exports it"
     if not lines:
-        return InputError(rule, field="header", value="nothing", file=file)
+        return InputError(rule, field="header", value="nothing")
     number, line = lines[0]
     if "t_s" in re.split(r"[\s,;]+", line[:200]):
         return InputError(
             "is a table of estim already: name it in a campaign as it is",
             field="header",
             value=line,
-            file=file,
             line=number,
         )
     short = line[:5000]
@@ -318,14 +299,12 @@ def _no_header(lines: Lines, file: str) -> InputError:
             field="row",
             quoted=day,
             value=line,
-            file=file,
             line=number,
         )
     return InputError(
         f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)",
         field="header",
         value=line,
-        file=file,
         line=number,
     )
 
@@ -350,7 +329,6 @@ def _length_unit(layout: _Layout, stated: str | None) -> tuple[float, str]:
             f"must all have one unit{given}",
             field="x, y",
             value=", ".join(sorted(named)),
-            file=layout.file,
             line=layout.line,
         )
     if stated is not None:
@@ -373,7 +351,7 @@ def _cells(line: str, layout: _Layout, number: int) -> list[str]:
     """The cells of a row, as many as there are names; blank ones at its end may be missing or too
     many.
     """
-    cells = row_of(line, layout.delimiter, layout.file, number)
+    cells = row_of(line, layout.delimiter, number)
     if any(cells[layout.width :]):
         hint = (
             " (are decimals written with commas too? then export with semicolons or tabs)"
@@ -383,16 +361,12 @@ def _cells(line: str, layout: _Layout, number: int) -> list[str]:
         while not cells[-1]:
             cells.pop()
         raise InputError(
-            f"must have {layout.width} cells{hint}",
-            field="row",
-            value=len(cells),
-            file=layout.file,
-            line=number,
+            f"must have {layout.width} cells{hint}", field="row", value=len(cells), line=number
         )
     return cells[: layout.width] + [""] * (layout.width - len(cells))
 
 
-def _decimal_mark(cells: list[str], mark: str, file: str, number: int) -> str:
+def _decimal_mark(cells: list[str], mark: str, number: int) -> str:
     """The decimal mark in use; raises InputError where a cell has the other one."""
     for cell in cells:
         if looks_like_a_number(cell):
@@ -404,17 +378,17 @@ def _decimal_mark(cells: list[str], mark: str, file: str, number: int) -> str:
                     f"{_SPREADSHEET}"
                 )
                 raise InputError(
-                    rule, field="row", quoted=_as_day(cells[0]), value=cell, file=file, line=number
+                    rule, field="row", quoted=_as_day(cells[0]), value=cell, line=number
                 )
             mark = here
     return mark
 
 
-def _value(cell: str, name: str, file: str, line: int) -> float:
+def _value(cell: str, name: str, line: int) -> float:
     """The number in a cell; NaN where it is blank."""
     if not cell:
         return math.nan
     if not looks_like_a_number(cell):
         rule = f"is a date; {_SPREADSHEET}" if _DATE.fullmatch(cell) else "must be a number"
-        raise InputError(rule, field=name, value=cell, file=file, line=line)
+        raise InputError(rule, field=name, value=cell, line=line)
     return read_number(cell.replace(",", "."))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, listed, one_line, phrase, read_number
+from estim.common import InputError, Quantity, in_its_file, listed, one_line, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
 from estim.reading.tracker.export import head_of_export, read_export
@@ -88,21 +88,17 @@ def head_of_export_file(path: Path) -> tuple[int, str, bool] | None:
     return head_of_export(start.decode("utf-8-sig", errors="replace"))
 
 
+@in_its_file
 def import_track(path: Path, choices: Choices) -> Imported:
     """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and
     value.
     """
-    file = str(path)
     if choices.frame_ms is not None and not 1e-3 <= choices.frame_ms <= 1e6:
-        raise InputError(
-            "must be a duration in ms", field="frame_ms", value=choices.frame_ms, file=file
-        )
+        raise InputError("must be a duration in ms", field="frame_ms", value=choices.frame_ms)
     if is_tracker_file(path):
         if choices.drop_duplicates:
             raise InputError(
-                "goes with text exports: a video has each frame once",
-                field="drop_duplicates",
-                file=file,
+                "goes with text exports: a video has each frame once", field="drop_duplicates"
             )
         track = read_tracker(
             path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms
@@ -110,9 +106,7 @@ def import_track(path: Path, choices: Choices) -> Imported:
     else:
         if choices.frame_ms is not None:
             raise InputError(
-                "goes with .trk and .trz files: an export states its times",
-                field="frame_ms",
-                file=file,
+                "goes with .trk and .trz files: an export states its times", field="frame_ms"
             )
         track = read_export(
             path, track=choices.track, unit=choices.unit, drop_duplicates=choices.drop_duplicates
@@ -217,13 +211,10 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
             f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s",
             field="release",
             value=time,
-            file=track.file,
         )
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
-        raise InputError(
-            f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file
-        )
+        raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time)
     words = phrase(
         "x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
         t=track.t[row],

@@ -50,7 +50,7 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     """The positions of `track` along `direction`.  Raises InputError where it does not move or the
     direction makes no sense.
     """
-    stated = _stated(direction, track.file)
+    stated = _stated(direction)
     if track.x is None or track.y is None:
         return _one_coordinate(track, stated)
     start_way = _way(track)
@@ -73,7 +73,7 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     return Ramp(_fixed(along), _fixed(across), angle, words, tilt, scatter)
 
 
-def _stated(direction: str | float, file: str) -> float | None:
+def _stated(direction: str | float) -> float | None:
     """The stated angle in rad; None for `fit`."""
     if isinstance(direction, str) and direction == "fit":
         return None
@@ -85,10 +85,7 @@ def _stated(direction: str | float, file: str) -> float | None:
         degrees = math.nan
     if not abs(degrees) <= 360.0:
         raise InputError(
-            "must be fit, x, y, -x, -y or an angle in degrees",
-            field="along",
-            value=direction,
-            file=file,
+            "must be fit, x, y, -x, -y or an angle in degrees", field="along", value=direction
         )
     return math.radians(degrees)
 
@@ -105,9 +102,7 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
         sign = math.cos(stated - axis)
         if abs(abs(sign) - 1.0) > 1e-9:
             rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
-            raise InputError(
-                rule, field="along", value=f"{math.degrees(stated):g}", file=track.file
-            )
+            raise InputError(rule, field="along", value=f"{math.degrees(stated):g}")
         sign = round(sign)
     words = phrase(
         "along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}"
@@ -136,9 +131,7 @@ def _forward(position: FloatArray, track: Track) -> float:
 def _first_far(distance: FloatArray, track: Track) -> int:
     reach = float(np.max(distance))
     if not reach > _STILL:
-        raise InputError(
-            "does not move", field=f"track {track.name}", value=f"{reach:g} m", file=track.file
-        )
+        raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m")
     return int(np.argmax(distance >= 0.5 * reach))
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, phrase, read_number
+from estim.common import InputError, in_its_file, listed, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.tracker.track import METRES, Track
 from estim.reading.tracker.xml import Element, parse_tracker_xml, unpack_trz
@@ -64,6 +64,7 @@ class _Clip:
         return (self.start_time + self.video_times[frames] - self.video_times[self.start]) / 1e3
 
 
+@in_its_file
 def read_tracker(
     path: Path, *, track: str | None = None, unit: str | None = None, frame_ms: float | None = None
 ) -> Track:
@@ -74,17 +75,15 @@ def read_tracker(
     frame_ms : duration of a frame, where the file contradicts the video (a film taken at high
         speed).  Raises InputError with file, line, field, rule and value.
     """
-    file = str(path)
     archive = path.suffix.lower() == ".trz"
     data = read_bytes(path, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
-    text, track = unpack_trz(data, track, file=file) if archive else (data, track)
-    panel = parse_tracker_xml(text, file=file)
+    text, track = unpack_trz(data, track) if archive else (data, track)
+    panel = parse_tracker_xml(text)
     if not panel.kind.endswith(".TrackerPanel"):
         raise InputError(
             "must be the TrackerPanel of a .trk file",
             field="object",
             value=panel.kind,
-            file=file,
             line=panel.line,
         )
     name, points = _choose(panel, track)
@@ -102,7 +101,7 @@ def read_tracker(
     left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
     facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
     return Track(
-        file=file,
+        file=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
         name=name,
         t=clip.times(frames),
@@ -145,12 +144,9 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             "must hold a point mass with marked positions",
             field="tracks",
             quoted=f"it holds {other}",
-            file=panel.file,
         )
     if wanted is None and len(masses) > 1:
-        raise InputError(
-            "must be named, as there are several", field="track", quoted=names, file=panel.file
-        )
+        raise InputError("must be named, as there are several", field="track", quoted=names)
     chosen = [(name, track) for name, track in masses if wanted is None or name == wanted]
     if not chosen:
         kind = next((kind for name, kind, _ in tracks if name == wanted), None)
@@ -159,19 +155,12 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             if kind is None
             else ("has no marked positions to read", f"it is a {kind}; ")
         )
-        raise InputError(
-            rule,
-            field="track",
-            value=wanted,
-            quoted=f"{what}point masses: {names}",
-            file=panel.file,
-        )
+        raise InputError(rule, field="track", value=wanted, quoted=f"{what}point masses: {names}")
     if len(chosen) > 1:
         raise InputError(
             "must be the name of one track: several are called so",
             field="track",
             value=chosen[0][0],
-            file=panel.file,
         )
     name, track = chosen[0]
     if panel.find("referenceframe") or panel.find("reference_frame"):
@@ -179,7 +168,7 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             "must be at rest: the axes move with another track; export the table from Tracker "
             "instead"
         )
-        raise InputError(rule, field="referenceframe", file=panel.file)
+        raise InputError(rule, field="referenceframe")
     return name, track.need("framedata")
 
 
@@ -187,10 +176,7 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     clip, control = panel.object("videoclip"), panel.object("clipcontrol")
     if clip is None or control is None:
         raise InputError(
-            "is missing",
-            field="videoclip" if clip is None else "clipcontrol",
-            file=panel.file,
-            line=panel.line,
+            "is missing", field="videoclip" if clip is None else "clipcontrol", line=panel.line
         )
     start, step, count = (
         clip.integer(name, default)
@@ -355,7 +341,6 @@ def _read_axes(panel: Element) -> _Axes:
             "must be an ImageCoordSystem",
             field="coords",
             value=None if coords is None else coords.kind,
-            file=panel.file,
         )
     keys = coords.need("framedata").indexed()
     if 0 not in keys:
