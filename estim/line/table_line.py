@@ -186,10 +186,10 @@ def straight_line(
     for option, u, of, values in (("--ux", read.u_x, read.x, u_x), ("--uy", read.u_y, read.y, u_y)):
         name = str(u)
         table.require_unit(name, of)
-        wrong = np.atleast_1d(1.0 if values is None else values) <= 0.0
-        if np.any(wrong) and name in table.columns:
-            raise table.error("must be > 0", name, int(np.argmax(wrong)))
-        if np.any(wrong):
+        positive = np.atleast_1d(1.0 if values is None else values) > 0.0
+        if name in table.columns:
+            table.require(name, positive, "must be > 0")
+        elif not np.all(positive):
             raise InputError("must be > 0", field=option, value=values)
     x, y, r_xy = table.columns[read.x], table.columns[read.y], column(read.r_xy)
     if r_xy is None:

@@ -104,16 +104,10 @@ def read_trials(source: CampaignFile) -> Trials:
     with source.reading(path, COLUMNS):
         table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS)
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
-        outside = (table.columns[name] < low) | (table.columns[name] > high)
-        if np.any(outside):
-            raise table.error(
-                f"must lie between {low:.0f} and {high:.0f}", name, int(np.argmax(outside))
-            )
-    neither = ~np.isin(table.columns["climbed"], (0.0, 1.0))
-    if np.any(neither):
-        raise table.error(
-            "must be 1 (it climbed) or 0 (it did not)", "climbed", int(np.argmax(neither))
-        )
+        within = (low <= table.columns[name]) & (table.columns[name] <= high)
+        table.require(name, within, f"must lie between {low:.0f} and {high:.0f}")
+    either = np.isin(table.columns["climbed"], (0.0, 1.0))
+    table.require("climbed", either, "must be 1 (it climbed) or 0 (it did not)")
     keys = ("u_phi_deg", "u_theta_deg", "release_deg", "u_zero_phi_deg", "u_zero_theta_deg")
     for key in keys:
         least = _LEAST if key == "u_theta_deg" else 0.0

@@ -186,18 +186,10 @@ def _check_numbers(table: Table) -> None:
     positive.
     """
     for name, column in table.columns.items():
-        if np.any(np.abs(column) > MOST):
-            raise table.error(
-                f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST))
-            )
+        table.require(name, np.abs(column) <= MOST, f"must lie within ±{MOST:g}")
     if "t_s" in table.columns:
-        steps = np.diff(table.columns["t_s"])
-        for wrong, rule in (
-            (steps <= 0.0, "must increase from row to row"),
-            (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s"),
-        ):
-            if np.any(wrong):
-                raise table.error(rule, "t_s", int(np.argmax(wrong)) + 1)
-    for name in ("sigma_x_m", "sigma_v_m_s"):
-        if name in table.columns and np.any(table.columns[name] <= 0.0):
-            raise table.error("must be > 0", name, int(np.argmax(table.columns[name] <= 0.0)))
+        steps = np.diff(table.columns["t_s"], prepend=-np.inf)
+        table.require("t_s", steps > 0.0, "must increase from row to row")
+        table.require("t_s", steps >= LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s")
+    for name in [name for name in ("sigma_x_m", "sigma_v_m_s") if name in table.columns]:
+        table.require(name, table.columns[name] > 0.0, "must be > 0")

@@ -95,6 +95,11 @@ class Table:
                 line=self.header_line or None,
             )
 
+    def require(self, name: str, valid: NDArray[np.bool_], rule: str) -> None:
+        """Raises InputError at the first row in which the column `name` is not `valid` (n_row,)."""
+        if not np.all(valid):
+            raise self.error(rule, name, int(np.argmin(valid)))
+
     def error(self, rule: str, name: str, row: int) -> InputError:
         """An InputError for the cell of column `name` in `row`."""
         return InputError(
