@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT, chosen
-from estim.cli.language import LANG
-from estim.cli.options import FOLDER, JOBS, NO_FIGURES, PATH, SEED, STEPS
+from estim.cli.formats import chosen
+from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import exit_unless, pieces, report_at, reserve_output, say, write_report
 from estim.common import EstimError, InputError, held, phrase
@@ -86,10 +85,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
     show_default=True,
     help="Folder for the results.",
 )
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @click.option(
     "--resume",
     is_flag=True,

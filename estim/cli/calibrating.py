@@ -9,9 +9,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import CAMPAIGN, JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
+from estim.cli.options import CAMPAIGN, JOBS, JOINT, OUT, RESUME, RUNS, out_folder, report_options
 from estim.cli.terminal import (
     conclude,
     exit_unless,
@@ -45,10 +43,7 @@ from estim.common import Stream, decide, phrase, stream
 )
 @JOBS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @RESUME
 def calibrate(
     campaign: Path,

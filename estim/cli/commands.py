@@ -23,9 +23,7 @@ from estim.cli.bodies import body
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
-from estim.cli.formats import FORMAT
 from estim.cli.importing import import_file
-from estim.cli.language import LANG
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
@@ -35,14 +33,13 @@ from estim.cli.options import (
     FOLDER,
     JOBS,
     JOINT,
-    NO_FIGURES,
     OUT,
     PATH,
     RESUME,
     RUNS,
-    SEED,
     STEPS,
     out_folder,
+    report_options,
 )
 from estim.cli.origin import origin_of
 from estim.cli.origin_record import SIMULATION, written_before
@@ -117,10 +114,7 @@ def cli() -> None:
 @JOINT
 @STEPS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @curve_options
 @click.option(
     "--marginal/--full",
@@ -289,10 +283,7 @@ def _fit_groups(
 @JOINT
 @STEPS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def energy(
     campaign: Path,
     runs: tuple[str, ...],
@@ -354,10 +345,7 @@ def energy(
 @STEPS
 @JOBS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @RESUME
 def reanalyse(
     campaign: Path,

@@ -8,9 +8,7 @@ from typing import Any
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, OUT, PATH, SEED, out_folder
+from estim.cli.options import OUT, PATH, out_folder, report_options
 from estim.cli.tables import dialect_of, dialect_options
 from estim.cli.terminal import (
     conclude,
@@ -71,10 +69,7 @@ from estim.common import InputError, phrase, read_quantity
 )
 @dialect_options
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def line(
     campaign: Path,
     x: str | None,

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import CAMPAIGN, FOLDER, NO_FIGURES, PATH, SEED, out_folder
+from estim.cli.options import CAMPAIGN, FOLDER, PATH, out_folder, report_options
 from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
 from estim.common import decide
 
@@ -44,10 +42,7 @@ if TYPE_CHECKING:
     type=FOLDER,
     help="Folder for the report.  [default: out/, the name of the campaign, map/]",
 )
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def map_motions(
     campaign: Path,
     bodies: tuple[str, ...],

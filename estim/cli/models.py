@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
 from estim.cli.options import (
     CAMPAIGN,
     JOINT,
-    NO_FIGURES,
     OUT_MODELS,
     RESUME,
     RUNS,
-    SEED,
     STEPS,
     out_folder,
+    report_options,
 )
 from estim.cli.terminal import (
     conclude,
@@ -51,10 +48,7 @@ if TYPE_CHECKING:
 )
 @STEPS
 @OUT_MODELS
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @RESUME
 def compare_models(
     campaign: Path,

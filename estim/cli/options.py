@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
+
+from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 
 WHERE = (
     "default: out/ and the name of the campaign, that of its folder where the file is called "
@@ -63,6 +68,11 @@ RESUME = click.option(
     is_flag=True,
     help="Go on with what an interrupted command had finished, kept in OUT/.checkpoint.",
 )
+
+
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command that writes a report with figures."""
+    return SEED(NO_FIGURES(FORMAT(LANG(command))))
 
 
 def out_folder(campaign: Path, *parts: str) -> Path:

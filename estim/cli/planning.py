@@ -6,9 +6,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import CAMPAIGN, NO_FIGURES, OUT_PLAN, RUNS, SEED, out_folder
+from estim.cli.options import CAMPAIGN, OUT_PLAN, RUNS, out_folder, report_options
 from estim.cli.terminal import (
     conclude,
     exit_unless,
@@ -32,10 +30,7 @@ from estim.common import phrase
     help="A quantity to know better; may be repeated.  [default: those that are unknown]",
 )
 @OUT_PLAN
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def plan_next(
     campaign: Path,
     runs: tuple[str, ...],

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, OUT, PATH, SEED
+from estim.cli.options import OUT, PATH, report_options
 from estim.cli.terminal import (
     conclude,
     exit_unless,
@@ -24,10 +22,7 @@ from estim.common import Stream, phrase, stream
 @click.command()
 @click.argument("file", type=PATH)
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
     (docs/propagation.md).

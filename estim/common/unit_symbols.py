@@ -151,8 +151,8 @@ _LONGEST = 200  # characters of a unit that is read
 _MOST = 64  # meanings of one
 
 
-# natural logarithm of the SI units in one of it, then its powers of metre, kilogram, second, ampere,
-# kelvin, mole and candela; those of a product are the sums of those of its factors
+# natural logarithm of the SI units in one of it, then its powers of metre, kilogram, second,
+# ampere, kelvin, mole and candela; those of a product are the sums of those of its factors
 Unit = tuple[float, ...]
 
 
