@@ -14,7 +14,7 @@ from functools import wraps
 from pathlib import Path
 from typing import Concatenate, ParamSpec, TypeVar
 
-from estim.common.escaping import one_line as one_line
+from estim.common.escaping import one_line
 
 P = ParamSpec("P")
 T = TypeVar("T")

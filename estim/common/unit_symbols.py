@@ -184,17 +184,17 @@ def _product(*units: Unit) -> Unit:
     return tuple(map(sum, zip(*units, strict=True)))
 
 
-def _same(one: Unit, other: Unit) -> bool:
-    return one[1:] == other[1:] and math.isclose(one[0], other[0], rel_tol=1e-12, abs_tol=1e-9)
+def _same(unit: Unit, other: Unit) -> bool:
+    return unit[1:] == other[1:] and math.isclose(unit[0], other[0], rel_tol=1e-12, abs_tol=1e-9)
 
 
-def same_unit(one: str, other: str) -> bool | None:
+def same_unit(unit: str, other: str) -> bool | None:
     """Whether two units mean the same, or may; None where one of them is not known.  Zeros are not
     compared: °C is K.
     """
-    if _plain(one) == _plain(other):
+    if _plain(unit) == _plain(other):
         return True
-    pairs = [(a, b) for a in _meanings(one) for b in _meanings(other)]
+    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(other)]
     return any(_same(a, b) for a, b in pairs) if pairs else None
 
 

@@ -215,7 +215,7 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
         rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
     """
     if points.dense and angle.ndim:
-        rows = [profile(one, points) for one in angle]
+        rows = [profile(direction, points) for direction in angle]
         return Profile(*(np.array(values) for values in zip(*rows, strict=True)))
     s, c = np.sin(angle), np.cos(angle)
     if not points.dense:

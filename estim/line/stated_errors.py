@@ -43,17 +43,17 @@ class Correlated:
         return bool(self.words)
 
 
-def _shared(one: Common) -> str:
-    if one.relative:
+def _shared(error: Common) -> str:
+    if error.relative:
         return phrase(
             "standard uncertainty {size:g} % of the scale of {axis}, shared by all points",
-            size=100.0 * one.u,
-            axis=one.axis,
+            size=100.0 * error.u,
+            axis=error.axis,
         )
     return phrase(
         "standard uncertainty {size:g} of the zero of {axis}, shared by all points",
-        size=one.u,
-        axis=one.axis,
+        size=error.u,
+        axis=error.axis,
     )
 
 

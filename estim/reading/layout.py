@@ -13,7 +13,14 @@ from typing import NamedTuple
 
 from estim.common import InputError, in_its_file, is_unit
 from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, is_uncertainty, name_and_unit, shown_delimiter
+from estim.reading.dialect import (
+    PLAIN,
+    Dialect,
+    is_column,
+    is_uncertainty,
+    name_and_unit,
+    shown_delimiter,
+)
 from estim.reading.input_file import read_any_text
 from estim.reading.table import NOTE, facts_of, numbered_lines, row_of, split_cells
 
@@ -163,13 +170,13 @@ def _is_numeric(rows: Sequence[Row], column: int) -> bool:
     ends = [row.cells[column : column + 1] for row in (rows[0], rows[-1])]
     if any(looks_like_a_number(cell) for cells in ends for cell in cells):
         return True
-    said = [
+    numbers = [
         looks_like_a_number(cell)
         for row in rows
         for cell in row.cells[column : column + 1]
         if not is_missing(cell) and not is_spreadsheet_error(cell)
     ]
-    return any(said) and 2 * sum(said) >= len(said)
+    return any(numbers) and 2 * sum(numbers) >= len(numbers)
 
 
 def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
@@ -378,9 +385,7 @@ def _refuse_half_a_row(above: Lines, delimiter: str, fits: Callable[[Sequence[st
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
-    return bool(needed) and all(
-        name in cells or name in [name_and_unit(cell)[0] for cell in cells] for name in needed
-    )
+    return bool(needed) and all(is_column(name, cells) for name in needed)
 
 
 def _are_units(cells: Sequence[str]) -> bool:

@@ -99,7 +99,8 @@ def read_tracker(
     world = axes.world(frames, pixels) * factor
     outside = len(marked) - len(included)
     left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
-    facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
+    of_sticks, against_sticks = _sticks(panel, axes)
+    facts = (unit_fact, *axes.facts(factor), *of_sticks, *clip.facts, *left_out)
     return Track(
         file=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
@@ -111,7 +112,7 @@ def read_tracker(
         lines=np.array([marked[frame].line for frame in included], dtype=np.int64),
         speed=None,
         calibration=facts,
-        warnings=(*clip.warnings, *axes.warnings(), *_stick_warnings(panel, axes)),
+        warnings=(*clip.warnings, *axes.warnings(), *against_sticks),
     )
 
 
@@ -380,55 +381,45 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     return METRES[written], phrase("lengths in {unit}, as stated in the file", unit=written)
 
 
-def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float]]:
-    """Name, (dx, dy) in pixels and world length of every calibration stick at its first frame."""
-    sticks = []
+def _sticks(panel: Element, axes: _Axes) -> tuple[list[str], list[str]]:
+    """What the file says of every calibration stick at its first frame, and of a stick whose length
+    by the scale is not its stated length; sticks set the scale, so they agree unless one was
+    edited.
+    """
+    facts, warnings = [], []
     for name, kind, track in _tracks(panel):
         stick = track.find("stickmode")
         lengths = track.find("worldlengths")
         ends = track.find("framedata")
+        place = None if ends is None else ends.object("[0]")
         if (
-            kind == "TapeMeasure"
-            and stick
-            and stick.text == "true"
-            and lengths
-            and lengths.find("[0]")
-            and ends
-            and ends.object("[0]")
+            kind != "TapeMeasure"
+            or stick is None
+            or stick.text != "true"
+            or lengths is None
+            or lengths.find("[0]") is None
+            or place is None
         ):
-            place = ends.object("[0]")
-            assert place is not None
-            x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
-            sticks.append((name, (x2 - x1, y2 - y1), lengths.number("[0]")))
-    return sticks
-
-
-def _sticks(panel: Element) -> tuple[str, ...]:
-    return tuple(
-        phrase(
-            "{name}: {length:.6g} for {pixels:.6g} pixels",
-            name=name,
-            length=length,
-            pixels=np.hypot(*ends),
+            continue
+        x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
+        dx, dy, length = x2 - x1, y2 - y1, lengths.number("[0]")
+        facts.append(
+            phrase(
+                "{name}: {length:.6g} for {pixels:.6g} pixels",
+                name=name,
+                length=length,
+                pixels=np.hypot(dx, dy),
+            )
         )
-        for name, ends, length in _stick_lengths(panel)
-    )
-
-
-def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
-    """A stick whose length by the scale is not its stated length; sticks set the scale, so they
-    agree unless one was edited.
-    """
-    warnings = []
-    for name, (dx, dy), length in _stick_lengths(panel):
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
-            values = {"name": name, "by_scale": by_scale, "length": length}
             warnings.append(
                 phrase(
                     "the length of {name} is {by_scale:.4g} on the scale of the axes, but "
                     "{length:.4g} was stated",
-                    **values,
+                    name=name,
+                    by_scale=by_scale,
+                    length=length,
                 )
             )
-    return tuple(warnings)
+    return facts, warnings
