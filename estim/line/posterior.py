@@ -155,39 +155,14 @@ def line_posterior(
         raise InputError(
             "has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd
         )
-    return _assemble(data, scatter, float(u_zero_x), float(u_zero_y), intercept_sd, through_origin)
-
-
-def without_intercept(posterior: LinePosterior) -> LinePosterior:
-    """The same posterior with the intercept fixed at 0."""
-    return _assemble(
-        posterior.data, posterior.scatter, posterior.u_zero_x, posterior.u_zero_y, None, True
-    )
-
-
-def _assemble(
-    data: LineData,
-    scatter: float | None,
-    u_zero_x: float,
-    u_zero_y: float,
-    intercept_sd: float | None,
-    through_origin: bool,
-) -> LinePosterior:
-    """A posterior of checked parts, its guess from the least-squares line."""
-    points = [data.x, data.y, data.u_x, data.u_y, data.r_xy]
     # the points and their mirror images: the best line of both goes through the origin
-    if through_origin:
-        points = [
-            np.concatenate([values, -values if k < 2 else values])
-            for k, values in enumerate(points)
-        ]
-    x, y, u_x, u_y, r_xy = points
+    signs = (1.0, -1.0) if through_origin else (1.0,)
     fit = fit_line(
-        x,
-        y,
-        u_x=None if data.method == "ols" else u_x,
-        u_y=None if data.method == "ols" else u_y,
-        r_xy=r_xy,
+        np.concatenate([sign * data.x for sign in signs]),
+        np.concatenate([sign * data.y for sign in signs]),
+        u_x=None if data.method == "ols" else np.tile(data.u_x, len(signs)),
+        u_y=None if data.method == "ols" else np.tile(data.u_y, len(signs)),
+        r_xy=np.tile(data.r_xy, len(signs)),
     )
     error = fit.standard_errors["scaled"]
     stated = fit.standard_errors.get("propagated", fit.standard_errors["scaled"])
@@ -205,7 +180,7 @@ def _assemble(
     if through_origin:
         del start["intercept"]
     if scatter is not None:
-        rms = float(np.sqrt(np.mean((y - fit.intercept - fit.slope * x) ** 2)))
+        rms = float(np.sqrt(np.mean((data.y - fit.intercept - fit.slope * data.x) ** 2)))
         start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * scatter), scatter))), 0.5)
     for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
         if u > 0.0:
@@ -219,8 +194,25 @@ def _assemble(
         data=data,
         scale=scale,
         scatter=scatter,
-        u_zero_x=u_zero_x,
-        u_zero_y=u_zero_y,
+        u_zero_x=float(u_zero_x),
+        u_zero_y=float(u_zero_y),
         intercept_sd=intercept_sd,
         through_origin=through_origin,
+    )
+
+
+def without_intercept(posterior: LinePosterior) -> LinePosterior:
+    """The same posterior with the intercept fixed at 0."""
+    data = posterior.data
+    unknown = data.method == "ols"
+    return line_posterior(
+        data.x,
+        data.y,
+        u_x=None if unknown else data.u_x,
+        u_y=None if unknown else data.u_y,
+        r_xy=data.r_xy,
+        scatter=posterior.scatter,
+        u_zero_x=posterior.u_zero_x,
+        u_zero_y=posterior.u_zero_y,
+        through_origin=True,
     )
