@@ -8,7 +8,6 @@ import contextlib
 import hashlib
 import io
 import os
-import stat
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -78,7 +77,7 @@ def verify(report: Path, root: Path | None) -> None:
         raise InputError(
             f"cannot be read ({message.lower()})", field="report", value=str(report)
         ) from None
-    folder = report if _is_folder(report) else report.parent
+    folder = report if os.path.isdir(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)
     place = root or _root_of(folder, origin)
@@ -139,28 +138,14 @@ def _root_of(folder: Path, origin: Origin) -> Path:
     """
     here = Path.cwd()
     for place in (here, *folder.resolve().parents):
-        if all(_kind_of(place / path) for path in origin.inputs):
+        if all(os.path.exists(place / path) for path in origin.inputs):
             return place
-    missing = next(path for path in origin.inputs if not _kind_of(here / path))
+    missing = next(path for path in origin.inputs if not os.path.exists(here / path))
     raise InputError(
         "cannot be found, here or above the report; --from says from which folder it is named",
         field="input",
         value=missing,
     )
-
-
-def _kind_of(path: Path) -> int:
-    """The kind of what stands there (`stat.S_IFMT`), 0 where nothing does or the name can be
-    none.
-    """
-    try:
-        return stat.S_IFMT(os.stat(path).st_mode)
-    except (OSError, ValueError):
-        return 0
-
-
-def _is_folder(path: Path) -> bool:
-    return stat.S_ISDIR(_kind_of(path))
 
 
 def _recompute(origin: Origin, out: Path, place: Path) -> str:
@@ -351,7 +336,7 @@ class _Comparison:
         for below in ("", "figures/", "tables/"):
             for name in names_in(place / below, within=self.folder):
                 path = f"{below}{name}"
-                if path not in {*part.before.outputs, ORIGIN} and not _is_folder(place / path):
+                if path not in {*part.before.outputs, ORIGIN} and not os.path.isdir(place / path):
                     yield (part.folder / path).as_posix()
 
     def _page(self, part: _Part) -> bytes:
@@ -433,7 +418,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _result(path: Path) -> dict[str, Any]:
     """Raises InputError where there is no result."""
-    file = path / "result.json" if _is_folder(path) else path
+    file = path / "result.json" if os.path.isdir(path) else path
     data = read_file(file, at_most=_LARGEST)
     if data is None:
         raise InputError("cannot be found", field="result", value=str(file))
