@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.line.regression import coverage_factor, fit_line
-from estim.line.release_draws import weigh
+from estim.line.release_analysis import weigh
 from estim.line.release_likelihood import release_posterior
 from estim.line.trial_data import Trials, by_tilt
 from estim.problem import HalfNormal, LogNormal, Prior, Uniform
