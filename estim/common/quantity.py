@@ -196,13 +196,8 @@ def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: s
     return (
         signed(f"{mantissa}e{exponent}")
         if powers == "e"
-        else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
+        else f"{signed(mantissa)}×10{str(int(exponent)).translate(_RAISED)}"
     )
-
-
-def exponent_digits(exponent: int) -> str:
-    """'⁻⁵'."""
-    return str(exponent).translate(_RAISED)
 
 
 def percentage(share: float, digits: int = 2) -> str:
