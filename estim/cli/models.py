@@ -82,7 +82,7 @@ def compare_models(
                 seed=seed,
                 target=Target(max_step=max_steps),
                 chosen=models,
-                progress_of=lambda name: progress_bar(f"{what}: {name}"),
+                progress_of=lambda name, what=what: progress_bar(f"{what}: {name}"),
                 store=store,
             )
             place = folder if len(groups) == 1 else folder / group[0]
