@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -28,6 +30,9 @@ from estim.cli.terminal import (
     write_report,
 )
 from estim.common import phrase
+
+if TYPE_CHECKING:
+    from estim.sampling import Progress
 
 
 @click.command("compare-models")
@@ -76,13 +81,17 @@ def compare_models(
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             what = ", ".join(group)
+
+            def bar_of(name: str, what: str = what) -> AbstractContextManager[Progress]:
+                return progress_bar(f"{what}: {name}")
+
             comparison = compare(
                 loaded,
                 group,
                 seed=seed,
                 target=Target(max_step=max_steps),
                 chosen=models,
-                progress_of=lambda name, what=what: progress_bar(f"{what}: {name}"),
+                progress_of=bar_of,
                 store=store,
             )
             place = folder if len(groups) == 1 else folder / group[0]

@@ -54,14 +54,16 @@ def table_of(
     refused; else its row is left out.  Raises InputError as `read_columns` does.
     """
     with in_file(layout.file):
-        return _columns(layout, needed, min_rows, complete)
+        return _columns(layout, list(dict.fromkeys(needed)), min_rows, complete)
 
 
 def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
     places = [_place_of(name, layout) for name in needed]
-    unsaid = layout.delimiter == "," and layout.dialect.delimiter is layout.dialect.decimal is None
+    dialect = layout.dialect
     if (
-        unsaid
+        layout.delimiter == ","
+        and dialect.delimiter is None
+        and dialect.decimal is None
         and len(layout.names) > len(set(places))
         and may_be_decimal_commas(row.line for row in layout.rows)
     ):
