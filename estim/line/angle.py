@@ -1,6 +1,6 @@
 """Points of a straight line, checked, and S as a function of the line's angle.
 
-``line.py``, ``line_intervals.py`` and ``bayesian_line.py`` are built on this file; call those.
+``regression.py``, ``interval.py`` and ``posterior.py`` are built on this file; call those.
 With theta the line's angle and (across, along) the coordinates normal to the line and in it,
 
     across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2

@@ -15,7 +15,7 @@ What to use when:
 between points.  An error common to all points is part of ``cov`` (`joint_errors`); scatter beyond
 the stated uncertainties is for ``posterior.py``.
 
-All three methods are one computation, described in ``line_profile.py``; it needs no starting values
+All three methods are one computation, described in ``angle.py``; it needs no starting values
 and cannot diverge.
 
 Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names
@@ -24,7 +24,7 @@ simulation (``benchmarks/line_coverage.py``).  "york" is too small where both un
 tenth of the range or more: York's adjusted points still scatter along the line, so they seem to
 span a wider range than the true ones do; with many points u_slope is too small by the factor 1 +
 (variance of an adjusted abscissa about the true one)/(variance of the true abscissas).  For a slope
-that is not well known, ``slope_interval`` in ``line_intervals.py`` is exact and not forced to be
+that is not well known, ``slope_interval`` in ``interval.py`` is exact and not forced to be
 symmetric.
 """
 

@@ -1,8 +1,8 @@
 """From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the
 release.
 
-One page says how: the track is read (`tracker`, `tracker_export`), laid along one direction
-(`ramp`), counted from the release, and looked at for what is suspicious (`suspicion`).
+One page says how: the track is read (`trk`, `export`), laid along one direction
+(`ramp`), counted from the release, and looked at for what is suspicious (`plausibility`).
 `docs/tracker.md` explains it to users.
 """
 
