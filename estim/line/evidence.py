@@ -36,12 +36,12 @@ def intercept_evidence(
     """log evidence of the line with a normal intercept minus log evidence of the line through the
     origin.
 
-    Flat priors that both share cancel.  The result depends on ``posterior.intercept_sd``: the wider
+    Flat priors that both share cancel.  The result depends on ``intercept_sd``: the wider
     that prior, the more an intercept near 0 counts for the origin; state it with the result.
     posterior : with ``intercept_sd``.  Raises InputError if it has none.  Source: Kass and Raftery
         1995, J. Am. Stat. Assoc. 90, 773.
     """
-    if posterior.intercept_sd is None:
+    if "intercept" not in posterior.priors:
         raise InputError(
             "must be given: the evidence depends on the prior of the intercept",
             field="intercept_sd",
@@ -53,7 +53,7 @@ def intercept_evidence(
     return InterceptEvidence(
         free.log_evidence - fixed.log_evidence,
         float(np.hypot(free.u_log_evidence, fixed.u_log_evidence)),
-        posterior.intercept_sd,
+        posterior.priors["intercept"].sd,
         ""
         if free.reliable and fixed.reliable
         else phrase(

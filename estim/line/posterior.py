@@ -32,7 +32,9 @@ and Bayesian Methods (Kluwer), p. 511; Kelly 2007, Astrophys. J. 665, 1489, eqs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,6 +43,7 @@ from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.line.angle import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
+from estim.problem import HalfNormal, Normal, Prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +59,9 @@ class LinePosterior:
     step: FloatArray  # (n_par,) rough sds
     data: LineData  # the points
     scale: tuple[float, float]  # sd of x and of y, the units of the prior on the angle
-    scatter: float | None  # sd of the half-normal prior on the scatter in y; None: no scatter
-    u_zero_x: float  # sd of the common offset of all x; 0: none
-    u_zero_y: float  # the same of y
-    # sd of a normal prior on the intercept about 0; None: flat (density 1)
-    intercept_sd: float | None
-    through_origin: bool  # intercept fixed at 0
+    # "intercept", "scatter" (in y), "zero_x", "zero_y" (offsets common to all points): those that
+    # have one; a free intercept without one has a flat prior of density 1
+    priors: Mapping[str, Prior]
 
     def log_density(self, draws: ArrayLike) -> FloatArray:
         """log of likelihood times prior (n_draw,); -inf where it vanishes.
@@ -82,7 +82,7 @@ class LinePosterior:
         data, zero = self.data, np.zeros(1)
         b = column["slope"][:, None]
         tau2 = np.exp(2.0 * column["log_tau"])[:, None]
-        extra = np.exp(2.0 * column["log_scatter"])[:, None] if self.scatter is not None else 0.0
+        extra = np.exp(2.0 * column["log_scatter"])[:, None] if "scatter" in self.priors else 0.0
         x = data.x - column.get("zero_x", zero)[:, None]
         y = data.y - column.get("zero_y", zero)[:, None]
         var_x, cov_xy = data.u_x**2, data.r_xy * data.u_x * data.u_y
@@ -105,20 +105,13 @@ class LinePosterior:
             np.log(ratio / np.pi) - log_secant2 + np.log(2.0 * np.sqrt(2.0) / np.pi) + log_spread
         )
         total = total - np.logaddexp(np.log(2.0), 2.0 * log_spread)
-        if self.intercept_sd is not None and not self.through_origin:
-            total = total + _log_normal(column["intercept"], self.intercept_sd)
-        if self.scatter is not None:
-            log_scatter = column["log_scatter"]
-            total = (
-                total + np.log(2.0) + _log_normal(np.exp(log_scatter), self.scatter) + log_scatter
-            )
-        for name, u in (("zero_x", self.u_zero_x), ("zero_y", self.u_zero_y)):
-            total = total + _log_normal(column[name], u) if u > 0.0 else total
+        for name, prior in self.priors.items():
+            if name == "scatter":
+                log_scatter = column["log_scatter"]
+                total = total + prior.log_density(np.exp(log_scatter)) + log_scatter
+            else:
+                total = total + prior.log_density(column[name])
         return np.asarray(total)
-
-
-def _log_normal(values: FloatArray, sd: float) -> FloatArray:
-    return np.asarray(-0.5 * (values / sd) ** 2 - np.log(sd) - 0.5 * np.log(2.0 * np.pi))
 
 
 def line_posterior(
@@ -155,6 +148,25 @@ def line_posterior(
         raise InputError(
             "has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd
         )
+    priors: dict[str, Prior] = {}
+    if intercept_sd is not None:
+        priors["intercept"] = Normal(0.0, intercept_sd)
+    if scatter is not None:
+        priors["scatter"] = HalfNormal(scatter)
+    for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
+        if u > 0.0:
+            priors[name] = Normal(0.0, float(u))
+    return _posed(data, priors, through_origin=through_origin)
+
+
+def without_intercept(posterior: LinePosterior) -> LinePosterior:
+    """The same posterior with the intercept fixed at 0."""
+    priors = {name: prior for name, prior in posterior.priors.items() if name != "intercept"}
+    return _posed(posterior.data, priors, through_origin=True)
+
+
+def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool) -> LinePosterior:
+    """The posterior with its guess, which comes from the least-squares line."""
     # the points and their mirror images: the best line of both goes through the origin
     signs = (1.0, -1.0) if through_origin else (1.0,)
     fit = fit_line(
@@ -179,12 +191,14 @@ def line_posterior(
     }
     if through_origin:
         del start["intercept"]
-    if scatter is not None:
+    scatter = priors.get("scatter")
+    if isinstance(scatter, HalfNormal):
+        most = scatter.scale
         rms = float(np.sqrt(np.mean((data.y - fit.intercept - fit.slope * data.x) ** 2)))
-        start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * scatter), scatter))), 0.5)
-    for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
-        if u > 0.0:
-            start[name] = (0.0, u)
+        start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * most), most))), 0.5)
+    for name in ("zero_x", "zero_y"):
+        if name in priors:
+            start[name] = (0.0, priors[name].sd)
     values = np.array(list(start.values()))
     values.flags.writeable = False
     return LinePosterior(
@@ -193,26 +207,5 @@ def line_posterior(
         step=values[:, 1],
         data=data,
         scale=scale,
-        scatter=scatter,
-        u_zero_x=float(u_zero_x),
-        u_zero_y=float(u_zero_y),
-        intercept_sd=intercept_sd,
-        through_origin=through_origin,
-    )
-
-
-def without_intercept(posterior: LinePosterior) -> LinePosterior:
-    """The same posterior with the intercept fixed at 0."""
-    data = posterior.data
-    unknown = data.method == "ols"
-    return line_posterior(
-        data.x,
-        data.y,
-        u_x=None if unknown else data.u_x,
-        u_y=None if unknown else data.u_y,
-        r_xy=data.r_xy,
-        scatter=posterior.scatter,
-        u_zero_x=posterior.u_zero_x,
-        u_zero_y=posterior.u_zero_y,
-        through_origin=True,
+        priors=MappingProxyType(dict(priors)),
     )
