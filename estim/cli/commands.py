@@ -12,7 +12,6 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,8 +40,7 @@ from estim.cli.options import (
     out_folder,
     report_options,
 )
-from estim.cli.origin import origin_of
-from estim.cli.origin_record import SIMULATION, written_before
+from estim.cli.origin_record import SIMULATION
 from estim.cli.planning import plan_next
 from estim.cli.propagating import propagate
 from estim.cli.tables import curve_options, load_or_make
@@ -65,11 +63,9 @@ from estim.common import (
     InputError,
     PieceStore,
     Stream,
-    as_json,
     ended_by_signals,
     inputs_read,
     phrase,
-    replace_own,
     stream,
 )
 
@@ -401,16 +397,9 @@ def simulate(design: Path, out: Path) -> None:
     """
     from estim.campaign import load_design, simulate_campaign
 
-    written = written_before(out, within=out, name=SIMULATION)
     files = simulate_campaign(load_design(design))
-    replace_own(
-        out,
-        {name: text.encode() for name, text in files.items()},
-        written,
-        SIMULATION,
-        lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))),
-        within=out,
-    )
+    contents = {name: text.encode() for name, text in files.items()}
+    write_report(out, contents, manifest=SIMULATION)
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
 

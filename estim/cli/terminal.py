@@ -181,9 +181,11 @@ def reserve_output(
         )
 
 
-def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made, in place of the report that was there, of which
-    nothing stays.
+def write_report(
+    folder: Path, files: Mapping[str, bytes], *, within: Path | None = None, manifest: str = ORIGIN
+) -> None:
+    """Write a report whole, and how it was made (the file `manifest`), in place of the report that
+    was there, of which nothing stays.
 
     Raises EstimError, with nothing written, where a file would be replaced that is not as estim
     wrote it.
@@ -191,12 +193,12 @@ def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | Non
     root = within or folder
     part = folder.relative_to(root).as_posix()
     contents, origin = with_origin(files, "" if part == "." else part)
-    before = written_before(folder, within=root)
+    before = written_before(folder, within=root, name=manifest)
     replace_own(
         folder,
         contents,
         before,
-        ORIGIN,
+        manifest,
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
         within=root,
     )

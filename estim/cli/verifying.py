@@ -34,21 +34,6 @@ from estim.verification import Difference, Verdict, compare_results, differences
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
-_MAKING_REPORTS = frozenset(
-    {
-        "fit",
-        "line",
-        "energy",
-        "reanalyse",
-        "calibrate",
-        "compare-models",
-        "map",
-        "plan",
-        "propagate",
-        "body",
-        "batch",
-    }
-)
 _LONGEST_WORD = 4096
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
@@ -112,10 +97,10 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     group = click.get_current_context().find_root().command
     assert isinstance(group, click.Group)
     name, words = (origin.command or [""])[0], origin.command[1:]
-    command = group.commands.get(name) if name in _MAKING_REPORTS else None
-    if command is not None and all(
-        word.isprintable() and len(word) <= _LONGEST_WORD for word in words
-    ):
+    command = group.commands.get(name, click.Command(None))
+    options = {parameter.name for parameter in command.params}
+    makes_report = "formats" in options
+    if makes_report and all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words):
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
         except click.ClickException as error:
@@ -126,7 +111,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
                 file=folder / ORIGIN,
             ) from None
         # and no --help, which click adds
-        if given.keys() <= {parameter.name for parameter in command.params} - OF_THE_MOMENT:
+        if given.keys() <= options - OF_THE_MOMENT:
             return dict(given)
     rule = "must name a command that makes a report, and no place, processes or --resume"
     raise InputError(rule, field="command", value=origin.line, file=folder / ORIGIN)
