@@ -98,8 +98,8 @@ def read_export(
     layout = _layout(lines, track)
     factor, unit_fact = _length_unit(layout, unit)
     data = [(n, line) for n, line in lines if n > layout.line]
-    numbers, rows = _rows(data, layout)
-    blank = len(data) - len(rows)
+    numbers, rows, blank = _rows(data, layout, drop_duplicates)
+    copies = len(data) - blank - len(rows)
     if (
         layout.delimiter == ","
         and layout.width > len(layout.places)
@@ -107,19 +107,13 @@ def read_export(
         and may_be_decimal_commas(line for _, line in data)
     ):
         raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], line=data[0][0])
-    distinct = [
-        i
-        for i, row in enumerate(rows)  # a blank copies a blank
-        if not (drop_duplicates and i and repr(row) == repr(rows[i - 1]))
-    ]
-    copies = len(rows) - len(distinct)
-    table = np.array([rows[i] for i in distinct], dtype=np.float64).reshape(-1, len(layout.places))
+    table = np.array(rows, dtype=np.float64).reshape(-1, len(layout.places))
     scales = {"t": _SECONDS[layout.units.get("t", "s")], "frame": 1.0}
     columns = {
         name: column * scales.get(name, factor)
         for name, column in zip(layout.places, table.T, strict=True)
     }
-    at = np.array([numbers[i] for i in distinct], dtype=np.int64)
+    at = np.array(numbers, dtype=np.int64)
     for name in [name for name in ("t", "x", "y") if name in columns]:
         beyond = ~(np.abs(columns[name]) <= _LIMIT)
         if np.any(beyond):
@@ -159,22 +153,26 @@ def read_export(
     )
 
 
-def _rows(lines: Lines, layout: _Layout) -> tuple[list[int], list[list[float]]]:
-    """Line numbers and numbers of the rows that hold a position."""
+def _rows(
+    lines: Lines, layout: _Layout, drop_duplicates: bool
+) -> tuple[list[int], list[list[float]], int]:
+    """Line numbers and numbers of the rows that hold a position, and how many do not."""
     numbers: list[int] = []
     rows: list[list[float]] = []
-    mark = ""
+    mark, blank = "", 0
     for number, line in lines:
         cells = _cells(line, layout, number)
         mark = _decimal_mark(cells, mark, number)
         values = {name: _value(cells[place], name, number) for name, place in layout.places.items()}
-        if any(math.isnan(values[name]) for name in ("x", "y") if name in values):
-            continue
-        if math.isnan(values["t"]):
+        row = list(values.values())
+        if any(math.isnan(values.get(name, 0.0)) for name in ("x", "y")):
+            blank += 1
+        elif math.isnan(values["t"]):
             raise InputError("must be a number", field="t", value="blank", line=number)
-        numbers.append(number)
-        rows.append(list(values.values()))
-    return numbers, rows
+        elif not (drop_duplicates and rows and repr(row) == repr(rows[-1])):  # a blank copies one
+            numbers.append(number)
+            rows.append(row)
+    return numbers, rows, blank
 
 
 # the header
