@@ -30,7 +30,14 @@ from estim.common import (
 from estim.reading.cells import is_missing, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import PLAIN, Dialect, name_and_unit
 from estim.reading.layout import Layout, Row, cells_differ, numeric_columns, read_layout
-from estim.reading.table import DECIMAL_COMMAS, UNITS, Table, may_be_decimal_commas, own_name
+from estim.reading.table import (
+    DECIMAL_COMMAS,
+    UNITS,
+    Table,
+    may_be_decimal_commas,
+    own_name,
+    row_of,
+)
 
 _MOST_TOLD = 6  # lines or rows of lines
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
@@ -193,6 +200,8 @@ def _place_of(name: str, layout: Layout) -> int:
 def _whole(row: Row, layout: Layout) -> list[str]:
     """The cells of a row, one for each column.  Raises InputError."""
     width = len(layout.names)
+    if row.cells == [row.line]:
+        row_of(row.line, layout.delimiter, row.number)  # says why it is not split
     cells = row.cells if any(row.cells[width:]) else row.cells[:width]
     if len(cells) != width:
         raise cells_differ(len(cells), width, layout.delimiter, row.number)

@@ -22,7 +22,7 @@ from estim.reading.dialect import (
     shown_delimiter,
 )
 from estim.reading.input_file import read_any_text
-from estim.reading.table import NOTE, facts_of, numbered_lines, row_of, split_cells
+from estim.reading.table import NOTE, facts_of, numbered_lines, split_cells
 
 Lines = list[tuple[int, str]]
 
@@ -43,7 +43,7 @@ _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
 
 
 class Row(NamedTuple):
-    """A line of numbers.  number : of the line in the file."""
+    """A line.  number : in the file.  cells : the line alone where it cannot be split."""
 
     number: int
     line: str
@@ -100,14 +100,11 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         if _is_one_column(plain, dialect)
         else shown_delimiter(*(line for _, line in plain[-2:]))
     )
-    start = _start(plain, delimiter) if dialect.header is None else int(dialect.header)
-    above = plain[:start]
-    percent = any(line.lstrip().startswith("%") for _, line in above)
-    rows = [
-        Row(number, line, row_of(line, delimiter, number))
-        for number, line in plain[start:]
-        if not (percent and line.lstrip().startswith("%"))
-    ]
+    split = [Row(number, line, _cells(line, delimiter)) for number, line in plain]
+    start = _start(split) if dialect.header is None else int(dialect.header)
+    above = split[:start]
+    percent = any(row.line.lstrip().startswith("%") for row in above)
+    rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
     if not rows:
         raise InputError("has no rows of numbers below the line of names")
     names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
@@ -222,57 +219,50 @@ def _bare(name: str) -> str:
     return name_and_unit(name)[0]
 
 
-def _start(lines: Lines, delimiter: str) -> int:
+def _start(rows: Sequence[Row]) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or
     nothing) in the same columns.
 
     Raises InputError where rows above it look like data.
     """
-    shape = _shape(lines[-1][1], delimiter)
-    wanted = [
-        place
-        for place, cell in enumerate(_cells(lines[-1][1], delimiter))
-        if looks_like_a_number(cell)
-    ]
-    for first, (_, line) in enumerate(lines):  # noqa: B007
-        cells = _cells(line, delimiter)
-        alike = shape & _shape(line, delimiter) and all(
+    last = rows[-1]
+    shape = _shape(last.cells)
+    wanted = [place for place, cell in enumerate(last.cells) if looks_like_a_number(cell)]
+    for first, row in enumerate(rows):  # noqa: B007
+        alike = shape & _shape(row.cells) and all(
             looks_like_a_number(cell) or is_missing(cell)
             for place in wanted
-            for cell in cells[place : place + 1]
+            for cell in row.cells[place : place + 1]
         )
-        if alike and any(map(looks_like_a_number, cells)):
+        if alike and any(map(looks_like_a_number, row.cells)):
             break
     else:
-        number, line = lines[-1]
-        raise InputError(
-            "must hold numbers: the last line holds none", field="row", value=line, line=number
-        )
-    while first and _is_blank(lines[first - 1][1], delimiter, shape):
+        rule = "must hold numbers: the last line holds none"
+        raise InputError(rule, field="row", value=last.line, line=last.number)
+    while first and _is_blank(rows[first - 1], shape):
         first -= 1
-    for number, line in lines[:first]:
-        cells = [cell for cell in _cells(line, delimiter) if cell]
+    for row in rows[:first]:
+        cells = [cell for cell in row.cells if cell]
         if len(cells) > 1 and all(map(looks_like_a_number, cells)):
             rule = (
                 "is a row with another number of cells than the last one: say how many lines "
                 "stand above the table (--skip-rows, skip_rows)"
             )
-            raise InputError(rule, field="row", value=line, line=number)
+            raise InputError(rule, field="row", value=row.line, line=row.number)
     return first
 
 
-def _is_blank(line: str, delimiter: str, shape: set[int]) -> bool:
+def _is_blank(row: Row, shape: set[int]) -> bool:
     """Whether a line is a row in which no cell has a value."""
     return (
-        bool(shape & _shape(line, delimiter))
-        and not _RULE.fullmatch(line)
-        and all(map(is_missing, _cells(line, delimiter)))
+        bool(shape & _shape(row.cells))
+        and not _RULE.fullmatch(row.line)
+        and all(map(is_missing, row.cells))
     )
 
 
-def _shape(line: str, delimiter: str) -> set[int]:
+def _shape(cells: list[str]) -> set[int]:
     """Number of cells of a line, with and without blank ones at its end."""
-    cells = _cells(line, delimiter)
     return {len(cells), len(_trimmed(cells))}
 
 
@@ -291,7 +281,7 @@ def _trimmed(cells: list[str]) -> list[str]:
 
 
 def _header(
-    above: Lines,
+    above: Sequence[Row],
     below: Lines,
     rows: Sequence[Row],
     delimiter: str,
@@ -317,7 +307,7 @@ def _header(
         return cells_differ(len(row.cells), width, delimiter, row.number)
 
     if not dialect.header and above:
-        _refuse_half_a_row(above, delimiter, fits)
+        _refuse_half_a_row(above, fits)
     if dialect.columns is not None:
         if not fits(dialect.columns):
             raise InputError(
@@ -328,19 +318,17 @@ def _header(
             )
         return dialect.columns, None, []
     if dialect.header:
-        number, line = above[0]
-        cells = _trimmed(_cells(line.strip().lstrip("%# "), delimiter))
+        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter))
         if not fits(cells):
             raise odd_row(len(cells))
-        return tuple(cells), number, []
+        return tuple(cells), above[0].number, []
     units: list[str] = []
-    for i, (number, line) in reversed(list(enumerate(above))):
+    for i, (number, line, untrimmed) in reversed(list(enumerate(above))):
         percent = line.lstrip().startswith("%")
-        cells = _trimmed(_cells(line.strip().lstrip("% ") if percent else line, delimiter))
+        cells = _trimmed(_cells(line.strip().lstrip("% "), delimiter) if percent else untrimmed)
         if _RULE.fullmatch(line) or (percent and not are_names(cells)):
             continue
-        over = _trimmed(_cells(above[i - 1][1], delimiter)) if i else []
-        untrimmed = _cells(line, delimiter)
+        over = _trimmed(above[i - 1].cells) if i else []
         of_units = _are_units(untrimmed) and fits(untrimmed)
         below_names = of_units or (
             are_names(cells) and _all_in(needed, over) and not _all_in(needed, cells)
@@ -362,14 +350,15 @@ def _header(
     return (), None, []
 
 
-def _refuse_half_a_row(above: Lines, delimiter: str, fits: Callable[[Sequence[str]], bool]) -> None:
+def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], bool]) -> None:
     """Raises InputError where the line over the first row looks like one more, with something in it
     that is no number.
     """
-    number, line = next(
-        (entry for entry in reversed(above) if not _RULE.fullmatch(entry[1])), (0, "")
+    drawn = Row(0, "", [])
+    number, line, cells = next(
+        (row for row in reversed(above) if not _RULE.fullmatch(row.line)), drawn
     )
-    cells = _trimmed(_cells(line, delimiter))
+    cells = _trimmed(cells)
     if not fits(cells) or line.lstrip().startswith("%") or _are_units(cells):
         return
     if any(

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from estim.common import InputError, in_its_file, listed, phrase, read_number
-from estim.reading.cells import is_comment, looks_like_a_number
+from estim.reading.cells import is_comment
 from estim.reading.input_file import lines_of, read_text
 from estim.reading.table import (
     DECIMAL_COMMAS,
@@ -33,6 +33,7 @@ from estim.reading.tracker.track import METRES, Track
 
 Lines = list[tuple[int, str]]
 
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _NAME = re.compile(r"(.{1,30}?)\s*[(\[]\s*(\w{1,5})\s*[)\]]")
 _DATE = re.compile(
     r"\d{1,4}[./-](\d{1,2}|[^\W\d_]{3,9})\.?([./-]\d{1,4})?|[^\W\d_]{3,9}[./-]\d{2,4}|\d{1,2}\.\s?[^\W\d_]{3,9}\.?"
@@ -288,8 +289,8 @@ def _no_header(lines: Lines) -> InputError:
         )
     short = line[:5000]
     cells = [cell.strip() for cell in short.split(_delimiter(short))]
-    marks = {mark for cell in cells if looks_like_a_number(cell) for mark in ".," if mark in cell}
-    if marks == {".", ","} or (_DATE.fullmatch(cells[0]) and not looks_like_a_number(cells[0])):
+    marks = {mark for cell in cells if _NUMBER.fullmatch(cell) for mark in ".," if mark in cell}
+    if marks == {".", ","} or (_DATE.fullmatch(cells[0]) and not _NUMBER.fullmatch(cells[0])):
         day = _as_day(cells[0])
         what = "mixes decimal points and commas" if len(marks) == 2 else "begins with a date"
         return InputError(
@@ -309,7 +310,7 @@ def _no_header(lines: Lines) -> InputError:
 
 def _as_day(cell: str) -> str:
     """A number that a spreadsheet shows as a date, in words."""
-    value = float(cell.replace(",", ".")) if looks_like_a_number(cell) else 0.0
+    value = float(cell.replace(",", ".")) if _NUMBER.fullmatch(cell) else 0.0
     if value != round(value) or not _DAYS[0] <= value <= _DAYS[1]:
         return ""
     return (
@@ -367,7 +368,7 @@ def _cells(line: str, layout: _Layout, number: int) -> list[str]:
 def _decimal_mark(cells: list[str], mark: str, number: int) -> str:
     """The decimal mark in use; raises InputError where a cell has the other one."""
     for cell in cells:
-        if looks_like_a_number(cell):
+        if _NUMBER.fullmatch(cell):
             here = "," if "," in cell else "." if "." in cell else mark
             if mark and here != mark:
                 names = {",": "comma", ".": "point"}
@@ -386,7 +387,7 @@ def _value(cell: str, name: str, line: int) -> float:
     """The number in a cell; NaN where it is blank."""
     if not cell:
         return math.nan
-    if not looks_like_a_number(cell):
+    if not _NUMBER.fullmatch(cell):
         rule = f"is a date; {_SPREADSHEET}" if _DATE.fullmatch(cell) else "must be a number"
         raise InputError(rule, field=name, value=cell, line=line)
     return read_number(cell.replace(",", "."))
