@@ -116,9 +116,11 @@ def parse_tracker_xml(data: bytes) -> Element:
     Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of
     tracks alone hold any.
     """
-    if (
-        (encoding := _ENCODING.match(data)) is None or encoding[1].lower() in (b"utf-8", b"utf8")
-    ) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    encoding = _ENCODING.match(data)
+    as_utf8 = (encoding is None or encoding[1].lower() in (b"utf-8", b"utf8")) and not (
+        data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    )
+    if as_utf8:
         data = _as_utf8(data)
     top: list[Element] = []
     stack: list[Element] = []
@@ -160,7 +162,7 @@ def parse_tracker_xml(data: bytes) -> Element:
     except InputError:
         raise
     except expat.ExpatError as error:
-        if not (encoding := _ENCODING.match(data)) or encoding[1].lower() in (b"utf-8", b"utf8"):
+        if as_utf8:
             _check_utf8(data)
         rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
         raise InputError(rule, field="XML", line=error.lineno) from None
@@ -190,8 +192,7 @@ def _check_utf8(data: bytes) -> None:
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
-        if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-            raise not_utf8(data, error) from None
+        raise not_utf8(data, error) from None
 
 
 def unpack_trz(data: bytes, track: str | None) -> tuple[bytes, str | None]:
