@@ -97,10 +97,10 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     group = click.get_current_context().find_root().command
     assert isinstance(group, click.Group)
     name, words = (origin.command or [""])[0], origin.command[1:]
-    command = group.commands.get(name, click.Command(None))
-    options = {parameter.name for parameter in command.params}
-    makes_report = "formats" in options
-    if makes_report and all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words):
+    command = group.commands.get(name)
+    options = set() if command is None else {parameter.name for parameter in command.params}
+    sane = all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words)
+    if command is not None and "formats" in options and sane:
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
         except click.ClickException as error:
