@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -94,7 +93,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 )
 def batch(
     paths: tuple[Path, ...],
-    jobs: int | None,
+    jobs: int,
     shard: str | None,
     scheduler: str | None,
     reports: bool,
@@ -123,7 +122,7 @@ def batch(
         else "result"
     )
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
-    settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
+    settings = Settings(kind, seed, max_steps)
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     reserve_output(place, "summary.csv", "summary.json", "times.csv", within=out)
@@ -139,7 +138,7 @@ def batch(
             report=written,
             settings=settings,
             resume=resume,
-            jobs=processes,
+            jobs=jobs,
             executor=executor,
             progress=lambda done: progress(done, len(units)),
         )

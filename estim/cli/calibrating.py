@@ -4,7 +4,6 @@ written.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
@@ -51,7 +50,7 @@ def calibrate(
     joint: bool,
     simulations: int,
     what: str,
-    jobs: int | None,
+    jobs: int,
     out: Path | None,
     seed: int,
     resume: bool,
@@ -105,7 +104,7 @@ def calibrate(
                             fit,
                             n_trial=simulations,
                             seed=seed,
-                            jobs=jobs or os.cpu_count() or 1,
+                            jobs=jobs,
                             progress=lambda done: progress(done, simulations),
                             store=store.given(loaded.digests(group)),
                         )

@@ -346,7 +346,7 @@ def energy(
 def reanalyse(
     campaign: Path,
     max_steps: int,
-    jobs: int | None,
+    jobs: int,
     out: Path | None,
     seed: int,
     no_figures: bool,
@@ -366,7 +366,7 @@ def reanalyse(
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
+    folder = out or out_folder(campaign, "reanalysis")
     loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
     reserve_output(folder, "result.json")
     with finished_pieces(folder, resume=resume) as store:
@@ -375,7 +375,7 @@ def reanalyse(
             seed=seed,
             target=Target(max_step=max_steps),
             progress_of=announced,
-            jobs=processes,
+            jobs=jobs,
             store=store,
         )
         write_report(

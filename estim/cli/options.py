@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -60,7 +61,10 @@ NO_FIGURES = click.option(
     "--no-figures", is_flag=True, help="Write the report without figures, which is faster."
 )
 JOBS = click.option(
-    "--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]"
+    "--jobs",
+    type=click.IntRange(min=1),
+    callback=lambda _context, _option, jobs: jobs or os.cpu_count() or 1,
+    help="Processes.  [default: one for each core]",
 )
 
 RESUME = click.option(
