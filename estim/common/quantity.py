@@ -11,9 +11,13 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from estim.common.errors import InputError
 from estim.common.unit_symbols import is_unit
+
+if TYPE_CHECKING:
+    from estim.arrays import FloatArray
 
 _NUMBER = re.compile(
     r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
@@ -39,6 +43,11 @@ class Quantity:
 
     value: float
     u: float = 0.0
+
+    @classmethod
+    def of(cls, draws: FloatArray) -> Quantity:
+        """Mean and standard deviation of draws (n_draw,)."""
+        return cls(float(draws.mean()), float(draws.std(ddof=1)))
 
     def scaled(self, factor: float) -> Quantity:
         """The same quantity in another unit, `factor` new units per old one."""

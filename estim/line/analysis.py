@@ -249,8 +249,7 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
 def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
     gamma = 1.0 / chain.flat[:, chain.names.index("slope")]
     resistance = gamma * chain.flat[:, chain.names.index("intercept")]
-    means = (Quantity(float(d.mean()), float(d.std(ddof=1))) for d in (gamma, resistance))
-    return _reading(next(means), next(means), gamma_masses)
+    return _reading(Quantity.of(gamma), Quantity.of(resistance), gamma_masses)
 
 
 def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:

@@ -291,7 +291,7 @@ def analyse_trials(
         ways,
         apart,
         thresholds(trials, values["scatter"]),
-        Quantity(float(above.mean()), float(above.std(ddof=1))),
+        Quantity.of(above),
         phi_mean,
         shares,
         correlation,
@@ -343,7 +343,7 @@ def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certifica
 
 def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
     summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
-    estimate = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
+    estimate = Quantity.of(gamma)
     return Way(summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable)
 
 
@@ -353,11 +353,7 @@ def _ends_apart(
     """None where the importance weights cannot be trusted."""
     weighted = weigh(release_posterior(trials, resistance, split=True), rng=rng)
     difference = weighted.draws[:, 0] - weighted.draws[:, 1]
-    return (
-        EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1))))
-        if weighted.reliable
-        else None
-    )
+    return EndsApart(Quantity.of(difference)) if weighted.reliable else None
 
 
 def _findings(
