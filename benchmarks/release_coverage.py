@@ -148,7 +148,7 @@ def central(
     posterior = release_posterior(trials, RESISTANCE)
     if known is not None:
         posterior = replace(posterior, priors={**posterior.priors, "gamma": known})
-    found = weigh(posterior, rng=rng, n_draw=4000, least_ess=1000.0)
+    found = weigh(posterior, rng=rng)
     gamma = found.draws[:, 0]
     below, (low, middle, high) = (
         float(np.mean(gamma < truth)),

@@ -366,13 +366,7 @@ def test_intervals_of_gamma_hold_the_truth_and_those_without_the_release_do_not(
         ):
             posterior = release_posterior(variant, resistance)
             posterior = replace(posterior, priors={**posterior.priors, "gamma": gammas})
-            below[name].append(
-                float(
-                    np.mean(
-                        weigh(posterior, rng=rng, n_draw=4000, least_ess=1000.0).draws[:, 0] < gamma
-                    )
-                )
-            )
+            below[name].append(float(np.mean(weigh(posterior, rng=rng).draws[:, 0] < gamma)))
     for probability in (0.68, 0.95):
         inside = {
             name: float(np.mean(np.abs(np.array(part) - 0.5) < 0.5 * probability))
