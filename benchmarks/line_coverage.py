@@ -23,9 +23,9 @@ from scipy import stats
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.line.evidence import sample_line
+from estim.line.evidence import weigh_line
 from estim.line.interval import slope_interval
-from estim.line.posterior import line_mode, line_posterior
+from estim.line.posterior import line_posterior
 from estim.line.regression import coverage_factor, fit_line
 
 FloatArray = NDArray[np.float64]
@@ -86,9 +86,9 @@ def one_repeat(
         exact = [slope_interval(fit, probability=p, convention=convention) for p in PROBABILITIES]
         held[name, "slope"] = [interval.low < SLOPE < interval.high for interval in exact]
     posterior = line_posterior(x, y, u_x=cell.u_x, u_y=cell.u_y)
-    sample = sample_line(posterior, line_mode(posterior), rng=rng, n_draw=4000)
+    sample = weigh_line(posterior, rng=rng, n_draw=4000)
     for column, (name, true) in enumerate((("intercept", INTERCEPT), ("slope", SLOPE))):
-        held["Bayesian", name] = _central(float(sample.weights @ (sample.draws[:, column] < true)))
+        held["Bayesian", name] = _central(float(np.mean(sample.draws[:, column] < true)))
     below_intercept, below_slope = naive_probabilities(
         x, y, cell, slopes=fit.slope * np.linspace(0.3, 2.0, 801)
     )

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.line.regression import coverage_factor, fit_line
-from estim.line.release_draws import weigh
+from estim.line.release_analysis import weigh
 from estim.line.release_likelihood import release_posterior
 from estim.line.trial_data import Trials, by_tilt
 from estim.problem import HalfNormal, LogNormal, Prior, Uniform
@@ -120,7 +120,7 @@ def ways(
         return {"posterior": central(trials, truth, known, rng)}
     variants = {
         "posterior": trials,
-        "release left out": trials.without_release(),
+        "release left out": replace(trials, release=0.0),
         "tilts taken as exact": replace(trials, u_phi=0.0),
     }
     held = {name: central(variant, truth, known, rng) for name, variant in variants.items()}
@@ -148,7 +148,7 @@ def central(
     posterior = release_posterior(trials, RESISTANCE)
     if known is not None:
         posterior = replace(posterior, priors={**posterior.priors, "gamma": known})
-    found = weigh(posterior, rng=rng, n_draw=4000, least_ess=1000.0)
+    found = weigh(posterior, rng=rng)
     gamma = found.draws[:, 0]
     below, (low, middle, high) = (
         float(np.mean(gamma < truth)),

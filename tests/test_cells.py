@@ -39,7 +39,7 @@ def test_a_row_that_a_spreadsheet_could_not_compute_is_refused_with_its_line(
     for rows in (f"0.1;1;1\n{bad}\n0.3;2;3\n0.4;4;4\n", f"0.1;1;1\n{bad}\n"):
         path.write_text(f"t;y;z\n{rows}", encoding="utf-8")
         with pytest.raises(InputError, match=r"a\.csv:3: "):
-            read_columns(path, needed=("t", "y"), min_rows=1, shown_as="a.csv")
+            read_columns(path, needed=("t", "y"), min_rows=1)
 
 
 def test_it_is_said_what_to_do(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_it_is_said_what_to_do(tmp_path: Path) -> None:
         InputError,
         match=r"a\.csv:3: 't' must be a number \(leave the row out where there is none\): #N/A",
     ):
-        read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv")
+        read_columns(path, needed=("t", "y"), min_rows=2)
 
 
 @pytest.mark.parametrize(
@@ -104,15 +104,17 @@ def test_the_first_row_is_no_line_of_names(tmp_path: Path, first: bool) -> None:
         "t;y\n#DIV/0!;#DIV/0!\n0.2;1\n0.3;2\n" if first else "t;y\n#DIV/0!;0\n0.2;1\n0.3;2\n"
     )
     with pytest.raises(InputError, match=r"a\.csv:2: 'row' must be a row of numbers"):
-        read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv")
+        read_columns(path, needed=("t", "y"), min_rows=2)
 
 
 def test_an_error_in_a_column_that_is_not_needed_costs_no_row(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("k;t;y\n1;0.1;1\n#N/A;0.2;2\n3;0.3;3\n")
-    assert read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv").columns[
-        "t"
-    ].tolist() == [0.1, 0.2, 0.3]
+    assert read_columns(path, needed=("t", "y"), min_rows=2).columns["t"].tolist() == [
+        0.1,
+        0.2,
+        0.3,
+    ]
 
 
 def test_no_other_reader_loses_it(tmp_path: Path) -> None:
@@ -124,7 +126,7 @@ def test_no_other_reader_loses_it(tmp_path: Path) -> None:
         InputError,
         match=r"a\.csv:6: 't_s' must be a number \(leave the row out where there is none\): #N/A",
     ):
-        read_run(path, name="a", shown_as="a.csv")
+        read_run(path, name="a")
     path.write_text("\n".join(["ball,,", "t,x,y", *(f"{row},0" for row in rows)]))
     with pytest.raises(InputError, match=r"a\.csv:7: 't' must be a number"):
-        read_export(path, unit="m", shown_as="a.csv")
+        read_export(path, unit="m")

@@ -26,7 +26,7 @@ def read(
     **said,
 ) -> dict[str, list[float]]:
     path.write_bytes(data if isinstance(data, bytes) else data.encode(letters))
-    table = read_columns(path, needed=needed, min_rows=2, shown_as="a.csv", dialect=Dialect(**said))
+    table = read_columns(path, needed=needed, min_rows=2, dialect=Dialect(**said))
     return {name: column.tolist() for name, column in table.columns.items()}
 
 
@@ -158,7 +158,7 @@ def test_a_dialect_that_makes_no_sense_is_refused(said: dict, says: str) -> None
 def test_rows_without_a_value_are_left_out_and_counted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("t;y;k\n0,1;1;a\n0,2;;b\n0,3;nan;\n0,4;4;c\n")
-    table = read_columns(path, needed=("t", "y"), min_rows=2, shown_as="a.csv")
+    table = read_columns(path, needed=("t", "y"), min_rows=2)
     assert table.lines.tolist() == [2, 5]
     assert table.facts == ("2 rows without a value of 'y' were excluded (lines 3, 4)",)
 
@@ -183,7 +183,7 @@ def test_only_lines_without_a_value_are_told(lines: list[int], said: str) -> Non
 def test_letters_of_other_encodings_change_no_number(tmp_path: Path, encoding: str) -> None:
     text = "t (µs);y / °C\n0,1;1\n0,2;2\n"
     assert read(tmp_path / "a.csv", text, letters=encoding) == {"t": [0.1, 0.2], "y": [1.0, 2.0]}
-    layout = read_layout(tmp_path / "a.csv", Dialect(), shown_as="a.csv")
+    layout = read_layout(tmp_path / "a.csv", Dialect())
     assert layout.units == ("µs", "°C")
     assert bool(layout.facts) == (encoding == "latin-1")
 
@@ -282,19 +282,17 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         "gallery/hubble_1929.csv": 24,
     }
     for name, n in rows.items():
-        layout = read_layout(shared / name, Dialect(), shown_as=name)
+        layout = read_layout(shared / name, Dialect())
         table = read_columns(
             shared / name,
             needed=[*layout.names][1:3] if len(layout.names) > 2 else layout.names,
             min_rows=3,
-            shown_as=name,
         )
         assert table.lines.size == n, name
     nist = read_columns(
         shared / "nist_strd" / "Misra1a.dat",
         needed=("x", "y"),
         min_rows=3,
-        shown_as="n",
         dialect=Dialect(columns=("y", "x")),
     )
     np.testing.assert_array_equal(nist.columns["x"][[0, -1]], [77.6, 760.0])
@@ -303,18 +301,14 @@ def test_the_tables_of_other_people_are_read(real_files: list[Path]) -> None:
         Dialect(columns=("t", "x", "y", "v", "a")),
     )
     with pytest.raises(InputError, match="decimal points and others with commas"):
-        read_columns(destroyed, needed=("t", "y"), min_rows=3, shown_as="n", dialect=named)
+        read_columns(destroyed, needed=("t", "y"), min_rows=3, dialect=named)
 
 
 def test_uncertainties_in_another_unit_than_their_column_are_refused(tmp_path: Path) -> None:
     def table(head: str, **said):
         (tmp_path / "a.csv").write_text(f"{head}\n1,2,3\n4,5,6\n")
         return read_columns(
-            tmp_path / "a.csv",
-            needed=("t", "y", "u_y"),
-            min_rows=2,
-            shown_as="a.csv",
-            dialect=Dialect(**said),
+            tmp_path / "a.csv", needed=("t", "y", "u_y"), min_rows=2, dialect=Dialect(**said)
         )
 
     for head, said in (
@@ -359,6 +353,6 @@ def test_a_row_that_copies_an_earlier_one_is_told_where_no_reading_is_repeated(
     tmp_path: Path, text: str, told: str
 ) -> None:
     (tmp_path / "a.csv").write_text(text)
-    table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2, shown_as="a.csv")
+    table = read_columns(tmp_path / "a.csv", needed=("t", "y"), min_rows=2)
     assert list(table.warnings) == ([told] if told else [])
     assert table.lines.size == text.count("\n") - 1

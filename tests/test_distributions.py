@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy import stats
 
 from estim.distributions import (
@@ -15,7 +14,6 @@ from estim.distributions import (
     student_quantile,
     student_tail,
 )
-from estim.line.evidence import log_student
 
 EQUAL = {"rtol": 1e-12, "atol": 0.0, "strict": True}
 Z = np.array([-37.0, -5.0, -1.0, 0.0, 0.3, 2.0, 8.0, 37.0])
@@ -53,13 +51,3 @@ def test_chi_squared():
     np.testing.assert_allclose(chi2_quantile(p, dof), stats.chi2.ppf(p, dof), **EQUAL)
     np.testing.assert_allclose(chi2_quantile(1.0 - p, dof), stats.chi2.isf(p, dof), **EQUAL)
     assert np.isnan(chi2_tail(np.nan, 3))
-
-
-@pytest.mark.parametrize("n_par", [1, 2, 5])
-def test_multivariate_t(n_par: int, rng: np.random.Generator):
-    draws = 3.0 * rng.standard_normal((40, n_par))
-    np.testing.assert_allclose(
-        log_student(draws, 5.0),
-        stats.multivariate_t(np.zeros(n_par), np.eye(n_par), df=5.0).logpdf(draws),
-        rtol=1e-12,
-    )

@@ -363,4 +363,4 @@ def test_every_command_that_writes_a_report_has_formats() -> None:
         }
     }
     # what is no report, and `write_report`
-    assert writing == {"commands", "importing", "new", "terminal"}
+    assert writing == {"importing", "new", "terminal"}

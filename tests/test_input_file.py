@@ -65,7 +65,7 @@ def test_what_only_looks_like_a_file_is_refused(path: str) -> None:
     with pytest.raises(
         InputError, match=r"must be a regular file|must not be empty|cannot be read"
     ):
-        read_bytes(Path(path), shown_as="a.csv")
+        read_bytes(Path(path))
 
 
 @pytest.mark.skipif(not Path("/proc/kmsg").exists(), reason="no such file")
@@ -109,10 +109,10 @@ def test_size_is_bounded_by_what_is_read_not_by_what_the_file_says(
     monkeypatch.setattr(Path, "stat", lambda self: said)
     monkeypatch.setattr(os, "fstat", lambda handle: said)
     if size <= 1000:
-        assert read_bytes(path, shown_as="a", limit=1000) == b"x" * size
+        assert read_bytes(path, limit=1000) == b"x" * size
     else:
         with pytest.raises(InputError, match=r"'size' must be at most 0 KiB: more than 1000"):
-            read_bytes(path, shown_as="a", limit=1000)
+            read_bytes(path, limit=1000)
 
 
 def test_lines_end_where_editors_end_them() -> None:
@@ -153,6 +153,6 @@ def test_bytes_that_are_no_utf8_are_told_with_their_likely_kind(
     (tmp_path / "a").write_bytes(data)
     with pytest.raises(
         InputError,
-        match=rf"^a:[14]: 'byte' must be UTF-8 text \(this {what}.*: save it again as UTF-8\)",
+        match=rf"/a:[14]: 'byte' must be UTF-8 text \(this {what}.*: save it again as UTF-8\)",
     ):
-        read_text(tmp_path / "a", shown_as="a")
+        read_text(tmp_path / "a")

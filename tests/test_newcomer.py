@@ -101,7 +101,7 @@ def test_decimal_commas_are_told_as_such(tmp_path: Path) -> None:
     ):
         (tmp_path / "a.csv").write_text(text)
         with pytest.raises(InputError, match=says):
-            read_run(tmp_path / "a.csv", name="a", shown_as="a.csv")
+            read_run(tmp_path / "a.csv", name="a")
 
 
 @pytest.mark.parametrize("noise", ["{sigma_x_m = 1.0}", '{model = "positions", sigma_x_m = 1.0}'])
@@ -407,24 +407,30 @@ def test_one_column_of_decimal_commas_is_read_where_its_name_shows_it_and_else_a
     path = tmp_path / "events.csv"
     for name in ("t (s)", "t in s"):
         path.write_text(f"{name}\n0,5\n1,25\n2,0\n")
-        assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv").columns[
-            "t"
-        ].tolist() == [0.5, 1.25, 2.0]
+        assert read_columns(path, needed=["t"], min_rows=3).columns["t"].tolist() == [
+            0.5,
+            1.25,
+            2.0,
+        ]
     path.write_text("t\n0,5\n1,25\n2,0\n")
     with pytest.raises(
         InputError,
         match=r"must have 1 cells \(decimal commas\? --decimal comma, or decimal = \"comma\"\)",
     ):
-        read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv")
+        read_columns(path, needed=["t"], min_rows=3)
     assert (
         "the comma is taken to part the cells: if it is the decimal mark, say --decimal comma"
         in refused("fit", path, "--formula", "a*t")
     )
     stated = Dialect(decimal="comma")
-    assert read_columns(path, needed=["t"], min_rows=3, shown_as="e.csv", dialect=stated).columns[
-        "t"
-    ].tolist() == [0.5, 1.25, 2.0]
+    assert read_columns(path, needed=["t"], min_rows=3, dialect=stated).columns["t"].tolist() == [
+        0.5,
+        1.25,
+        2.0,
+    ]
     path.write_text("t,n\n1,2\n2,3\n3,4\n")
-    assert read_columns(path, needed=["t", "n"], min_rows=3, shown_as="e.csv").columns[
-        "n"
-    ].tolist() == [2.0, 3.0, 4.0]
+    assert read_columns(path, needed=["t", "n"], min_rows=3).columns["n"].tolist() == [
+        2.0,
+        3.0,
+        4.0,
+    ]

@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 from estim import InputError
 from estim.campaign import load_campaign, load_design, simulate_campaign
 from estim.cli.commands import cli
-from estim.line.release_draws import weigh
+from estim.line.release_analysis import weigh
 from estim.line.release_likelihood import effective_start, release_posterior
 from estim.line.thresholds import thresholds
 from estim.line.trial_data import HIGH, LOW, Trials, by_tilt, read_trials
@@ -366,13 +366,7 @@ def test_intervals_of_gamma_hold_the_truth_and_those_without_the_release_do_not(
         ):
             posterior = release_posterior(variant, resistance)
             posterior = replace(posterior, priors={**posterior.priors, "gamma": gammas})
-            below[name].append(
-                float(
-                    np.mean(
-                        weigh(posterior, rng=rng, n_draw=4000, least_ess=1000.0).draws[:, 0] < gamma
-                    )
-                )
-            )
+            below[name].append(float(np.mean(weigh(posterior, rng=rng).draws[:, 0] < gamma)))
     for probability in (0.68, 0.95):
         inside = {
             name: float(np.mean(np.abs(np.array(part) - 0.5) < 0.5 * probability))

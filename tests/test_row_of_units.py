@@ -19,7 +19,7 @@ ROWS = "0,1;1\n0,2;2\n0,3;3\n"
 
 def read(path: Path, text: str, *, needed: tuple[str, ...] = ("t", "n")) -> Table:
     path.write_text(text, encoding="utf-8")
-    return read_columns(path, needed=needed, min_rows=2, shown_as="a.csv")
+    return read_columns(path, needed=needed, min_rows=2)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,7 @@ def test_units_below_the_names(tmp_path: Path, row: str, units: tuple[str, str])
     assert (table.units["t"], table.units["n"]) == units
     assert table.columns["t"].tolist() == [0.1, 0.2, 0.3]
     # nobody says which columns are needed
-    layout = read_layout(tmp_path / "a.csv", Dialect(), shown_as="a.csv")
+    layout = read_layout(tmp_path / "a.csv", Dialect())
     assert (layout.names, layout.units) == (("t", "n"), units)
 
 
@@ -72,5 +72,5 @@ def test_half_a_row_is_no_row_of_units(tmp_path: Path, row: str) -> None:
 
 def test_names_that_are_no_symbols_stay_names(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text(f"Group;three\nt;n\n{ROWS}")
-    layout = read_layout(tmp_path / "a.csv", Dialect(), shown_as="a.csv")
+    layout = read_layout(tmp_path / "a.csv", Dialect())
     assert layout.names == ("t", "n")

@@ -24,9 +24,11 @@ def table(header="t_s,x_m", rows=ROWS, mark=","):
 
 
 @pytest.fixture
-def write(tmp_path):
+def write(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
     def write(content, name="a.csv"):
-        path = tmp_path / name
+        path = Path(name)
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
         return path
 
@@ -38,8 +40,8 @@ def write(tmp_path):
 
 def test_numbers_names_and_lines_come_back_unchanged(write):
     path = write(table())
-    run = read_run(path, name="one", shown_as="runs/a.csv")
-    assert (run.name, run.file, run.n_row) == ("one", "runs/a.csv", 6)
+    run = read_run(path, name="one")
+    assert (run.name, run.file, run.n_row) == ("one", "a.csv", 6)
     assert run.columns["t_s"].tolist() == [row[0] for row in ROWS]
     assert run.columns["x_m"].tolist() == [row[1] for row in ROWS]
     assert run.lines.tolist() == [2, 3, 4, 5, 6, 7]
@@ -155,11 +157,7 @@ def test_a_comment_ends_where_its_line_ends(write, mark, names):
 @pytest.mark.parametrize("mark", MARKS, ids=map(ascii, MARKS))
 def test_no_other_mark_ends_a_row(write, mark):
     with pytest.raises(InputError, match=r"^a\.csv:4: "):
-        read_run(
-            write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")),
-            name="one",
-            shown_as="a.csv",
-        )
+        read_run(write(table().replace("0.2,0.009\n", f"0.2,0.009{mark}0.25,0.012\n")), name="one")
 
 
 def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write):
@@ -168,7 +166,7 @@ def test_a_carriage_return_alone_does_not_end_a_comment_among_other_lines(write)
             InputError,
             match=r"^a\.csv:9: 'row' must not follow a comment after a carriage return alone",
         ):
-            read_run(write(table(names) + "# again\r0.6,99\n"), name="one", shown_as="a.csv")
+            read_run(write(table(names) + "# again\r0.6,99\n"), name="one")
     assert read_run(write(table() + "# again\r\r\n"), name="one").n_row == 6
 
 
@@ -194,7 +192,7 @@ def test_cells_that_may_be_decimal_commas_are_asked_about(write, names, row):
         match=r"^a\.csv:2: 'row' may hold decimal commas: .* semicolons, or write one number with "
         r"a decimal point",
     ):
-        read_run(write(text), name="one", shown_as="a.csv")
+        read_run(write(text), name="one")
     first = rows[0][at]
     said = [text.replace(",", ";"), text.replace(",", "\t"), text.replace(",", ", ")]
     said += [
@@ -319,19 +317,19 @@ REFUSED = {
 def test_refused_with_file_line_field_rule_and_value(write, mistake):
     text, told = REFUSED[mistake]
     with pytest.raises(InputError) as caught:
-        read_run(write(text), name="one", shown_as="a.csv")
+        read_run(write(text), name="one")
     assert str(caught.value).startswith(told)
     assert "\n" not in str(caught.value)
 
 
 def test_nul_bytes_are_refused_in_words(write):
     with pytest.raises(InputError, match=r"^a\.csv:3: "):
-        read_run(write(table().replace("0.004", "0.0\x0004")), name="one", shown_as="a.csv")
+        read_run(write(table().replace("0.004", "0.0\x0004")), name="one")
 
 
 def test_an_unclosed_quote_is_refused_in_words(write):
     with pytest.raises(InputError, match=r"^a\.csv:3: "):
-        read_run(write(table().replace("0.1,0.004", '"0.1,0.004')), name="one", shown_as="a.csv")
+        read_run(write(table().replace("0.1,0.004", '"0.1,0.004')), name="one")
 
 
 def test_quotes_around_whole_cells_are_read(write):
@@ -345,11 +343,7 @@ def test_many_digits_and_a_letter_are_refused_at_once(write):
     start = time.process_time()
     for header in ("t_s,x_m", "t,x"):
         with pytest.raises(InputError, match=r":4: 'x(_m)?' must be a number: 111"):
-            read_run(
-                write(table(header).replace("0.009", "1" * 90_000 + "x")),
-                name="one",
-                shown_as="a.csv",
-            )
+            read_run(write(table(header).replace("0.009", "1" * 90_000 + "x")), name="one")
     assert time.process_time() - start < 2.0
 
 
@@ -369,25 +363,25 @@ def test_a_device_is_refused():
 
 def test_a_huge_cell_is_refused_in_words(write):
     with pytest.raises(InputError, match=r"^a\.csv:3: ") as caught:
-        read_run(write(table().replace("0.004", "x" * 200_000)), name="one", shown_as="a.csv")
+        read_run(write(table().replace("0.004", "x" * 200_000)), name="one")
     assert len(str(caught.value)) < 200
 
 
-def test_a_missing_file_is_named(tmp_path):
+def test_a_missing_file_is_named():
     with pytest.raises(
         InputError, match=r"^runs/none\.csv: cannot be read \(no such file or directory\)$"
     ):
-        read_run(tmp_path / "none.csv", name="one", shown_as="runs/none.csv")
+        read_run(Path("runs/none.csv"), name="one")
 
 
 def test_a_folder_is_no_run(tmp_path):
-    with pytest.raises(InputError, match=r"^a\.csv: cannot be read \(is a directory\)$"):
-        read_run(tmp_path, name="one", shown_as="a.csv")
+    with pytest.raises(InputError, match=r": cannot be read \(is a directory\)$"):
+        read_run(tmp_path, name="one")
 
 
 def test_a_file_name_with_a_null_is_refused_in_words(tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
-        read_run(tmp_path / "a\0.csv", name="one", shown_as="a.csv")
+        read_run(tmp_path / "a\0.csv", name="one")
 
 
 # the wheel: a dialect with two header lines, the second with a leading tab, and the recorded angles

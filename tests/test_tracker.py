@@ -384,7 +384,7 @@ REFUSED = {
 def test_what_is_no_track_is_refused_in_one_line(write, case: str) -> None:
     text, message = REFUSED[case]
     with pytest.raises(InputError) as caught:
-        read_tracker(write(text), shown_as="a.trk")
+        read_tracker(write(text))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -416,7 +416,7 @@ ARCHIVES = {
 def test_archive_that_holds_no_track_is_refused_in_one_line(write, case: str) -> None:
     make, message = ARCHIVES[case]
     with pytest.raises(InputError) as caught:
-        read_tracker(write(make(), "a.trz"), shown_as="a.trz")
+        read_tracker(write(make(), "a.trz"))
     assert message in str(caught.value)
 
 

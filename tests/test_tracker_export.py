@@ -13,7 +13,7 @@ from stand_ins import TRUTH
 
 from estim import InputError
 from estim.reading.table import numbered_lines
-from estim.reading.tracker.export import is_export, read_export
+from estim.reading.tracker.export import head_of_export, read_export
 
 ROWS = [
     (0.0, 0.10, 0.50, None),
@@ -127,11 +127,11 @@ def test_two_tracks_beside_each_other(write) -> None:
     with pytest.raises(
         InputError, match=r"a.txt:2: 'track' must be named, as there are several \(A, B\)"
     ):
-        read_export(path, shown_as="a.txt")
+        read_export(path)
     with pytest.raises(
         InputError, match=r"a.txt:2: 'track' must name one of the tracks \(A, B\): C"
     ):
-        read_export(path, track="C", shown_as="a.txt")
+        read_export(path, track="C")
 
 
 def test_a_row_without_a_position_is_left_out_and_counted(write) -> None:
@@ -166,18 +166,18 @@ def test_contradicting_units_are_refused(write) -> None:
     with pytest.raises(
         InputError, match=r"a.txt:2: 'x, y' must all have one unit; --unit says cm: m"
     ):
-        read_export(write(text(names="t x(m) y v")), unit="cm", shown_as="a.txt")
+        read_export(write(text(names="t x(m) y v")), unit="cm")
     with pytest.raises(InputError, match=r"a.txt:2: 'x, y' must all have one unit: cm, m"):
-        read_export(write(text(names="t x(m) y(cm) v")), shown_as="a.txt")
+        read_export(write(text(names="t x(m) y(cm) v")))
     with pytest.raises(InputError, match=r"a.txt:2: 'x' must be in one of m, cm, mm: px"):
-        read_export(write(text(names="t x(px) y v")), shown_as="a.txt")
+        read_export(write(text(names="t x(px) y v")))
 
 
 @pytest.mark.parametrize("mark", ["\t", ";", ",", " "])
 def test_an_export_is_told_from_a_table_of_the_project(mark: str) -> None:
-    assert is_export(text(mark))
-    assert not is_export(mark.join(["t_s", "x_m"]) + "\n")
-    assert not is_export(f"# t{mark}x\n" + mark.join(["t_s", "x_m"]) + "\n")
+    assert head_of_export(text(mark))
+    assert not head_of_export(mark.join(["t_s", "x_m"]) + "\n")
+    assert not head_of_export(f"# t{mark}x\n" + mark.join(["t_s", "x_m"]) + "\n")
 
 
 # refused
@@ -269,7 +269,7 @@ REFUSED = {
 def test_what_is_no_export_is_refused_in_one_line(write, case: str) -> None:
     content, message = REFUSED[case]
     with pytest.raises(InputError) as caught:
-        read_export(write(content), shown_as="a.txt")
+        read_export(write(content))
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
@@ -394,4 +394,4 @@ def test_stand_ins_are_read_as_they_were_made(stand_ins: Path, file: str) -> Non
 
 def test_number_of_lines_is_limited() -> None:
     with pytest.raises(InputError, match=r"'number of lines' must be at most 1000000: 1000001"):
-        numbered_lines("1\n" * 1_000_001, file="a.csv")
+        numbered_lines("1\n" * 1_000_001)

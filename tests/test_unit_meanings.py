@@ -274,12 +274,9 @@ def line(folder: Path, header: str, name: str = "a.csv") -> Path:
 
 
 def test_a_row_of_units_goes_before_brackets_in_the_names(tmp_path: Path) -> None:
-    layout = read_layout(line(tmp_path, "t,x(t)\ns,m"), Dialect(), shown_as="a.csv")
+    layout = read_layout(line(tmp_path, "t,x(t)\ns,m"), Dialect())
     assert (layout.names, layout.units) == (("t", "x(t)"), ("s", "m"))
-    assert read_layout(line(tmp_path, "ln(t/s),ln(U/V)"), Dialect(), shown_as="a.csv").units == (
-        "",
-        "",
-    )
+    assert read_layout(line(tmp_path, "ln(t/s),ln(U/V)"), Dialect()).units == ("", "")
 
 
 def test_the_commands_refuse_and_take_the_same(tmp_path: Path) -> None:

@@ -320,9 +320,7 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
         levels[:1] if is_tracker_file(path) or run.choices is not None else levels, source.places
     )
     with source.reading(path, COLUMNS):
-        table = read_run(
-            path, name=run.name, shown_as=str(path), choices=run.choices, dialect=dialect
-        )
+        table = read_run(path, name=run.name, choices=run.choices, dialect=dialect)
     if not run.leave_out_s:
         return table
     try:

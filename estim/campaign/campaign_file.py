@@ -263,7 +263,7 @@ def read_campaign_file(path: Path, *, measured: bool = True) -> CampaignFile:
 
     measured : whether it must hold runs or a theta_min series; else its bodies will do.
     """
-    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    text, digest = read_text(path, limit=TOML_BYTES)
     return _of_text(path, text, digest, measured)
 
 

@@ -118,7 +118,7 @@ def load_design(path: str | Path) -> LoadedDesign:
     """The design in the TOML file at `path`.  Raises InputError with file, line, key, rule and
     value.
     """
-    text, digest = read_text(Path(path), shown_as=str(path), limit=TOML_BYTES)
+    text, digest = read_text(Path(path), limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     design = checked(tree, Design, places, ())
     positive = {

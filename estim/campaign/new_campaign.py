@@ -15,7 +15,6 @@ from estim.reading import (
     first_and_second,
     is_tracker_file,
     name_and_unit,
-    no_names,
     numeric_columns,
     read_layout,
     value_columns,
@@ -103,12 +102,5 @@ def columns_of(file: Path, choices: TableChoices) -> tuple[str, ...]:
 
 
 def _layout(file: Path, choices: TableChoices) -> Layout:
-    layout = read_layout(
-        file,
-        choices.dialect,
-        shown_as=str(file),
-        needed=[name for name in (choices.x, choices.y) if name is not None],
-    )
-    if not layout.names:
-        raise no_names(layout)
-    return layout
+    asked = [name for name in (choices.x, choices.y) if name is not None]
+    return read_layout(file, choices.dialect, needed=asked)

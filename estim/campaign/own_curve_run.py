@@ -56,6 +56,7 @@ from estim.reading import (
     Run,
     Table,
     columns_sentence,
+    import_track,
     is_tracker_file,
     read_columns,
     track_columns,
@@ -151,11 +152,9 @@ class RunOfCurve:
             raise self.source.places.error(rule, ("runs", self.index), field="columns")
         with self.source.reading(path, needed):
             table = (
-                track_columns(path, choices, needed=needed, shown_as=str(path))
+                track_columns(import_track(path, choices), needed)
                 if choices is not None
-                else read_columns(
-                    path, needed=needed, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
-                )
+                else read_columns(path, needed=needed, min_rows=_MIN_ROWS, dialect=dialect)
             )
         for key, of, axis in (
             ("u_y", self.y, y_axis(self.curve)),

@@ -27,7 +27,6 @@ from estim.reading import (
     is_called,
     is_tracker_file,
     name_and_unit,
-    no_names,
     read_layout,
     uncertainty_of,
     value_columns,
@@ -203,9 +202,7 @@ def _axes(
         )
         return x, y, choices.u_x, choices.u_y
     requested = [name for name in (choices.x, choices.y) if name is not None]
-    layout = read_layout(file, choices.dialect, shown_as=str(file), needed=requested)
-    if not layout.names:
-        raise no_names(layout)
+    layout = read_layout(file, choices.dialect, needed=requested)
     values = value_columns(layout, (choices.u_x, choices.u_y))
     x_name, y_name = choices.x, choices.y
     called = [
@@ -298,13 +295,9 @@ def _axis(wanted: str, layout: Layout) -> Axis:
         *(_bare(name) == wanted for name in layout.names),
     )
     place = called.index(True) % len(layout.names) if any(called) else None
-    unit = "" if place is None else _unit_of(layout, place)
+    unit = "" if place is None else layout.units[place]
     # a word of a name may stand for x in the formula
     return Axis(wanted, bare if bare != wanted or " " in bare else "", stated or unit)
-
-
-def _unit_of(layout: Layout, place: int) -> str:
-    return layout.units[place] or name_and_unit(layout.names[place])[1]
 
 
 def _check_parameters(formula: Formula, choices: TableChoices) -> None:

@@ -24,7 +24,7 @@ def read_truth(source: CampaignFile) -> Mapping[str, float]:
     if source.kind != "synthetic" or not path.is_file():
         return MappingProxyType({})
     with source.reading(path):
-        text, _ = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+        text, _ = read_text(path, limit=TOML_BYTES)
         tree, places = parse_toml(text, str(path))
         for name, value in tree.items():
             if (

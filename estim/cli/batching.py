@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -13,11 +11,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT, chosen
-from estim.cli.language import LANG
-from estim.cli.options import JOBS, NO_FIGURES, SEED, STEPS
+from estim.cli.formats import chosen
+from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
 from estim.cli.origin import note_of_others
-from estim.cli.terminal import NOT_OK, counted, report_at, reserve_output, say, write_report
+from estim.cli.terminal import exit_unless, pieces, report_at, reserve_output, say, write_report
 from estim.common import EstimError, InputError, held, phrase
 
 if TYPE_CHECKING:
@@ -61,9 +58,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 
 
 @click.command()
-@click.argument(
-    "paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=click.Path(path_type=Path)
-)
+@click.argument("paths", nargs=-1, required=True, metavar="CAMPAIGN|FOLDER...", type=PATH)
 @JOBS
 @click.option(
     "--shard",
@@ -84,15 +79,12 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @STEPS
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     default=Path("out/batch"),
     show_default=True,
     help="Folder for the results.",
 )
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @click.option(
     "--resume",
     is_flag=True,
@@ -101,7 +93,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 )
 def batch(
     paths: tuple[Path, ...],
-    jobs: int | None,
+    jobs: int,
     shard: str | None,
     scheduler: str | None,
     reports: bool,
@@ -130,24 +122,25 @@ def batch(
         else "result"
     )
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
-    settings, processes = Settings(kind, seed, max_steps), jobs or os.cpu_count() or 1
+    settings = Settings(kind, seed, max_steps)
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
     place = out if shard is None else out / f"shard-{shard.replace('/', '-of-')}"
     reserve_output(place, "summary.csv", "summary.json", "times.csv", within=out)
     with (
         held(out / lock / ".lock", within=out),
         cluster(scheduler) as executor,
-        counted(phrase("batch"), len(units), unit=phrase("run")) as progress,
+        pieces(phrase("batch"), phrase("run"), kept=True) as progress,
     ):
+        progress(0, len(units))
         rows = run_batch(
             units,
             out.resolve(),
             report=written,
             settings=settings,
             resume=resume,
-            jobs=processes,
+            jobs=jobs,
             executor=executor,
-            progress=progress,
+            progress=lambda done: progress(done, len(units)),
         )
     for row in rows:
         note_of_others(row.inputs)
@@ -162,5 +155,4 @@ def batch(
         else phrase("{n} run: {what}", **values)
     )
     report_at(place / "report.md", ())
-    if any(row.status != "ok" for row in rows):
-        sys.exit(NOT_OK)
+    exit_unless(all(row.status == "ok" for row in rows))

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
+
+from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
+from estim.cli.options import OUT, PATH, SEED, out_folder
 from estim.cli.terminal import report_at, reserve_output, say, write_report
 from estim.common import Stream, stream
 
 
-def report_bodies(campaign: Path, folder: Path, *, seed: int) -> None:
-    """Writes the report of the bodies in a file that give `parts`, and says their values."""
+@click.command()
+@click.argument("file", type=PATH)
+@OUT
+@SEED
+@FORMAT
+@LANG
+def body(file: Path, out: Path | None, seed: int) -> None:
+    """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their
+    parts, with a budget.
+    """
     from estim.campaign import read_campaign_file
     from estim.reports import body_lines, body_report
     from estim.studies import weigh
 
-    source = read_campaign_file(campaign, measured=False)
+    folder = out or out_folder(file, "body")
+    source = read_campaign_file(file, measured=False)
     reserve_output(folder, "result.json")
     weighing = weigh(source, rng=stream(seed, Stream.PARTS))
     write_report(folder, body_report(source, weighing, seed=seed))

@@ -4,31 +4,26 @@ written.
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterable
 from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, out_folder
+from estim.cli.options import CAMPAIGN, JOBS, JOINT, OUT, RESUME, RUNS, out_folder, report_options
 from estim.cli.terminal import (
-    NOT_OK,
     conclude,
-    counted,
+    exit_unless,
     finished_pieces,
     groups_of,
+    pieces,
     report_at,
     reserve_output,
     write_report,
 )
-from estim.common import Stream, decide, stream
+from estim.common import Stream, decide, phrase, stream
 
 
 @click.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @JOINT
 @click.option(
@@ -47,10 +42,7 @@ from estim.common import Stream, decide, stream
 )
 @JOBS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @RESUME
 def calibrate(
     campaign: Path,
@@ -58,7 +50,7 @@ def calibrate(
     joint: bool,
     simulations: int,
     what: str,
-    jobs: int | None,
+    jobs: int,
     out: Path | None,
     seed: int,
     resume: bool,
@@ -74,37 +66,6 @@ def calibrate(
     It also means that processes were killed, twice (too little memory?): one line says so, and
     there is no report.
     """
-    if not run_calibrations(
-        campaign,
-        runs,
-        joint=joint,
-        simulations=simulations,
-        what=what,
-        jobs=jobs,
-        out=out,
-        seed=seed,
-        resume=resume,
-        figures=not no_figures,
-    ):
-        sys.exit(NOT_OK)
-
-
-def run_calibrations(
-    campaign: Path,
-    runs: Iterable[str],
-    *,
-    joint: bool,
-    simulations: int,
-    what: str,
-    jobs: int | None,
-    out: Path | None,
-    seed: int,
-    resume: bool,
-    figures: bool,
-) -> bool:
-    """Calibrates each group of runs and writes its report; whether all intervals hold what they
-    say.
-    """
     from estim.calibration import (
         campaign_design,
         coverage,
@@ -116,7 +77,6 @@ def run_calibrations(
     from estim.reports import calibration_report, unlike_fit
     from estim.words import tell
 
-    runs = tuple(runs)
     loaded = load_campaign(campaign, asked=runs)
     folder = out or out_folder(campaign, "calibration")
     groups, trusted = groups_of(loaded, runs, joint=joint), True
@@ -134,23 +94,25 @@ def run_calibrations(
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
             for kind in ("sbc", "coverage") if what == "both" else (what,):
-                with counted(f"{', '.join(group)}: {kind}", simulations) as progress:
-                    processes = jobs or os.cpu_count() or 1
+                with pieces(
+                    f"{', '.join(group)}: {kind}", phrase("campaign"), kept=True
+                ) as progress:
+                    progress(0, simulations)
                     calibrations.append(
                         chosen[kind](
                             design,
                             fit,
                             n_trial=simulations,
                             seed=seed,
-                            jobs=processes,
-                            progress=progress,
+                            jobs=jobs,
+                            progress=lambda done: progress(done, simulations),
                             store=store.given(loaded.digests(group)),
                         )
                     )
             place = folder if len(groups) == 1 else folder / group[0]
             write_report(
                 place,
-                calibration_report(loaded, calibrations, unlike=unlike, figures=figures),
+                calibration_report(loaded, calibrations, unlike=unlike, figures=not no_figures),
                 within=folder,
             )
             for calibration in calibrations:
@@ -168,4 +130,4 @@ def run_calibrations(
                     [unlike] if unlike else [],
                 )
             report_at(place / "report.md", loaded.source.files_outside())
-    return trusted
+    exit_unless(trusted)

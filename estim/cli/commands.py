@@ -12,35 +12,43 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from estim.cli.batching import batch
-from estim.cli.bodies import report_bodies
+from estim.cli.bodies import body
 from estim.cli.calibrating import calibrate
 from estim.cli.causes import say_causes, with_causes
 from estim.cli.comparing import compare as compare_noise
-from estim.cli.formats import FORMAT
-from estim.cli.importing import import_run
-from estim.cli.language import LANG
+from estim.cli.importing import import_file
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
 from estim.cli.models import compare_models
 from estim.cli.new import new_campaign
-from estim.cli.options import JOBS, JOINT, NO_FIGURES, OUT, RESUME, RUNS, SEED, STEPS, out_folder
-from estim.cli.origin import Ledger, origin_of
-from estim.cli.origin_record import SIMULATION, written_before
+from estim.cli.options import (
+    CAMPAIGN,
+    FOLDER,
+    JOBS,
+    JOINT,
+    OUT,
+    PATH,
+    RESUME,
+    RUNS,
+    STEPS,
+    out_folder,
+    report_options,
+)
+from estim.cli.origin_record import SIMULATION
 from estim.cli.planning import plan_next
-from estim.cli.propagating import say_propagated
+from estim.cli.propagating import propagate
 from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
-    NOT_OK,
     announced,
     conclude,
     exit_code,
+    exit_unless,
     finished_pieces,
     groups_of,
     progress_bar,
@@ -55,17 +63,15 @@ from estim.common import (
     InputError,
     PieceStore,
     Stream,
-    as_json,
     ended_by_signals,
+    inputs_read,
     phrase,
-    replace_own,
     stream,
 )
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.pipeline import Analysis
-    from estim.reading import Unit
     from estim.studies import Drift, EnergyRecord
 
 
@@ -73,12 +79,15 @@ if TYPE_CHECKING:
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     commands=[
         batch,
+        body,
         calibrate,
         compare_models,
+        import_file,
         line,
         map_motions,
         new_campaign,
         plan_next,
+        propagate,
         verify,
         diff,
     ],
@@ -92,19 +101,16 @@ def cli() -> None:
     (docs/README.md).
     """
     context = click.get_current_context()
-    context.obj = context.with_resource(Ledger())
+    context.obj = context.with_resource(inputs_read())
 
 
 @cli.command()
-@click.argument("campaign", metavar="CAMPAIGN|FILE", type=click.Path(path_type=Path))
+@click.argument("campaign", metavar="CAMPAIGN|FILE", type=PATH)
 @RUNS
 @JOINT
 @STEPS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @curve_options
 @click.option(
     "--marginal/--full",
@@ -184,7 +190,7 @@ def fit(
                 figures=not no_figures,
                 file=campaign.name,
             )
-    _exit_unless(all_ok)
+    exit_unless(all_ok)
 
 
 def _fit_groups(
@@ -268,15 +274,12 @@ def _fit_groups(
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @JOINT
 @STEPS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def energy(
     campaign: Path,
     runs: tuple[str, ...],
@@ -330,23 +333,20 @@ def energy(
         folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures)
     )
     report_at(folder / "report.md", loaded.source.files_outside())
-    _exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
+    exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
 
 
 @cli.command()
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @STEPS
 @JOBS
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 @RESUME
 def reanalyse(
     campaign: Path,
     max_steps: int,
-    jobs: int | None,
+    jobs: int,
     out: Path | None,
     seed: int,
     no_figures: bool,
@@ -366,7 +366,7 @@ def reanalyse(
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
-    folder, processes = out or out_folder(campaign, "reanalysis"), jobs or os.cpu_count() or 1
+    folder = out or out_folder(campaign, "reanalysis")
     loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
     reserve_output(folder, "result.json")
     with finished_pieces(folder, resume=resume) as store:
@@ -375,7 +375,7 @@ def reanalyse(
             seed=seed,
             target=Target(max_step=max_steps),
             progress_of=announced,
-            jobs=processes,
+            jobs=jobs,
             store=store,
         )
         write_report(
@@ -385,129 +385,22 @@ def reanalyse(
     for what, status in result.statuses.items():
         conclude(called(result, what), status, sentences.get(what, ()))
     report_at(folder / "report.md", loaded.source.files_outside(line=True, published=True))
-    _exit_unless(all(status.ok for status in result.statuses.values()))
+    exit_unless(all(status.ok for status in result.statuses.values()))
 
 
 @cli.command()
-@click.argument("design", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    required=True,
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the campaign.",
-)
+@click.argument("design", type=PATH)
+@click.option("--out", required=True, type=FOLDER, help="Folder for the campaign.")
 def simulate(design: Path, out: Path) -> None:
     """Make a SYNTHETIC campaign from DESIGN (a TOML file): runs, theta_min series, campaign.toml
     and the truth.
     """
     from estim.campaign import load_design, simulate_campaign
 
-    written = written_before(out, within=out, name=SIMULATION)
     files = simulate_campaign(load_design(design))
-    replace_own(
-        out,
-        {name: text.encode() for name, text in files.items()},
-        written,
-        SIMULATION,
-        lambda outputs: as_json(replace(origin_of(), outputs=dict(outputs))),
-        within=out,
-    )
+    contents = {name: text.encode() for name, text in files.items()}
+    write_report(out, contents, manifest=SIMULATION)
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
-
-
-@cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@OUT
-@SEED
-@FORMAT
-@LANG
-def body(file: Path, out: Path | None, seed: int) -> None:
-    """Mass, gamma, kappa and rho of the bodies in FILE (a campaign, or bodies alone) from their
-    parts, with a budget.
-    """
-    report_bodies(file, out or out_folder(file, "body"), seed=seed)
-
-
-@cli.command()
-@click.argument("file", type=click.Path(path_type=Path))
-@OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
-def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
-    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
-    (docs/propagation.md).
-    """
-    _exit_unless(
-        say_propagated(file, out or Path("out") / file.stem, seed=seed, figures=not no_figures)
-    )
-
-
-@cli.command("import")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--track", metavar="NAME", help="Name of the track.  [default: the only one]")
-@click.option(
-    "--along",
-    default="fit",
-    show_default=True,
-    metavar="fit|x|y|-x|-y|DEG",
-    help="Direction of motion: fitted, an axis, an angle from x.",
-)
-@click.option(
-    "--unit",
-    type=click.Choice(["m", "cm", "mm"]),
-    help="Unit of the lengths.  [default: as stated in the file, else m]",
-)
-@click.option(
-    "--release",
-    default="first",
-    show_default=True,
-    metavar="first|keep|T",
-    help="x = 0 at the first point, the origin, or time T (s).",
-)
-@click.option(
-    "--frame-ms",
-    type=float,
-    metavar="MS",
-    help="Duration of a frame of a .trk, instead of that stated in the file (high-speed film).",
-)
-@click.option(
-    "--drop-duplicates", is_flag=True, help="Exclude rows of an export that copy the previous row."
-)
-@click.option(
-    "-o",
-    "--out",
-    required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="The CSV file to write.",
-)
-def import_file(
-    file: Path,
-    track: str | None,
-    along: str,
-    unit: Unit | None,
-    release: str,
-    frame_ms: float | None,
-    drop_duplicates: bool,
-    out: Path,
-) -> None:
-    """Make a run of FILE, a .trk, .trz or text export of the program Tracker: a CSV with t_s and
-    x_m.
-
-    Warnings about suspicious data go to stderr and into the head of the CSV (docs/tracker.md).
-    """
-    from estim.reading import Choices, read_release
-
-    import_run(
-        file, Choices(track, along, unit, read_release(release), frame_ms, drop_duplicates), out
-    )
-
-
-def _exit_unless(ok: bool) -> None:
-    """Ends the command with 3 where a result is not to be trusted."""
-    if not ok:
-        sys.exit(NOT_OK)
 
 
 def main() -> None:

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, OUT, SEED
-from estim.cli.release import fit_line_and_trials
-from estim.cli.straight import SharedErrors, say_straight_line
+from estim.cli.options import OUT, PATH, out_folder, report_options
 from estim.cli.tables import dialect_of, dialect_options
-from estim.cli.terminal import NOT_OK
-from estim.common import InputError
+from estim.cli.terminal import (
+    conclude,
+    exit_unless,
+    progress_bar,
+    report_at,
+    reserve_output,
+    say,
+    write_report,
+)
+from estim.common import InputError, phrase, read_quantity
 
 
 @click.command()
-@click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=click.Path(path_type=Path))
+@click.argument("campaign", metavar="CAMPAIGN|FILE.csv", type=PATH)
 @click.option(
     "--x", "x", metavar="NAME", help="Column of FILE.csv.  [default: x, or the first of two]"
 )
@@ -39,16 +42,12 @@ from estim.common import InputError
 )
 @click.option(
     "--cov",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Covariance matrix of all x, then all y, in place of --ux and --uy.",
 )
-@click.option(
-    "--cov-x", type=click.Path(path_type=Path), metavar="FILE", help="Covariance matrix of the x."
-)
-@click.option(
-    "--cov-y", type=click.Path(path_type=Path), metavar="FILE", help="Covariance matrix of the y."
-)
+@click.option("--cov-x", type=PATH, metavar="FILE", help="Covariance matrix of the x.")
+@click.option("--cov-y", type=PATH, metavar="FILE", help="Covariance matrix of the y.")
 @click.option(
     "--common-x",
     multiple=True,
@@ -70,10 +69,7 @@ from estim.common import InputError
 )
 @dialect_options
 @OUT
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def line(
     campaign: Path,
     x: str | None,
@@ -99,28 +95,88 @@ def line(
     The theta_min line is sin(theta_min) against sin(phi), of slope 1/gamma.  A table may have
     errors in y, in both variables, correlated ones, or none (docs/straight-line.md).
     """
-    names = (x, y, ux, uy, correlation)
-    table = campaign.suffix.lower() != ".toml"
-    errors = SharedErrors(cov, cov_x, cov_y, common_x, common_y)
-    if not table and any((*names, *errors, *predict, *inverse, *dialect.values())):
-        raise InputError(
-            "must be a table of points where columns are named or values asked for",
-            field="FILE.csv",
-            value=str(campaign),
+    if campaign.suffix.lower() == ".toml":
+        options = (x, y, ux, uy, correlation, cov, cov_x, cov_y, common_x, common_y)
+        if any((*options, *predict, *inverse, *dialect.values())):
+            raise InputError(
+                "must be a table of points where columns are named or values asked for",
+                field="FILE.csv",
+                value=str(campaign),
+            )
+        _fit_line_and_trials(
+            campaign, out or out_folder(campaign, "line"), seed=seed, figures=not no_figures
         )
-    if table:
-        folder, written = out or Path("out") / campaign.stem, dialect_of(dialect)
-        ok = say_straight_line(
-            campaign,
-            names,
-            folder,
-            predict=predict,
-            inverse=inverse,
-            figures=not no_figures,
-            dialect=written,
-            errors=errors,
-        )
-    else:
-        ok = fit_line_and_trials(campaign, out, seed=seed, figures=not no_figures)
-    if not ok:
-        sys.exit(NOT_OK)
+        return
+    from estim.line import Columns, Correlated, commons, straight_line
+    from estim.reports import straight_line_lines, straight_line_report
+
+    folder, written = out or Path("out") / campaign.stem, dialect_of(dialect)
+    at = [read_quantity(text, field="--predict") for text in predict]
+    back = [read_quantity(text, field="--inverse") for text in inverse]
+    shared = Correlated(cov, cov_x, cov_y, commons(common_x, common_y))
+    reserve_output(folder, "result.json")
+    fitted = straight_line(
+        campaign,
+        Columns(x or "", y or "", ux, uy, correlation),
+        predict=at,
+        inverse=back,
+        dialect=written,
+        correlated=shared,
+    )
+    write_report(folder, straight_line_report(fitted, figures=not no_figures))
+    say(fitted.told)
+    conclude(
+        phrase("line"),
+        fitted.status,
+        straight_line_lines(fitted) if fitted.status.ok else [fitted.message],
+        fitted.facts,
+    )
+    report_at(folder / "report.md", ())
+    exit_unless(fitted.status.ok)
+
+
+def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: bool) -> None:
+    """The theta_min series and the trials of release of a campaign, in one report."""
+    from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
+    from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
+    from estim.reports import line_lines, line_report, trials_lines, trials_report
+    from estim.sampling import Target
+    from estim.words import Voice
+
+    loaded = load_campaign(campaign)
+    loaded.study.require_body()
+    source, target = loaded.source, Target()
+    trials = None if source.trials is None else read_trials(source)
+    series = read_theta_min(source) if trials is None or source.line is not None else None
+    reserve_output(folder, "result.json", "trials.json")
+    line = released = None
+    if series is not None:
+        with progress_bar(phrase("line")) as progress:
+            line = analyse_line(
+                series,
+                gamma_masses=gamma_of_body(source, series.body),
+                seed=seed,
+                target=target,
+                progress=progress,
+            )
+    if trials is not None:
+        resistance = resistance_of_body(source, trials.body)
+        gamma = gamma_of_body(source, trials.body)
+        with progress_bar(phrase("trials")) as progress:
+            released = analyse_trials(
+                trials, resistance, gamma_masses=gamma, seed=seed, target=target, progress=progress
+            )
+    files = {}
+    if line is not None:
+        files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)
+    elif released is not None:
+        files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
+    write_report(folder, files)
+    if line is not None:
+        sentences = line_lines(loaded, line) if line.status.ok else line.reasons
+        conclude(phrase("line"), line.status, [*sentences, *filter(None, (line.disagreement,))])
+    if released is not None:
+        trial_sentences = trials_lines(loaded, released) if released.status.ok else released.reasons
+        conclude(phrase("trials"), released.status, [*trial_sentences, *released.disagreements])
+    report_at(folder / "report.md", source.files_outside(runs=False, line=True))
+    exit_unless(all(analysis.status.ok for analysis in (line, released) if analysis is not None))

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, SEED, out_folder
-from estim.cli.terminal import NOT_OK, conclude, report_at, reserve_output, say, write_report
+from estim.cli.options import CAMPAIGN, FOLDER, PATH, out_folder, report_options
+from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
 from estim.common import decide
 
 if TYPE_CHECKING:
@@ -20,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command("map")
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @click.option(
     "--body",
     "bodies",
@@ -37,18 +34,15 @@ if TYPE_CHECKING:
 @click.option(
     "--fit",
     "fitted",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.",
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=FOLDER,
     help="Folder for the report.  [default: out/, the name of the campaign, map/]",
 )
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@report_options
 def map_motions(
     campaign: Path,
     bodies: tuple[str, ...],
@@ -86,8 +80,7 @@ def map_motions(
         for sentence in map_lines(body_map):
             say(f"  {sentence}")
     report_at(folder / "report.md", loaded.source.files_outside(line=line is not None))
-    if not decide(finding for body_map in maps for finding in body_map.findings).ok:
-        sys.exit(NOT_OK)
+    exit_unless(decide(finding for body_map in maps for finding in body_map.findings).ok)
 
 
 def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:
@@ -95,5 +88,5 @@ def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:
     from estim.reports import fitted_values
 
     path = fitted / "result.json" if fitted.is_dir() else fitted
-    text, _ = read_text(path, shown_as=str(path))
+    text, _ = read_text(path)
     return fitted_values(campaign, text, place=str(path))

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import JOINT, NO_FIGURES, RESUME, RUNS, SEED, STEPS, out_folder
+from estim.cli.options import (
+    CAMPAIGN,
+    JOINT,
+    OUT_MODELS,
+    RESUME,
+    RUNS,
+    STEPS,
+    out_folder,
+    report_options,
+)
 from estim.cli.terminal import (
-    NOT_OK,
     conclude,
+    exit_unless,
     finished_pieces,
     groups_of,
     progress_bar,
@@ -30,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @click.command("compare-models")
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @JOINT
 @click.option(
@@ -41,16 +47,8 @@ if TYPE_CHECKING:
     help="This model only; give two or more.  [default: all]",
 )
 @STEPS
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
-    "campaign, models/]",
-)
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@OUT_MODELS
+@report_options
 @RESUME
 def compare_models(
     campaign: Path,
@@ -119,5 +117,4 @@ def compare_models(
                 say(f"  {price}")
             report_at(place / "report.md", loaded.source.files_outside())
             recommended = recommended and bool(comparison.recommended)
-    if not recommended:
-        sys.exit(NOT_OK)
+    exit_unless(recommended)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from estim.cli.options import PATH
 from estim.cli.tables import choices_of_table, curve_options
 from estim.cli.terminal import say, write_files
 from estim.common import InputError
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 
 
 @click.command("new")
-@click.argument("name", type=click.Path(path_type=Path))
+@click.argument("name", type=PATH)
 @click.option(
     "--from",
     "file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="The table, .trk or .trz to be fit.  [default: asked for]",
 )

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
+
+from estim.cli.formats import FORMAT
+from estim.cli.language import LANG
 
 WHERE = (
     "default: out/ and the name of the campaign, that of its folder where the file is called "
     "campaign.toml"
 )
 
+PATH = click.Path(path_type=Path)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+
+CAMPAIGN = click.argument("campaign", type=PATH)
 RUNS = click.option(
     "--run",
     "runs",
@@ -29,9 +39,16 @@ STEPS = click.option(
     help="Hard cap on the sampler's steps.",
 )
 OUT = click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help=f"Folder for the report, made if it is not there.  [{WHERE}]",
+    "--out", type=FOLDER, help=f"Folder for the report, made if it is not there.  [{WHERE}]"
+)
+OUT_MODELS, OUT_PLAN = (
+    click.option(
+        "--out",
+        type=FOLDER,
+        help="Folder for the report, made if it is not there.  [default: out/, the name of the "
+        f"campaign, {part}/]",
+    )
+    for part in ("models", "plan")
 )
 SEED = click.option(
     "--seed",
@@ -44,7 +61,10 @@ NO_FIGURES = click.option(
     "--no-figures", is_flag=True, help="Write the report without figures, which is faster."
 )
 JOBS = click.option(
-    "--jobs", type=click.IntRange(min=1), help="Processes.  [default: one for each core]"
+    "--jobs",
+    type=click.IntRange(min=1),
+    callback=lambda _context, _option, jobs: jobs or os.cpu_count() or 1,
+    help="Processes.  [default: one for each core]",
 )
 
 RESUME = click.option(
@@ -52,6 +72,11 @@ RESUME = click.option(
     is_flag=True,
     help="Go on with what an interrupted command had finished, kept in OUT/.checkpoint.",
 )
+
+
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of every command that writes a report with figures."""
+    return SEED(NO_FIGURES(FORMAT(LANG(command))))
 
 
 def out_folder(campaign: Path, *parts: str) -> Path:

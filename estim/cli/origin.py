@@ -12,35 +12,22 @@ import click
 
 from estim.cli.formats import chosen, in_formats
 from estim.cli.origin_record import SCHEMA, Origin
-from estim.common import code, inputs_read, language, phrase, plain
+from estim.common import code, language, phrase, plain
 from estim.versions import engine_versions, version
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
 OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
 
 
-class Ledger:
-    """What the command under way has read so far; kept in click's context, so that nobody has to
-    pass it on.
-    """
-
-    def __init__(self) -> None:
-        self._noting = inputs_read()
-        self.inputs: dict[str, str] = {}
-
-    def __enter__(self) -> Ledger:
-        self.inputs = self._noting.__enter__()
-        return self
-
-    def __exit__(self, *trouble: object) -> None:
-        self._noting.__exit__(None, None, None)
+def _read_so_far() -> dict[str, str]:
+    """Inputs that the command under way has read, which the group of all commands keeps."""
+    inputs: dict[str, str] = click.get_current_context().find_root().obj
+    return inputs
 
 
 def note_of_others(inputs: Mapping[str, str]) -> None:
     """Adds what other processes have read for the command under way."""
-    ledger = click.get_current_context().find_object(Ledger)
-    if ledger is not None:
-        ledger.inputs.update(inputs)
+    _read_so_far().update(inputs)
 
 
 def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes], Origin]:
@@ -63,14 +50,12 @@ def with_origin(files: Mapping[str, bytes], part: str) -> tuple[dict[str, bytes]
 def origin_of(part: str = "") -> Origin:
     """The command under way, what it has read so far, and the versions; without outputs."""
     context = click.get_current_context()
-    ledger = context.find_object(Ledger)
-    assert ledger is not None, "the group of all commands keeps one"
     versions = (
         {"python": sys.version.split()[0]}
         | engine_versions()
         | {"matplotlib": version("matplotlib")}
     )
-    inputs = {plain(path): digest for path, digest in sorted(ledger.inputs.items())}
+    inputs = {plain(path): digest for path, digest in sorted(_read_so_far().items())}
     return Origin(SCHEMA, [plain(text) for text in _arguments(context)], part, inputs, {}, versions)
 
 

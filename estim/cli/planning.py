@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import click
 
-from estim.cli.formats import FORMAT
-from estim.cli.language import LANG
-from estim.cli.options import NO_FIGURES, RUNS, SEED, out_folder
+from estim.cli.options import CAMPAIGN, OUT_PLAN, RUNS, out_folder, report_options
 from estim.cli.terminal import (
-    NOT_OK,
     conclude,
+    exit_unless,
     groups_of,
     pieces,
     report_at,
@@ -23,7 +20,7 @@ from estim.common import phrase
 
 
 @click.command("plan")
-@click.argument("campaign", type=click.Path(path_type=Path))
+@CAMPAIGN
 @RUNS
 @click.option(
     "--for",
@@ -32,16 +29,8 @@ from estim.common import phrase
     metavar="NAME",
     help="A quantity to know better; may be repeated.  [default: those that are unknown]",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for the report, made if it is not there.  [default: out/, the name of the "
-    "campaign, plan/]",
-)
-@SEED
-@NO_FIGURES
-@FORMAT
-@LANG
+@OUT_PLAN
+@report_options
 def plan_next(
     campaign: Path,
     runs: tuple[str, ...],
@@ -71,5 +60,4 @@ def plan_next(
     status, reasons = plan_status(result)
     conclude(phrase("plan"), status, [*plan_answers(result), *reasons])
     report_at(folder / "report.md", loaded.source.files_outside())
-    if not status.ok:
-        sys.exit(NOT_OK)
+    exit_unless(status.ok)

@@ -4,22 +4,41 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from estim.cli.terminal import conclude, pieces, report_at, reserve_output, say, write_report
+import click
+
+from estim.cli.options import OUT, PATH, report_options
+from estim.cli.terminal import (
+    conclude,
+    exit_unless,
+    pieces,
+    report_at,
+    reserve_output,
+    say,
+    write_report,
+)
 from estim.common import Stream, phrase, stream
 
 
-def say_propagated(file: Path, folder: Path, *, seed: int, figures: bool) -> bool:
-    """Writes the report of a measurement model and says its results; whether every output has
-    one.
+@click.command()
+@click.argument("file", type=PATH)
+@OUT
+@report_options
+def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
+    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
+    (docs/propagation.md).
     """
-    from estim.measurement import propagate, read_model
+    from estim.measurement import propagate as propagate_model
+    from estim.measurement import read_model
     from estim.reports import measurement_lines, measurement_report
 
+    folder = out or Path("out") / file.stem
     model = read_model(file)
     reserve_output(folder, "result.json")
     with pieces("Monte Carlo", phrase("draw")) as progress:
-        propagation = propagate(model, rng=stream(seed, Stream.MEASUREMENT), progress=progress)
-    write_report(folder, measurement_report(propagation, seed=seed, figures=figures))
+        propagation = propagate_model(
+            model, rng=stream(seed, Stream.MEASUREMENT), progress=progress
+        )
+    write_report(folder, measurement_report(propagation, seed=seed, figures=not no_figures))
     for output, status, line in zip(
         model.outputs, propagation.statuses, measurement_lines(propagation), strict=True
     ):
@@ -28,4 +47,4 @@ def say_propagated(file: Path, folder: Path, *, seed: int, figures: bool) -> boo
         else:
             conclude(output.name, status, propagation.notes)
     report_at(folder / "report.md", ())
-    return all(status.ok for status in propagation.statuses)
+    exit_unless(all(status.ok for status in propagation.statuses))

@@ -90,31 +90,10 @@ def _code(command: Callable[[], object]) -> int:
 
 
 @contextmanager
-def counted(what: str, total: int, unit: str = "") -> Iterator[Callable[[int], None]]:
-    """A progress bar on stderr for a number of equal pieces of work, which are kept."""
-    from tqdm import tqdm
-
-    with tqdm(
-        total=total,
-        desc=one_line(what),
-        unit=unit or phrase("campaign"),
-        leave=False,
-        disable=None,
-        dynamic_ncols=True,
-    ) as bar:
-
-        def show(done: int) -> None:
-            bar.update(done - bar.n)
-
-        try:
-            yield show
-        except Interrupted:
-            raise Interrupted(_GO_ON) from None
-
-
-@contextmanager
-def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """A progress bar on stderr for pieces of work whose number shows when the first is done."""
+def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar on stderr for equal pieces of work, how many are done of how many.  kept :
+    whether an interrupted command can go on with those that are done.
+    """
     from tqdm import tqdm
 
     with tqdm(desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
@@ -123,12 +102,15 @@ def pieces(what: str, unit: str) -> Iterator[Callable[[int, int], None]]:
             bar.total = total
             bar.update(done - bar.n)
 
-        yield show
+        try:
+            yield show
+        except Interrupted as error:
+            raise Interrupted(*([_GO_ON] if kept else error.args)) from None
 
 
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
-    say(f"{what}: {status}")
     """Prints a status, what stands below it, and those notes that do not."""
+    say(f"{what}: {status}")
     lines = list(reasons)
     for line in (
         *lines,
@@ -199,9 +181,11 @@ def reserve_output(
         )
 
 
-def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | None = None) -> None:
-    """Write a report whole, and how it was made, in place of the report that was there, of which
-    nothing stays.
+def write_report(
+    folder: Path, files: Mapping[str, bytes], *, within: Path | None = None, manifest: str = ORIGIN
+) -> None:
+    """Write a report whole, and how it was made (the file `manifest`), in place of the report that
+    was there, of which nothing stays.
 
     Raises EstimError, with nothing written, where a file would be replaced that is not as estim
     wrote it.
@@ -209,15 +193,21 @@ def write_report(folder: Path, files: Mapping[str, bytes], *, within: Path | Non
     root = within or folder
     part = folder.relative_to(root).as_posix()
     contents, origin = with_origin(files, "" if part == "." else part)
-    before = written_before(folder, within=root)
+    before = written_before(folder, within=root, name=manifest)
     replace_own(
         folder,
         contents,
         before,
-        ORIGIN,
+        manifest,
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
         within=root,
     )
+
+
+def exit_unless(ok: bool) -> None:
+    """Ends the command with 3 where a result is not to be trusted."""
+    if not ok:
+        sys.exit(NOT_OK)
 
 
 def report_at(path: Path, outside: Iterable[str]) -> None:

@@ -8,16 +8,16 @@ import contextlib
 import hashlib
 import io
 import os
-import stat
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import click
 
+from estim.cli.options import FOLDER, PATH
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
 from estim.cli.terminal import NOT_OK, say
@@ -34,21 +34,6 @@ from estim.verification import Difference, Verdict, compare_results, differences
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
-_MAKING_REPORTS = frozenset(
-    {
-        "fit",
-        "line",
-        "energy",
-        "reanalyse",
-        "calibrate",
-        "compare-models",
-        "map",
-        "plan",
-        "propagate",
-        "body",
-        "batch",
-    }
-)
 _LONGEST_WORD = 4096
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
@@ -58,12 +43,9 @@ _FAR = 0.1  # sds: what moved by less is told together
 
 
 @click.command()
-@click.argument("report", type=click.Path(path_type=Path))
+@click.argument("report", type=PATH)
 @click.option(
-    "--from",
-    "root",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Folder from which the inputs are named.  [default: found]",
+    "--from", "root", type=FOLDER, help="Folder from which the inputs are named.  [default: found]"
 )
 def verify(report: Path, root: Path | None) -> None:
     """Recompute REPORT (its folder) from the inputs that it names, and list what differs.
@@ -80,44 +62,29 @@ def verify(report: Path, root: Path | None) -> None:
         raise InputError(
             f"cannot be read ({message.lower()})", field="report", value=str(report)
         ) from None
-    folder = report if _is_folder(report) else report.parent
+    folder = report if os.path.isdir(report) else report.parent
     origin = read_origin(folder)
     given = _given(origin, folder)
     place = root or _root_of(folder, origin)
     say(f"recomputing: {origin.line}")
     with tempfile.TemporaryDirectory() as temporary:
         trouble = _recompute(origin, Path(temporary), place)
-        if not trouble and not (Path(temporary) / origin.part / ORIGIN).is_file():
+        made = Path(temporary) / origin.part
+        if not trouble and not (made / ORIGIN).is_file():
             trouble = "cannot be recomputed: the command makes no such report"
-        result = Found([], [], [])
+        comparison = _Comparison(folder, made, place.resolve(), str(given.get("lang", "en")))
         if trouble:
-            result.wrong.extend([*_changed_outputs(folder, folder, origin), trouble])
+            comparison.wrong.extend([*comparison.changed_outputs(Path(), origin), trouble])
         else:
-            _compare(
-                folder,
-                Path(temporary) / origin.part,
-                place.resolve(),
-                result,
-                lang=str(given.get("lang", "en")),
-            )
-    for line in result.wrong:
+            comparison.compare()
+    for line in comparison.wrong:
         say(line)
-    aside = f"; not compared: {_listed(result.aside)}" if result.aside else ""
-    if result.wrong:
+    aside = f"; not compared: {_listed(comparison.aside)}" if comparison.aside else ""
+    if comparison.wrong:
         say(f"not verified: {folder}{aside}")
         sys.exit(NOT_OK)
-    say(f"verified: {folder} follows from its inputs; compared: {_listed(result.compared)}{aside}")
-
-
-@dataclass(frozen=True)
-class Found:
-    """wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were
-    compared and that were not.
-    """
-
-    wrong: list[str]
-    compared: list[str]
-    aside: list[str]
+    compared = _listed(comparison.compared)
+    say(f"verified: {folder} follows from its inputs; compared: {compared}{aside}")
 
 
 def _given(origin: Origin, folder: Path) -> dict[str, Any]:
@@ -130,10 +97,10 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     group = click.get_current_context().find_root().command
     assert isinstance(group, click.Group)
     name, words = (origin.command or [""])[0], origin.command[1:]
-    command = group.commands.get(name) if name in _MAKING_REPORTS else None
-    if command is not None and all(
-        word.isprintable() and len(word) <= _LONGEST_WORD for word in words
-    ):
+    command = group.commands.get(name)
+    options = set() if command is None else {parameter.name for parameter in command.params}
+    sane = all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words)
+    if command is not None and "formats" in options and sane:
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
         except click.ClickException as error:
@@ -144,7 +111,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
                 file=folder / ORIGIN,
             ) from None
         # and no --help, which click adds
-        if given.keys() <= {parameter.name for parameter in command.params} - OF_THE_MOMENT:
+        if given.keys() <= options - OF_THE_MOMENT:
             return dict(given)
     rule = "must name a command that makes a report, and no place, processes or --resume"
     raise InputError(rule, field="command", value=origin.line, file=folder / ORIGIN)
@@ -156,59 +123,14 @@ def _root_of(folder: Path, origin: Origin) -> Path:
     """
     here = Path.cwd()
     for place in (here, *folder.resolve().parents):
-        if all(_kind_of(place / path) for path in origin.inputs):
+        if all(os.path.exists(place / path) for path in origin.inputs):
             return place
-    missing = next(path for path in origin.inputs if not _kind_of(here / path))
+    missing = next(path for path in origin.inputs if not os.path.exists(here / path))
     raise InputError(
         "cannot be found, here or above the report; --from says from which folder it is named",
         field="input",
         value=missing,
     )
-
-
-def _kind_of(path: Path) -> int:
-    """The kind of what stands there (`stat.S_IFMT`), 0 where nothing does or the name can be
-    none.
-    """
-    try:
-        return stat.S_IFMT(os.stat(path).st_mode)
-    except (OSError, ValueError):
-        return 0
-
-
-def _is_folder(path: Path) -> bool:
-    return stat.S_ISDIR(_kind_of(path))
-
-
-def _changed_outputs(root: Path, folder: Path, origin: Origin) -> Iterator[str]:
-    for name, digest in origin.outputs.items():
-        data = read_file(folder / name, at_most=_LARGEST, within=root)
-        if data is None:
-            yield f"changed: {_shown(root, folder, name)} is missing"
-        elif hashlib.sha256(data).hexdigest() != digest:
-            yield f"changed: {_shown(root, folder, name)} is not as it was written"
-
-
-def _shown(root: Path, folder: Path, name: str) -> str:
-    return (folder.relative_to(root) / name).as_posix()
-
-
-def _changed_inputs(
-    place: Path, before: Mapping[str, str], now: Mapping[str, str]
-) -> Iterator[str]:
-    """Of the inputs as the origin has them and as they were read now."""
-    old, new = (
-        {os.path.normpath(place / path): (path, digest) for path, digest in inputs.items()}
-        for inputs in (before, now)
-    )
-    for where in sorted({*old, *new}):
-        path = (old.get(where) or new[where])[0]
-        if where not in old:
-            yield f"changed: the input {path} is read, and {ORIGIN} does not name it"
-        elif where not in new:
-            yield f"changed: the input {path} is named by {ORIGIN} and is not read"
-        elif old[where][1] != new[where][1]:
-            yield f"changed: the input {path} is not the one that the report was made from"
 
 
 def _recompute(origin: Origin, out: Path, place: Path) -> str:
@@ -232,180 +154,185 @@ def _recompute(origin: Origin, out: Path, place: Path) -> str:
     return ""
 
 
-def _compare(folder: Path, made: Path, place: Path, found: Found, *, lang: str) -> None:
-    """Every report that the command makes there and below, against the one that was made now."""
-    parts = sorted(path.parent.relative_to(made) for path in made.rglob(ORIGIN))
-    pairs = []
-    for part in parts:
-        now = read_origin(made / part)
-        try:
-            before = read_origin(folder / part, within=folder)
-        except InputError as error:
-            found.wrong.append(str(error))
-            continue
-        if (before.command, before.part) != (now.command, now.part):
-            found.wrong.append(
-                f"{_shown(folder, folder / part, ORIGIN)}: is that of another command: "
-                f"{before.line}"
-            )
-        pairs.append((part, before, now))
-    files = {
-        part: {
-            name: (_bytes(folder, folder / part, name), _bytes(made, made / part, name))
-            for name in before.outputs
-        }
-        for part, before, _ in pairs
-    }
-    whole = [
-        (name, old, new)
-        for of_part in files.values()
-        for name, (old, new) in of_part.items()
-        if old is not None and new is not None and not name.endswith(_OWN_BYTES)
-    ]
-    same_draws = all(draws_are_same(*entry) for entry in whole)
-    exact = all(old == new for name, old, new in whole if not name.endswith(".md"))
-    how = _How(folder, same_draws=same_draws, exact=exact, lang=lang)
-    if not how.same_draws:
-        say(
-            "note: the draws are others, as on another processor: estimates are compared "
-            "within their Monte-Carlo errors, and what has none is not"
-        )
-    for part, before, now in pairs:
-        found.wrong.extend(_changed_outputs(folder, folder / part, before))
-        found.wrong.extend(
-            line
-            for line in _changed_inputs(place, before.inputs, now.inputs)
-            if line not in found.wrong
-        )
-        _compare_part(how, folder / part, files[part], before, now, found)
+@dataclass(frozen=True)
+class _Part:
+    """A report of those that a command makes.  folder : within the whole.  before, now : how it was
+    made.  files : name -> as it was written before, and now; None where it is not there.
+    """
 
-
-_Pairs = Mapping[str, tuple[bytes | None, bytes | None]]
+    folder: Path
+    before: Origin
+    now: Origin
+    files: Mapping[str, tuple[bytes | None, bytes | None]]
 
 
 @dataclass(frozen=True)
-class _How:
-    """root : of the whole report.  same_draws : in all of its parts.  exact : whether all files of
-    numbers are the same to the last byte.
+class _Comparison:
+    """A report and all below it, against those that its command makes now.
+
+    folder : of the report.  made : of the one that was made now.  place : from where inputs are
+        named.  lang : its language.
+    wrong : what does not hold, in lines.  compared, aside : files, and parts of them, that were
+        compared and that were not.
     """
 
-    root: Path
-    same_draws: bool
-    exact: bool
+    folder: Path
+    made: Path
+    place: Path
     lang: str
+    wrong: list[str] = field(default_factory=list)
+    compared: list[str] = field(default_factory=list)
+    aside: list[str] = field(default_factory=list)
 
-
-def _bytes(root: Path, folder: Path, name: str) -> bytes | None:
-    return read_file(folder / name, at_most=_LARGEST, within=root)
-
-
-def _compare_part(
-    how: _How, folder: Path, files: _Pairs, before: Origin, now: Origin, found: Found
-) -> None:
-    other = {
-        name: (old, now.versions.get(name, "none"))
-        for name, old in before.versions.items()
-        if now.versions.get(name) != old
-    }
-    for package, (stated, present) in other.items() if folder == how.root else ():
-        say(f"note: made with {package} {stated}, recomputed with {present}")
-    unnamed = [
-        name for name in now.outputs if name not in before.outputs and not name.endswith(_OPTIONAL)
-    ]
-    if not any(map(_is_picture, before.outputs)):
-        unnamed = [name for name in unnamed if not _is_picture(name)]
-    found.wrong.extend(
-        f"{_shown(how.root, folder, name)}: is made now, and {ORIGIN} does not name it"
-        for name in unnamed
-    )
-    found.aside.extend(
-        _shown(how.root, folder, name) for name in _not_named(how.root, folder, before)
-    )
-    for name, (old, new) in files.items():
-        label = _shown(how.root, folder, name)
-        if old is None or (new is None and not name.endswith(_OPTIONAL)):
-            found.wrong.append(
-                f"{label}: " + ("is missing" if old is None else "is not made any more")
+    def compare(self) -> None:
+        """Every report that the command makes there and below."""
+        folders = sorted(path.parent.relative_to(self.made) for path in self.made.rglob(ORIGIN))
+        parts = [part for folder in folders if (part := self._part(folder)) is not None]
+        whole = [
+            (name, old, new)
+            for part in parts
+            for name, (old, new) in part.files.items()
+            if old is not None and new is not None and not name.endswith(_OWN_BYTES)
+        ]
+        same_draws = all(draws_are_same(*entry) for entry in whole)
+        exact = all(old == new for name, old, new in whole if not name.endswith(".md"))
+        if not same_draws:
+            say(
+                "note: the draws are others, as on another processor: estimates are compared "
+                "within their Monte-Carlo errors, and what has none is not"
             )
-            continue
-        if name == _PAGE:
-            new = _page(files, lang=how.lang)
-        if (
-            name.endswith(".pdf")
-            or name == _TIMES
-            or new is None
-            or (_is_picture(name) and not _same_picture(old, new))
-        ):
-            if _is_picture(name) and how.exact and before.versions == now.versions:
-                found.wrong.append(f"{label}: shows another picture than the one that is drawn now")
-            else:
-                found.aside.append(label)
-        elif _is_picture(name):
-            found.compared.append(label)
-        else:
-            _compare_file(
-                label,
-                differences(
-                    name,
-                    old,
-                    new,
-                    same_draws=how.same_draws or name == _PAGE,
-                    exact=how.exact or name == _PAGE,
-                ),
-                found,
-            )
+        for part in parts:
+            self.wrong.extend(self.changed_outputs(part.folder, part.before))
+            changed = self._changed_inputs(part.before.inputs, part.now.inputs)
+            self.wrong.extend(line for line in changed if line not in self.wrong)
+            self._compare_part(part, same_draws=same_draws, exact=exact)
 
-
-def _compare_file(shown: str, differing: Sequence[Difference], found: Found) -> None:
-    wrong, within, aside = (
-        [entry for entry in differing if entry.verdict is verdict]
-        for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE)
-    )
-    if aside and not aside[0].where:
-        found.aside.append(shown)
-        return
-    found.compared.append(shown)
-    if within:
-        say(f"{shown}: {len(within)} entries differ within the tolerances")
-    if aside:
-        names = dict.fromkeys(entry.where.rpartition(".")[2].partition("[")[0] for entry in aside)
-        found.aside.append(f"of {shown} {len(aside)} entries ({_listed(list(names))})")
-        for entry in aside if shown.endswith(".md") else ():
-            say(f"not compared: {shown}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}")
-    found.wrong.extend(
-        f"{shown}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}"
-        for entry in wrong[:_TOLD]
-    )
-    found.wrong.extend([f"{shown}: and {len(wrong) - _TOLD} more"] if len(wrong) > _TOLD else [])
-
-
-def _not_named(root: Path, folder: Path, origin: Origin) -> list[str]:
-    """Files that stand there and that the origin does not name: anybody may have put them there."""
-    names = [
-        f"{part}{name}"
-        for part in ("", "figures/", "tables/")
-        for name in names_in(folder / part, within=root)
-    ]
-    return [
-        name
-        for name in names
-        if name not in {*origin.outputs, ORIGIN} and not _is_folder(folder / name)
-    ]
-
-
-def _page(files: _Pairs, *, lang: str) -> bytes:
-    """`report.html` as it follows from the report and the figures beside it."""
-    from estim.reports import with_formats
-
-    with spoken(lang):
-        return with_formats(
+    def _part(self, folder: Path) -> _Part | None:
+        """None where its origin cannot be read, which is wrong."""
+        now = read_origin(self.made / folder)
+        try:
+            before = read_origin(self.folder / folder, within=self.folder)
+        except InputError as error:
+            self.wrong.append(str(error))
+            return None
+        if (before.command, before.part) != (now.command, now.part):
+            label = (folder / ORIGIN).as_posix()
+            self.wrong.append(f"{label}: is that of another command: {before.line}")
+        old, new = (
             {
-                name: pair[0]
-                for name, pair in files.items()
-                if pair[0] is not None and name != _PAGE
-            },
-            ["html"],
-        )[_PAGE]
+                name: read_file(root / folder / name, at_most=_LARGEST, within=root)
+                for name in before.outputs
+            }
+            for root in (self.folder, self.made)
+        )
+        return _Part(folder, before, now, {name: (old[name], new[name]) for name in old})
+
+    def changed_outputs(self, folder: Path, origin: Origin) -> Iterator[str]:
+        for name, digest in origin.outputs.items():
+            data = read_file(self.folder / folder / name, at_most=_LARGEST, within=self.folder)
+            label = (folder / name).as_posix()
+            if data is None:
+                yield f"changed: {label} is missing"
+            elif hashlib.sha256(data).hexdigest() != digest:
+                yield f"changed: {label} is not as it was written"
+
+    def _changed_inputs(self, before: Mapping[str, str], now: Mapping[str, str]) -> Iterator[str]:
+        """Of the inputs as the origin has them and as they were read now."""
+        old, new = (
+            {os.path.normpath(self.place / path): (path, sha) for path, sha in inputs.items()}
+            for inputs in (before, now)
+        )
+        for where in sorted({*old, *new}):
+            path = (old.get(where) or new[where])[0]
+            if where not in old:
+                yield f"changed: the input {path} is read, and {ORIGIN} does not name it"
+            elif where not in new:
+                yield f"changed: the input {path} is named by {ORIGIN} and is not read"
+            elif old[where][1] != new[where][1]:
+                yield f"changed: the input {path} is not the one that the report was made from"
+
+    def _compare_part(self, part: _Part, *, same_draws: bool, exact: bool) -> None:
+        """same_draws : in all parts.  exact : whether all files of numbers are the same to the last
+        byte.
+        """
+        before, now = part.before, part.now
+        for package, stated in before.versions.items() if part.folder == Path() else ():
+            if (present := now.versions.get(package)) != stated:
+                say(f"note: made with {package} {stated}, recomputed with {present or 'none'}")
+        drawn = any(map(_is_picture, before.outputs))
+        self.wrong.extend(
+            f"{(part.folder / name).as_posix()}: is made now, and {ORIGIN} does not name it"
+            for name in now.outputs
+            if name not in before.outputs
+            and not name.endswith(_OPTIONAL)
+            and (drawn or not _is_picture(name))
+        )
+        self.aside.extend(self._not_named(part))
+        for name, (old, new) in part.files.items():
+            label = (part.folder / name).as_posix()
+            page = name == _PAGE
+            if old is None:
+                self.wrong.append(f"{label}: is missing")
+            elif new is None and not name.endswith(_OPTIONAL):
+                self.wrong.append(f"{label}: is not made any more")
+            elif name == _TIMES or name.endswith(".pdf") or new is None:
+                self.aside.append(label)
+            elif not _is_picture(name):
+                new = self._page(part) if page else new
+                same = same_draws or page
+                differing = differences(name, old, new, same_draws=same, exact=exact or page)
+                self._compare_file(label, differing)
+            elif _same_picture(old, new):
+                self.compared.append(label)
+            elif exact and before.versions == now.versions:
+                self.wrong.append(f"{label}: shows another picture than the one that is drawn now")
+            else:
+                self.aside.append(label)
+
+    def _compare_file(self, label: str, differing: Sequence[Difference]) -> None:
+        wrong, within, aside = (
+            [entry for entry in differing if entry.verdict is verdict]
+            for verdict in (Verdict.WRONG, Verdict.WITHIN, Verdict.ASIDE)
+        )
+        if aside and not aside[0].where:
+            self.aside.append(label)
+            return
+        self.compared.append(label)
+        if within:
+            say(f"{label}: {len(within)} entries differ within the tolerances")
+        if aside:
+            names = [entry.where.rpartition(".")[2].partition("[")[0] for entry in aside]
+            words = _listed(list(dict.fromkeys(names)))
+            self.aside.append(f"of {label} {len(aside)} entries ({words})")
+        for entry in aside if label.endswith(".md") else ():
+            say(f"not compared: {label}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}")
+        self.wrong.extend(
+            f"{label}, {entry.where}: {entry.before!r}, recomputed {entry.now!r}"
+            for entry in wrong[:_TOLD]
+        )
+        if len(wrong) > _TOLD:
+            self.wrong.append(f"{label}: and {len(wrong) - _TOLD} more")
+
+    def _not_named(self, part: _Part) -> Iterator[str]:
+        """Files that stand there and that the origin does not name: anybody may have put them
+        there.
+        """
+        place = self.folder / part.folder
+        for below in ("", "figures/", "tables/"):
+            for name in names_in(place / below, within=self.folder):
+                path = f"{below}{name}"
+                if path not in {*part.before.outputs, ORIGIN} and not os.path.isdir(place / path):
+                    yield (part.folder / path).as_posix()
+
+    def _page(self, part: _Part) -> bytes:
+        """`report.html` as it follows from the report and the figures beside it."""
+        from estim.reports import with_formats
+
+        files = {
+            name: old for name, (old, _) in part.files.items() if old is not None and name != _PAGE
+        }
+        with spoken(self.lang):
+            return with_formats(files, ["html"])[_PAGE]
 
 
 def _is_picture(name: str) -> bool:
@@ -429,8 +356,8 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 
 
 @click.command()
-@click.argument("first", type=click.Path(path_type=Path))
-@click.argument("second", type=click.Path(path_type=Path))
+@click.argument("first", type=PATH)
+@click.argument("second", type=PATH)
 def diff(first: Path, second: Path) -> None:
     """What differs between the results of two analyses, FIRST and SECOND (folders, or files
     result.json).
@@ -476,7 +403,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _result(path: Path) -> dict[str, Any]:
     """Raises InputError where there is no result."""
-    file = path / "result.json" if _is_folder(path) else path
+    file = path / "result.json" if os.path.isdir(path) else path
     data = read_file(file, at_most=_LARGEST)
     if data is None:
         raise InputError("cannot be found", field="result", value=str(file))

@@ -2,7 +2,16 @@
 writes.  Read `statuses` and `kinds` first.
 """
 
-from estim.common.errors import EstimError, InputError, Interrupted, NumericalError, listed, shorten
+from estim.common.errors import (
+    EstimError,
+    InputError,
+    Interrupted,
+    NumericalError,
+    in_file,
+    in_its_file,
+    listed,
+    shorten,
+)
 from estim.common.escaping import (
     Markdown,
     as_json,
@@ -17,8 +26,16 @@ from estim.common.escaping import (
 )
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
+from estim.common.kinds import Kind, Status
 from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
-from estim.common.labels import in_unit, is_angle, is_in_degrees, is_unit, powers_in, same_unit
+from estim.common.unit_symbols import (
+    in_unit,
+    is_angle,
+    is_in_degrees,
+    is_unit,
+    powers_in,
+    same_unit,
+)
 from estim.common.lookalikes import first_alike, forms, same_looks
 from estim.common.phrases import LANGUAGES, PhraseTable, language, later, phrase, spoken
 from estim.common.checkpoints import PieceStore, key_of
@@ -35,16 +52,7 @@ from estim.common.quantity import (
     percentage,
 )
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
-from estim.common.statuses import (
-    PROBABILITIES,
-    Amount,
-    Finding,
-    Kind,
-    Status,
-    decide,
-    gravest,
-    wrong,
-)
+from estim.common.statuses import PROBABILITIES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
     held,
     inputs_read,

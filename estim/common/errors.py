@@ -8,10 +8,16 @@ numerical failure is not an exception: it is a sentence in the record of the sta
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
-from estim.common.escaping import one_line as one_line
+from estim.common.escaping import one_line
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 class EstimError(Exception):
@@ -42,15 +48,14 @@ class InputError(EstimError, ValueError):
         quoted: str = "",
         index: int | None = None,
     ) -> None:
-        self.rule, self.field, self.value, self.file, self.line, self.quoted = (
+        self.rule, self.field, self.value, self.quoted, self.index = (
             rule,
             field,
             value,
-            file,
-            line,
             quoted,
+            index,
         )
-        self.index = index
+        self.file, self.line = None if file is None else str(file), line
         place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
         subject = "" if field is None else f"'{field}' "
         value_text = "" if value is None else f": {shorten(value)}"
@@ -64,7 +69,12 @@ class InputError(EstimError, ValueError):
         rule.
         """
         return InputError(
-            self.rule, field=self.field, value=self.value, file=file, line=line, quoted=self.quoted
+            self.rule,
+            field=self.field,
+            value=self.value,
+            file=file,
+            line=self.line if line is None else line,
+            quoted=self.quoted,
         )
 
     def without_quotes(self, fields: Collection[str]) -> InputError:
@@ -75,6 +85,28 @@ class InputError(EstimError, ValueError):
         return InputError(
             rule, field=self.field if self.field in fields else None, file=self.file, line=self.line
         )
+
+
+@contextmanager
+def in_file(file: str | Path) -> Iterator[None]:
+    """While a file is read: a mistake that does not say where it is, is in `file`."""
+    try:
+        yield
+    except InputError as error:
+        raise error if error.file is not None else error.at(file) from None
+
+
+def in_its_file(reader: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[Path, P], T]:
+    """A reader of the file that is its first argument, which need not say in which file a mistake
+    is.
+    """
+
+    @wraps(reader)
+    def read(path: Path, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        with in_file(path):
+            return reader(path, *args, **kwargs)
+
+    return read
 
 
 class NumericalError(EstimError):

@@ -87,10 +87,10 @@ def markdown(text: object) -> Markdown:
     return Markdown(_BLOCK.sub(r"\g<0>\\", line))
 
 
-def _escaped(found: re.Match[str]) -> str:
-    if inside := found["index"] or found["interval"]:
+def _escaped(match: re.Match[str]) -> str:
+    if inside := match["index"] or match["interval"]:
         return f"[{_SPECIAL.sub(_escaped, inside)}]"
-    return "".join({"<": "&lt;", "&": "&amp;"}.get(mark, f"\\{mark}") for mark in found[0])
+    return "".join({"<": "&lt;", "&": "&amp;"}.get(mark, f"\\{mark}") for mark in match[0])
 
 
 def unescaped(line: str) -> str:

@@ -65,14 +65,13 @@ def run_parallel(
     """
     done: dict[K, T] = {}
     task = partial(_speaking, task, language())
+    results: Iterator[tuple[K, T]]
     if executor is not None:
         results = _through(executor, task, numbers)
+    elif jobs <= 1 or not numbers:
+        results = ((n, task(n)) for n in numbers)
     else:
-        results = (
-            _in_process(task, numbers)
-            if jobs <= 1 or not numbers
-            else _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
-        )
+        results = _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
     for n, result in results:
         done[n] = result
         if tell is not None:
@@ -86,11 +85,6 @@ def _speaking(task: Callable[[K], T], language: str, n: K) -> T:
     """`task(n)` in a process that may have another language."""
     with spoken(language):
         return task(n)
-
-
-def _in_process(task: Callable[[K], T], numbers: Sequence[K]) -> Iterator[tuple[K, T]]:
-    for n in numbers:
-        yield n, task(n)
 
 
 def _through(
@@ -211,13 +205,11 @@ def _pickled(thing: object) -> bytes:
     """`thing` as bytes; read-only mappings, which pickle does not know, included."""
     buffer = io.BytesIO()
     pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
-    pickler.dispatch_table = copyreg.dispatch_table | {MappingProxyType: _reduced}
+    pickler.dispatch_table = copyreg.dispatch_table | {
+        MappingProxyType: lambda mapping: (_read_only, (dict(mapping),))
+    }
     pickler.dump(thing)
     return buffer.getvalue()
-
-
-def _reduced(mapping: MappingProxyType[Any, Any]) -> tuple[Any, ...]:
-    return _read_only, (dict(mapping),)
 
 
 def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:

@@ -13,12 +13,6 @@ from dataclasses import dataclass
 
 from estim.common.escaping import LETTERS, Markdown, markdown
 from estim.common.phrases import later, phrase
-from estim.common.unit_symbols import in_unit as in_unit
-from estim.common.unit_symbols import is_angle as is_angle
-from estim.common.unit_symbols import is_in_degrees as is_in_degrees
-from estim.common.unit_symbols import is_unit as is_unit
-from estim.common.unit_symbols import powers_in as powers_in
-from estim.common.unit_symbols import same_unit as same_unit
 
 KINDS = {
     "synthetic": later("**SYNTHETIC data**: made by a program, not measured."),

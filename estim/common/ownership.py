@@ -66,7 +66,7 @@ def require_own(
     """
     for name in names:
         data = read_file(folder / name, at_most=_LARGEST, within=within)
-        if data is not None and not _is_own(data, digests.get(name, "")):
+        if data is not None and sha256(data).hexdigest() not in digests.get(name, "").split():
             raise InputError(
                 "was not written by estim, or was changed since: move it away, or choose "
                 "another folder",
@@ -131,7 +131,3 @@ def remove_own(folder: Path, digests: Mapping[str, str], *, within: Path) -> Non
             remove_files(path.parent, [path.name], within=within)
             if len(PurePosixPath(name).parts) > 1:
                 remove_empty(path.parent, within=within)
-
-
-def _is_own(data: bytes, digests: str) -> bool:
-    return sha256(data).hexdigest() in digests.split()

@@ -11,9 +11,13 @@ import math
 import re
 import warnings
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from estim.common.errors import InputError
 from estim.common.unit_symbols import is_unit
+
+if TYPE_CHECKING:
+    from estim.arrays import FloatArray
 
 _NUMBER = re.compile(
     r"[+-]?((\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?|nan|inf|infinity)", re.ASCII | re.IGNORECASE
@@ -26,6 +30,7 @@ _WITH_UNIT = re.compile(
 )
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
 _LEAST_P = 1e-6
+_LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # characters of a quantity; the library's pattern takes time as the square of a row of blanks
 _LONGEST = 200
@@ -38,6 +43,11 @@ class Quantity:
 
     value: float
     u: float = 0.0
+
+    @classmethod
+    def of(cls, draws: FloatArray) -> Quantity:
+        """Mean and standard deviation of draws (n_draw,)."""
+        return cls(float(draws.mean()), float(draws.std(ddof=1)))
 
     def scaled(self, factor: float) -> Quantity:
         """The same quantity in another unit, `factor` new units per old one."""
@@ -172,37 +182,26 @@ def format_p(p: float, least: float = _LEAST_P) -> str:
 
 def p_digits(p: float, digits: int = 2) -> str:
     """A probability: '0.20', '0.00030', '5e-5'."""
-    return re.sub(
-        r"e([+-])0*(?=\d)",
-        lambda match: "e" + match[1].replace("+", ""),
-        significant(p, digits, least=1e-4, powers="e"),
-    )
+    mantissa, _, exponent = f"{p:.{digits - 1}e}".partition("e")
+    if p and exponent and int(exponent) < _LEAST_POWER:
+        return f"{mantissa}e{int(exponent)}"
+    return significant(p, digits)
 
 
-def significant(value: float, digits: int = 3, *, least: float = 1e-4, powers: str = "×10") -> str:
-    """`value` to as many significant digits, zeros at the end kept ("0.090"); sizes below `least`
-    or from 1e6 on as powers of ten ("5.5×10⁻⁵").
-
-    powers : "×10" for that, "e" for "5.5e-05".
+def significant(value: float, digits: int = 3) -> str:
+    """`value` to as many significant digits, zeros at the end kept ("0.090"); sizes below 1e-4 or
+    from 1e6 on as powers of ten ("5.5×10⁻⁵").
     """
     if not math.isfinite(value):
         return "n/a"
     if value == 0.0:
         return "0"
     mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-    rounded = float(f"{mantissa}e{exponent}")
-    if least <= abs(rounded) < 1e6:
-        return signed(f"{rounded:.{max(0, digits - 1 - int(exponent))}f}")
-    return (
-        signed(f"{mantissa}e{exponent}")
-        if powers == "e"
-        else f"{signed(mantissa)}×10{exponent_digits(int(exponent))}"
-    )
-
-
-def exponent_digits(exponent: int) -> str:
-    """'⁻⁵'."""
-    return str(exponent).translate(_RAISED)
+    power = int(exponent)
+    if _LEAST_POWER <= power < 6:
+        decimals = max(0, digits - 1 - power)
+        return signed(f"{float(f'{mantissa}e{exponent}'):.{decimals}f}")
+    return f"{signed(mantissa)}×10{str(power).translate(_RAISED)}"
 
 
 def percentage(share: float, digits: int = 2) -> str:

@@ -256,16 +256,16 @@ def _plain(place: _Place, name: str) -> os.stat_result | None:
     return status
 
 
-def _kind(found: os.stat_result) -> str:
-    if stat.S_ISLNK(found.st_mode):
+def _kind(status: os.stat_result) -> str:
+    if stat.S_ISLNK(status.st_mode):
         return (
             "is a symbolic link, and estim follows none here: remove it, or choose another folder"
         )
     what = (
         "folder"
-        if stat.S_ISDIR(found.st_mode)
+        if stat.S_ISDIR(status.st_mode)
         else "named pipe"
-        if stat.S_ISFIFO(found.st_mode)
+        if stat.S_ISFIFO(status.st_mode)
         else "device or the like"
     )
     return f"is a {what} where estim keeps a file: move it away, or choose another folder"

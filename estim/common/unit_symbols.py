@@ -11,11 +11,11 @@ from __future__ import annotations
 import math
 import re
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import product
 from types import MappingProxyType
+from typing import NamedTuple
 
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−º˚", "-0123456789-°°")
 _LETTERS = str.maketrans("µμ\u2126\u212b", "uuΩÅ")
@@ -151,32 +151,12 @@ _LONGEST = 200  # characters of a unit that is read
 _MOST = 64  # meanings of one
 
 
-@dataclass(frozen=True)
-class Unit:
-    """size : natural logarithm of the SI units in one of it.  powers : of metre, kilogram, second,
-    ampere, kelvin, mole, candela.
-    """
-
-    size: float
-    powers: tuple[int, ...]
-
-    def raised(self, power: int) -> Unit:
-        return Unit(self.size * power, tuple(power * p for p in self.powers))
-
-    def times(self, other: Unit) -> Unit:
-        return Unit(
-            self.size + other.size,
-            tuple(p + q for p, q in zip(self.powers, other.powers, strict=True)),
-        )
-
-    def same(self, other: Unit) -> bool:
-        return self.powers == other.powers and math.isclose(
-            self.size, other.size, rel_tol=1e-12, abs_tol=1e-9
-        )
+# natural logarithm of the SI units in one of it, then its powers of metre, kilogram, second,
+# ampere, kelvin, mole and candela; those of a product are the sums of those of its factors
+Unit = tuple[float, ...]
 
 
-@dataclass(frozen=True)
-class Factor:
+class Factor(NamedTuple):
     """A symbol or a number with the power that is written at it, and that of what it stands in: s⁻²
     below a line is -2 and -1.
     """
@@ -186,30 +166,45 @@ class Factor:
     outer: int = 1
 
     def within(self, outer: int) -> Factor:
-        return Factor(self.symbol, self.power, self.outer * outer)
+        return self._replace(outer=self.outer * outer)
 
 
-_PURE = Unit(0.0, (0,) * len(_BASE))
-_KELVIN = tuple(int(base == "K") for base in _BASE)
+_KELVIN = tuple(float(base == "K") for base in _BASE)
 
 
-def same_unit(one: str, other: str) -> bool | None:
+def _pure(number: float) -> Unit:
+    return (math.log(number), *(0.0 for _ in _BASE))
+
+
+def _raised(unit: Unit, power: int) -> Unit:
+    return tuple(power * part for part in unit)
+
+
+def _product(*units: Unit) -> Unit:
+    return tuple(map(sum, zip(*units, strict=True)))
+
+
+def _same(unit: Unit, other: Unit) -> bool:
+    return unit[1:] == other[1:] and math.isclose(unit[0], other[0], rel_tol=1e-12, abs_tol=1e-9)
+
+
+def same_unit(unit: str, other: str) -> bool | None:
     """Whether two units mean the same, or may; None where one of them is not known.  Zeros are not
     compared: °C is K.
     """
-    if _plain(one) == _plain(other):
+    if _plain(unit) == _plain(other):
         return True
-    pairs = [(a, b) for a in _meanings(one) for b in _meanings(other)]
-    return any(a.same(b) for a, b in pairs) if pairs else None
+    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(other)]
+    return any(_same(a, b) for a, b in pairs) if pairs else None
 
 
 def in_unit(value: float, unit: str, wanted: str) -> float | None:
     """A value in another unit; None where the two are not known to be of one dimension, may mean
     several, or have zeros of their own.
     """
-    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a.powers == b.powers]
-    sizes = [a.size - b.size for a, b in pairs]
-    temperatures = any(a.powers == _KELVIN for a, _ in pairs) and any(
+    pairs = [(a, b) for a in _meanings(unit) for b in _meanings(wanted) if a[1:] == b[1:]]
+    sizes = [a[0] - b[0] for a, b in pairs]
+    temperatures = any(a[1:] == _KELVIN for a, _ in pairs) and any(
         _OF_TEMPERATURE.search(_plain(text)) for text in (unit, wanted)
     )
     if (
@@ -239,9 +234,7 @@ def is_angle(unit: str) -> bool:
 
 def is_in_degrees(unit: str) -> bool:
     """Whether a unit is the degree of an angle."""
-    return is_angle(unit) and any(
-        meaning.same(Unit(math.log(_DEGREE), _PURE.powers)) for meaning in _meanings(unit)
-    )
+    return is_angle(unit) and any(_same(meaning, _pure(_DEGREE)) for meaning in _meanings(unit))
 
 
 def powers_in(unit: str) -> dict[str, int] | None:
@@ -332,10 +325,8 @@ def _meanings(text: str) -> tuple[Unit, ...]:
         return ()
     units: list[Unit] = []
     for chosen in product(*readings):
-        whole = _PURE
-        for unit in chosen:
-            whole = whole.times(unit)
-        units += [] if any(whole.same(other) for other in units) else [whole]
+        whole = _product(*chosen)
+        units += [] if any(_same(whole, other) for other in units) else [whole]
     return tuple(units)
 
 
@@ -343,13 +334,11 @@ def _readings(factor: Factor) -> list[Unit]:
     """What a factor may mean: one of its symbol's meanings, or m s⁻¹ where ms⁻¹ is written."""
     if factor.symbol[0].isdigit():
         number = float(factor.symbol)
-        return (
-            [Unit(math.log(number), _PURE.powers).raised(factor.power * factor.outer)]
-            if 0.0 < number < math.inf
-            else []
-        )
-    meanings = [*(unit.raised(factor.power) for unit in _known(factor.symbol)), *_as_two(factor)]
-    return [unit.raised(factor.outer) for unit in meanings]
+        pure = [_pure(number)] if 0.0 < number < math.inf else []
+        return [_raised(unit, factor.power * factor.outer) for unit in pure]
+    known = _SYMBOLS.get(_symbol_of(factor.symbol), ())
+    meanings = [*(_raised(unit, factor.power) for unit in known), *_as_two(factor)]
+    return [_raised(unit, factor.outer) for unit in meanings]
 
 
 def _as_two(factor: Factor) -> list[Unit]:
@@ -360,12 +349,10 @@ def _as_two(factor: Factor) -> list[Unit]:
     for second in (*_WITH_PREFIX, "kg") if factor.power < 0 else ():
         first = symbol.removesuffix(second)
         if first in _SYMBOLS and first not in (symbol, second):
-            products.append(_SYMBOLS[first][0].times(_SYMBOLS[second][0].raised(factor.power)))
+            products.append(
+                _product(_SYMBOLS[first][0], _raised(_SYMBOLS[second][0], factor.power))
+            )
     return products
-
-
-def _known(symbol: str) -> Sequence[Unit]:
-    return _SYMBOLS.get(_symbol_of(symbol), ())
 
 
 def _symbol_of(text: str) -> str:
@@ -376,8 +363,11 @@ def _symbol_of(text: str) -> str:
 
 def _unit(size: float, text: str) -> Unit:
     """ "kg m2 s-2" as powers of the base units."""
-    powers = {base: int(power or 1) for base, power in re.findall(r"([A-Za-z]+)(-?\d*)", text)}
-    return Unit(math.log(size), tuple(powers.get(base, 0) for base in _BASE))
+    powers = dict(re.findall(r"([A-Za-z]+)(-?\d*)", text))
+    return (
+        math.log(size),
+        *(float(powers[base] or 1) if base in powers else 0.0 for base in _BASE),
+    )
 
 
 def _all_symbols() -> Iterator[tuple[str, tuple[float, str]]]:

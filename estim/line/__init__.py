@@ -1,7 +1,7 @@
 """The straight line with errors in both variables: York, exact intervals, Bayesian; the theta_min
 series; trials of release.
 
-Read `least_squares` first, `analysis` for the theta_min line, `release` for trials.
+Read `regression` first, `analysis` for the theta_min line, `release_analysis` for trials.
 """
 
 from estim.line.analysis import LineAnalysis, analyse_line

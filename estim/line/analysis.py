@@ -30,7 +30,7 @@ from estim.common import (
 from estim.line.evidence import InterceptEvidence, intercept_evidence
 from estim.line.findings import line_findings
 from estim.line.interval import SlopeInterval, slope_interval
-from estim.line.posterior import LinePosterior, line_posterior, mode_or_guess
+from estim.line.posterior import LinePosterior, line_posterior
 from estim.line.regression import (
     InversePrediction,
     LineFit,
@@ -179,13 +179,13 @@ def analyse_line(
         u_zero_y=series.u_zero_y,
         intercept_sd=_INTERCEPT_SD,
     )
-    mode = mode_or_guess(posterior)
+    start, cov = posterior.start, np.diag(posterior.step**2)
     rng = stream(seed, Stream.LINE_CHAIN)
-    proposal = adapt_proposal(posterior, mode.values, mode.cov, rng=rng)
+    proposal = adapt_proposal(posterior, start, cov, rng=rng)
     chain = sample_posterior(
         posterior,
-        mode.values,
-        mode.cov,
+        start,
+        cov,
         target=target or Target(),
         rng=rng,
         progress=progress,
@@ -249,8 +249,7 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
 def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
     gamma = 1.0 / chain.flat[:, chain.names.index("slope")]
     resistance = gamma * chain.flat[:, chain.names.index("intercept")]
-    means = (Quantity(float(d.mean()), float(d.std(ddof=1))) for d in (gamma, resistance))
-    return _reading(next(means), next(means), gamma_masses)
+    return _reading(Quantity.of(gamma), Quantity.of(resistance), gamma_masses)
 
 
 def _reading(gamma: Quantity, resistance: Quantity, gamma_masses: Quantity | None) -> Reading:

@@ -1,6 +1,6 @@
 """Points of a straight line, checked, and S as a function of the line's angle.
 
-``line.py``, ``line_intervals.py`` and ``bayesian_line.py`` are built on this file; call those.
+``regression.py``, ``interval.py`` and ``posterior.py`` are built on this file; call those.
 With theta the line's angle and (across, along) the coordinates normal to the line and in it,
 
     across_i = y_i cos theta - x_i sin theta,    v_i = u_x^2 sin^2 - 2 r u_x u_y sin cos + u_y^2
@@ -22,7 +22,11 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.given_numbers import real_numbers
-from estim.line.joint_errors import check_joint, joint_profile
+from estim.line.joint_errors import check_joint
+
+# of the mean variance of all readings, and of a point's own: what is exact across a line has the
+# variance of rounding
+_FLOOR, _FLOOR_OF_POINT = 1e-14, 1e-30
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,17 +122,31 @@ def _vector(values: ArrayLike, field: str, n_obs: int | None) -> FloatArray:
 class ScaledPoints(NamedTuple):
     """Points shifted to their mean and divided by their spread, so that an angle means the same in
     all units.
+
+    Covariances are (n_obs,) where the errors of different points are independent, else (n_obs,
+    n_obs); the formulas are the same.
     """
 
     x: FloatArray  # (n_obs,)
     y: FloatArray  # (n_obs,)
-    var_x: FloatArray  # (n_obs,)
-    var_y: FloatArray  # (n_obs,)
-    cov_xy: FloatArray  # (n_obs,)
+    var_x: FloatArray  # covariance of the errors of x
+    var_y: FloatArray  # the same of y
+    cov_xy: FloatArray  # covariance of the errors of x (rows) and y
     origin: tuple[float, float]  # mean of x and y in their own units
     scale: tuple[float, float]  # spread of x and y in their own units
-    # (2 n_obs, 2 n_obs) of x, then y, where errors of points are correlated
-    cov: FloatArray | None = None
+
+    @property
+    def dense(self) -> bool:
+        """Whether errors of different points are correlated."""
+        return self.var_x.ndim == 2
+
+    def times(self, cov: FloatArray, values: FloatArray) -> FloatArray:
+        """A covariance times values (n_obs,)."""
+        return cov @ values if self.dense else cov * values
+
+    def solve(self, cov: FloatArray, values: FloatArray) -> FloatArray:
+        """The inverse of a covariance times values (n_obs,)."""
+        return np.asarray(np.linalg.solve(cov, values) if self.dense else values / cov)
 
     def line(self, angle: float, offset: float) -> tuple[float, float]:
         """Intercept and slope in the units of the data, of the line with that angle and distance
@@ -145,18 +163,23 @@ def scaled_points(data: LineData) -> ScaledPoints:
     """
     x0, y0 = float(np.mean(data.x)), float(np.mean(data.y))
     scale_x, scale_y = _spread(data.x, data.u_x), _spread(data.y, data.u_y)
-    u_x, u_y = data.u_x / scale_x, data.u_y / scale_y
-    units = np.repeat([scale_x, scale_y], data.x.size)
-    cov = None if data.cov is None else data.cov / np.outer(units, units)
+    n, u_x, u_y = data.x.size, data.u_x / scale_x, data.u_y / scale_y
+    if data.cov is None:
+        floor = _FLOOR_OF_POINT * (u_x**2 + u_y**2)
+        var_x, var_y, cov_xy = u_x**2 + floor, u_y**2 + floor, data.r_xy * u_x * u_y
+    else:
+        units = np.repeat([scale_x, scale_y], n)
+        cov = data.cov / np.outer(units, units)
+        cov += _FLOOR * float(np.trace(cov)) / n * np.eye(2 * n)
+        var_x, var_y, cov_xy = cov[:n, :n], cov[n:, n:], cov[:n, n:]
     return ScaledPoints(
         (data.x - x0) / scale_x,
         (data.y - y0) / scale_y,
-        u_x**2,
-        u_y**2,
-        data.r_xy * u_x * u_y,
+        var_x,
+        var_y,
+        cov_xy,
         (x0, y0),
         (scale_x, scale_y),
-        cov,
     )
 
 
@@ -188,28 +211,29 @@ def profile(angle: FloatArray, points: ScaledPoints) -> Profile:
     of its z_i if theta is true (z is along with its regression on d removed), hence given z the
     score is exactly normal with variance sum w (z - mean z)^2, however few the points.
 
-    angle : any shape, rad, in scaled units.  Source: York et al. 2004, eqs. (3)-(5), rotated; the
-        score as in Kleibergen 2002, Econometrica 70, 1781.
+    angle : (n_angle,) or one, rad, in scaled units.  Source: York et al. 2004, eqs. (3)-(5),
+        rotated; the score as in Kleibergen 2002, Econometrica 70, 1781.
     """
-    if points.cov is not None:
-        joint = joint_profile(np.ravel(angle), points.x, points.y, points.cov)
-        return Profile(*(values.reshape(np.shape(angle)) for values in joint))
-    s, c = np.sin(angle)[..., None], np.cos(angle)[..., None]
-    variance = s * s * points.var_x - 2.0 * s * c * points.cov_xy + c * c * points.var_y
-    # a point exact in x alone has no variance across a vertical line: its floor is the rounding of
-    # the angle
-    w = 1.0 / np.maximum(variance, 1e-30 * (points.var_x + points.var_y))
-    total = w.sum(axis=-1)
+    if points.dense and angle.ndim:
+        rows = [profile(direction, points) for direction in angle]
+        return Profile(*(np.array(values) for values in zip(*rows, strict=True)))
+    s, c = np.sin(angle), np.cos(angle)
+    if not points.dense:
+        s, c = s[..., None], c[..., None]
+    twice = points.cov_xy + points.cov_xy.T
+    variance = s * s * points.var_x - s * c * twice + c * c * points.var_y
+    shared = s * c * (points.var_y - points.var_x) + c * c * points.cov_xy - s * s * points.cov_xy.T
     across = c * points.y - s * points.x
+    w = points.solve(variance, np.ones(points.x.size))
+    total = w.sum(axis=-1)
     offset = (w * across).sum(axis=-1) / total
     d = across - offset[..., None]
-    half_slope = s * c * (points.var_x - points.var_y) - (c * c - s * s) * points.cov_xy
-    z = c * points.x + s * points.y + half_slope * w * d
+    wd = points.solve(variance, d)
+    z = c * points.x + s * points.y - points.times(shared, wd)
     centre = (w * z).sum(axis=-1) / total
-    information = (w * (z - centre[..., None]) ** 2).sum(axis=-1)
-    return Profile(
-        (w * d * d).sum(axis=-1), (w * d * z).sum(axis=-1), information, offset, total, centre
-    )
+    apart = z - centre[..., None]
+    information = (apart * points.solve(variance, apart)).sum(axis=-1)
+    return Profile((d * wd).sum(axis=-1), (wd * z).sum(axis=-1), information, offset, total, centre)
 
 
 def best_angle(points: ScaledPoints) -> tuple[float, float]:

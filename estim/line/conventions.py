@@ -43,7 +43,7 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
             "scale (Student's t, {dof} dof)",
             dof=dof,
         )
-        if chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2:
+        if is_exact(data, chi2):
             none = phrase(
                 ", and there is no scatter beyond rounding errors, so nothing indicates "
                 "how large the errors are: state u_y"
@@ -77,3 +77,8 @@ def recommendation(data: LineData, chi2: float, dof: int, p_value: float) -> tup
         "errors where the errors along the line are not small compared with the range",
         p=format_p(p_value),
     )
+
+
+def is_exact(data: LineData, chi2: float) -> bool:
+    """Whether the points of an ordinary line scatter by rounding errors alone."""
+    return chi2 <= data.x.size * (_ROUNDING * float(np.max(np.abs(data.y)))) ** 2

@@ -10,8 +10,8 @@ import numpy as np
 
 from estim.checks import Goodness, check_linear, failed_tests, sampling_findings
 from estim.common import Finding, Kind, Stream, stream, wrong
+from estim.line.angle import scaled_points
 from estim.line.interval import SlopeInterval
-from estim.line.joint_errors import joint_covariance
 from estim.line.regression import LineFit
 from estim.sampling import Chain
 
@@ -59,22 +59,27 @@ def line_goodness(fit: LineFit) -> Goodness:
     """The tests of the points of a line, in the order of x: their misfits along y, whitened, S the
     sum of their squares.
     """
-    data, a, b, stated = fit.data, fit.intercept, fit.slope, fit.method != "ols"
-    n = data.x.size
-    u_y = data.u_y if stated else np.full(n, math.sqrt(fit.chi2 / fit.dof))
-    joint = joint_covariance(data.u_x, u_y, data.r_xy) if data.cov is None else data.cov
-    v_xx, v_xy, v_yy = joint[:n, :n], joint[:n, n:], joint[n:, n:]
-    across = v_yy - b * (v_xy + v_xy.T) + b * b * v_xx
-    misfit, order = data.y - a - b * data.x, np.argsort(data.x, kind="stable")
-    adjusted = data.x + (b * v_xx - v_xy) @ np.linalg.solve(across, misfit)
-    lower = np.linalg.cholesky(across[np.ix_(order, order)])
-    white = np.linalg.solve(lower, np.column_stack([misfit, np.ones(n), adjusted])[order])
+    data, points, stated = fit.data, scaled_points(fit.data), fit.method != "ols"
+    scale_x, scale_y = points.scale
+    b = fit.slope * scale_x / scale_y
+    twice = points.cov_xy + points.cov_xy.T
+    across = points.var_y - b * twice + b * b * points.var_x
+    across = across if stated else across * fit.chi2 / fit.dof
+    line = fit.intercept + fit.slope * data.x
+    misfit, order = (data.y - line) / scale_y, np.argsort(data.x, kind="stable")
+    shift = points.times(b * points.var_x - points.cov_xy, points.solve(across, misfit))
+    columns = np.column_stack([misfit, np.ones(data.x.size), points.x + shift])[order]
+    if points.dense:
+        white = np.linalg.solve(np.linalg.cholesky(across[np.ix_(order, order)]), columns)
+        variance = np.diag(across)
+    else:
+        white, variance = columns / np.sqrt(across[order])[:, None], across
     return check_linear(
         white[:, 0],
         white[:, 1:],
         x=data.x[order],
-        f=(a + b * data.x)[order],
-        sd=np.sqrt(np.diag(across))[order],
+        f=line[order],
+        sd=scale_y * np.sqrt(variance)[order],
         stated=stated,
         rng=stream(0, Stream.GOODNESS),
     )

@@ -32,21 +32,24 @@ and Bayesian Methods (Kluwer), p. 511; Kelly 2007, Astrophys. J. 665, 1489, eqs.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError, phrase
+from estim.common import InputError
 from estim.line.angle import LineData, line_data, scaled_points
 from estim.line.regression import fit_line
+from estim.problem import HalfNormal, Normal, Prior
 
 
 @dataclass(frozen=True, eq=False)
 class LinePosterior:
-    """A line's posterior density; give ``names``, ``log_density`` and the start of ``line_mode`` to
-    a sampler.
+    """A line's posterior density; a sampler (`estim.sample_posterior`) takes it with ``start`` and
+    the squares of ``step``.
     """
 
     # "intercept", "slope", "mu_x", "log_tau", "log_scatter", "zero_x", "zero_y": those that are
@@ -56,12 +59,9 @@ class LinePosterior:
     step: FloatArray  # (n_par,) rough sds
     data: LineData  # the points
     scale: tuple[float, float]  # sd of x and of y, the units of the prior on the angle
-    scatter: float | None  # sd of the half-normal prior on the scatter in y; None: no scatter
-    u_zero_x: float  # sd of the common offset of all x; 0: none
-    u_zero_y: float  # the same of y
-    # sd of a normal prior on the intercept about 0; None: flat (density 1)
-    intercept_sd: float | None
-    through_origin: bool  # intercept fixed at 0
+    # "intercept", "scatter" (in y), "zero_x", "zero_y" (offsets common to all points): those that
+    # have one; a free intercept without one has a flat prior of density 1
+    priors: Mapping[str, Prior]
 
     def log_density(self, draws: ArrayLike) -> FloatArray:
         """log of likelihood times prior (n_draw,); -inf where it vanishes.
@@ -82,7 +82,7 @@ class LinePosterior:
         data, zero = self.data, np.zeros(1)
         b = column["slope"][:, None]
         tau2 = np.exp(2.0 * column["log_tau"])[:, None]
-        extra = np.exp(2.0 * column["log_scatter"])[:, None] if self.scatter is not None else 0.0
+        extra = np.exp(2.0 * column["log_scatter"])[:, None] if "scatter" in self.priors else 0.0
         x = data.x - column.get("zero_x", zero)[:, None]
         y = data.y - column.get("zero_y", zero)[:, None]
         var_x, cov_xy = data.u_x**2, data.r_xy * data.u_x * data.u_y
@@ -105,20 +105,13 @@ class LinePosterior:
             np.log(ratio / np.pi) - log_secant2 + np.log(2.0 * np.sqrt(2.0) / np.pi) + log_spread
         )
         total = total - np.logaddexp(np.log(2.0), 2.0 * log_spread)
-        if self.intercept_sd is not None and not self.through_origin:
-            total = total + _log_normal(column["intercept"], self.intercept_sd)
-        if self.scatter is not None:
-            log_scatter = column["log_scatter"]
-            total = (
-                total + np.log(2.0) + _log_normal(np.exp(log_scatter), self.scatter) + log_scatter
-            )
-        for name, u in (("zero_x", self.u_zero_x), ("zero_y", self.u_zero_y)):
-            total = total + _log_normal(column[name], u) if u > 0.0 else total
+        for name, prior in self.priors.items():
+            if name == "scatter":
+                log_scatter = column["log_scatter"]
+                total = total + prior.log_density(np.exp(log_scatter)) + log_scatter
+            else:
+                total = total + prior.log_density(column[name])
         return np.asarray(total)
-
-
-def _log_normal(values: FloatArray, sd: float) -> FloatArray:
-    return np.asarray(-0.5 * (values / sd) ** 2 - np.log(sd) - 0.5 * np.log(2.0 * np.pi))
 
 
 def line_posterior(
@@ -155,39 +148,33 @@ def line_posterior(
         raise InputError(
             "has no meaning for a line through the origin", field="intercept_sd", value=intercept_sd
         )
-    return _assemble(data, scatter, float(u_zero_x), float(u_zero_y), intercept_sd, through_origin)
+    priors: dict[str, Prior] = {}
+    if intercept_sd is not None:
+        priors["intercept"] = Normal(0.0, intercept_sd)
+    if scatter is not None:
+        priors["scatter"] = HalfNormal(scatter)
+    for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
+        if u > 0.0:
+            priors[name] = Normal(0.0, float(u))
+    return _posed(data, priors, through_origin=through_origin)
 
 
 def without_intercept(posterior: LinePosterior) -> LinePosterior:
     """The same posterior with the intercept fixed at 0."""
-    return _assemble(
-        posterior.data, posterior.scatter, posterior.u_zero_x, posterior.u_zero_y, None, True
-    )
+    priors = {name: prior for name, prior in posterior.priors.items() if name != "intercept"}
+    return _posed(posterior.data, priors, through_origin=True)
 
 
-def _assemble(
-    data: LineData,
-    scatter: float | None,
-    u_zero_x: float,
-    u_zero_y: float,
-    intercept_sd: float | None,
-    through_origin: bool,
-) -> LinePosterior:
-    """A posterior of checked parts, its guess from the least-squares line."""
-    points = [data.x, data.y, data.u_x, data.u_y, data.r_xy]
+def _posed(data: LineData, priors: Mapping[str, Prior], *, through_origin: bool) -> LinePosterior:
+    """The posterior with its guess, which comes from the least-squares line."""
     # the points and their mirror images: the best line of both goes through the origin
-    if through_origin:
-        points = [
-            np.concatenate([values, -values if k < 2 else values])
-            for k, values in enumerate(points)
-        ]
-    x, y, u_x, u_y, r_xy = points
+    signs = (1.0, -1.0) if through_origin else (1.0,)
     fit = fit_line(
-        x,
-        y,
-        u_x=None if data.method == "ols" else u_x,
-        u_y=None if data.method == "ols" else u_y,
-        r_xy=r_xy,
+        np.concatenate([sign * data.x for sign in signs]),
+        np.concatenate([sign * data.y for sign in signs]),
+        u_x=None if data.method == "ols" else np.tile(data.u_x, len(signs)),
+        u_y=None if data.method == "ols" else np.tile(data.u_y, len(signs)),
+        r_xy=np.tile(data.r_xy, len(signs)),
     )
     error = fit.standard_errors["scaled"]
     stated = fit.standard_errors.get("propagated", fit.standard_errors["scaled"])
@@ -204,12 +191,14 @@ def _assemble(
     }
     if through_origin:
         del start["intercept"]
-    if scatter is not None:
-        rms = float(np.sqrt(np.mean((y - fit.intercept - fit.slope * x) ** 2)))
-        start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * scatter), scatter))), 0.5)
-    for name, u in (("zero_x", u_zero_x), ("zero_y", u_zero_y)):
-        if u > 0.0:
-            start[name] = (0.0, u)
+    scatter = priors.get("scatter")
+    if isinstance(scatter, HalfNormal):
+        most = scatter.scale
+        rms = float(np.sqrt(np.mean((data.y - fit.intercept - fit.slope * data.x) ** 2)))
+        start["log_scatter"] = (float(np.log(min(max(rms, 1e-3 * most), most))), 0.5)
+    for name in ("zero_x", "zero_y"):
+        if name in priors:
+            start[name] = (0.0, priors[name].sd)
     values = np.array(list(start.values()))
     values.flags.writeable = False
     return LinePosterior(
@@ -218,96 +207,5 @@ def _assemble(
         step=values[:, 1],
         data=data,
         scale=scale,
-        scatter=scatter,
-        u_zero_x=u_zero_x,
-        u_zero_y=u_zero_y,
-        intercept_sd=intercept_sd,
-        through_origin=through_origin,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class LineMode:
-    """Where the posterior density is largest, and its curvature there."""
-
-    values: FloatArray  # (n_par,) in the order of ``LinePosterior.names``
-    cov: FloatArray  # (n_par, n_par) inverse of the negative Hessian of log_density
-    message: str  # what went wrong, a sentence; "" if nothing
-
-
-def line_mode(posterior: LinePosterior) -> LineMode:
-    """Mode and covariance of the posterior, from a trust-region search on central differences.
-
-    cov is all nan, and the message says so, where the density has no peak.
-    Source: Nocedal and Wright 2006, Numerical Optimization, section 4.3 (scipy's trust-exact).
-    """
-    from scipy.optimize import minimize
-
-    start, step = posterior.start, posterior.step
-    n_par = len(start)
-    h = 1e-3
-    eye = h * np.eye(n_par)
-    first, second = np.triu_indices(n_par, 1)
-
-    def height(shifts: FloatArray) -> FloatArray:
-        # finite, so that a trial step to where the density vanishes is turned down like any other
-        # bad step
-        return np.minimum(-posterior.log_density(start + step * shifts), 1e100)
-
-    def value(at: FloatArray) -> float:
-        return float(height(at[None])[0])
-
-    def gradient(at: FloatArray) -> FloatArray:
-        return np.asarray((height(at + eye) - height(at - eye)) / (2.0 * h))
-
-    def hessian(at: FloatArray) -> FloatArray:
-        centre, plus, minus = height(at[None]), height(at + eye), height(at - eye)
-        both = [
-            height(at + i * eye[first] + j * eye[second])
-            for i, j in ((1, 1), (1, -1), (-1, 1), (-1, -1))
-        ]
-        matrix = np.diag(plus - 2.0 * centre + minus)
-        matrix[first, second] = matrix[second, first] = 0.25 * (
-            both[0] - both[1] - both[2] + both[3]
-        )
-        return np.asarray(matrix / h**2)
-
-    optimum = minimize(
-        value,
-        np.zeros(n_par),
-        method="trust-exact",
-        jac=gradient,
-        hess=hessian,
-        options={"gtol": 1e-4},
-    )
-    curvature = hessian(optimum.x)
-    peaked = bool(np.all(np.isfinite(curvature)) and np.all(np.linalg.eigvalsh(curvature) > 0.0))
-    cov = (
-        np.linalg.inv(curvature) * np.outer(step, step)
-        if peaked
-        else np.full((n_par, n_par), np.nan)
-    )
-    steepness = gradient(optimum.x)
-    distance = (
-        float(np.sqrt(steepness @ np.linalg.solve(curvature, steepness))) if peaked else np.inf
-    )
-    message = (
-        ""
-        if distance < 1e-2
-        else phrase("The search for the mode did not converge to a peak of the posterior density.")
-    )
-    values = np.asarray(start + step * optimum.x)
-    values.flags.writeable = cov.flags.writeable = False
-    return LineMode(values, cov, message)
-
-
-def mode_or_guess(posterior: LinePosterior) -> LineMode:
-    """`line_mode`, or where the density has no peak the rough guess with its rough standard
-    deviations, and the message that says so.
-    """
-    mode = line_mode(posterior)
-    return (
-        mode
-        if np.all(np.isfinite(mode.cov))
-        else LineMode(posterior.start, np.diag(posterior.step**2), mode.message)
+        priors=MappingProxyType(dict(priors)),
     )

@@ -15,7 +15,7 @@ What to use when:
 between points.  An error common to all points is part of ``cov`` (`joint_errors`); scatter beyond
 the stated uncertainties is for ``posterior.py``.
 
-All three methods are one computation, described in ``line_profile.py``; it needs no starting values
+All three methods are one computation, described in ``angle.py``; it needs no starting values
 and cannot diverge.
 
 Standard errors: ``fit.standard_errors`` holds every convention in print, ``CONVENTIONS`` names
@@ -24,7 +24,7 @@ simulation (``benchmarks/line_coverage.py``).  "york" is too small where both un
 tenth of the range or more: York's adjusted points still scatter along the line, so they seem to
 span a wider range than the true ones do; with many points u_slope is too small by the factor 1 +
 (variance of an adjusted abscissa about the true one)/(variance of the true abscissas).  For a slope
-that is not well known, ``slope_interval`` in ``line_intervals.py`` is exact and not forced to be
+that is not well known, ``slope_interval`` in ``interval.py`` is exact and not forced to be
 symmetric.
 """
 
@@ -54,7 +54,6 @@ from estim.line.angle import (
     scaled_points,
 )
 from estim.line.conventions import recommendation
-from estim.line.joint_errors import propagated_joint
 
 
 class StandardError(NamedTuple):
@@ -217,25 +216,24 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
 
     Source: Krystek and Anton 2007, Meas. Sci. Technol. 18, 3438, section 4.
     """
-    if points.cov is not None:
-        return propagated_joint(points.x, points.y, points.cov, b, a)
-    x, d = points.x, points.y - a - b * points.x
-    v = np.maximum(
-        points.var_y - 2.0 * b * points.cov_xy + b * b * points.var_x,
-        1e-30 * (points.var_x + points.var_y),
-    )
-    v1, v2 = 2.0 * (b * points.var_x - points.cov_xy), 2.0 * points.var_x
-    w, w1, w2 = 1.0 / v, -v1 / v**2, -v2 / v**2 + 2.0 * v1**2 / v**3
-    h_ab = np.sum(w * x - w1 * d)
-    hessian = np.array(
-        [[np.sum(w), h_ab], [h_ab, np.sum(w * x * x - 2.0 * w1 * d * x + 0.5 * w2 * d * d)]]
-    )
-    by_y = np.array([-w, -w * x + w1 * d])
-    by_x = np.array([w * b, w * b * x - w * d - w1 * d * b])
-    cross = (by_x * points.cov_xy) @ by_y.T
-    middle = (by_x * points.var_x) @ by_x.T + (by_y * points.var_y) @ by_y.T + cross + cross.T
-    inverse = np.linalg.inv(hessian)
-    return np.asarray(inverse @ middle @ inverse)
+    x, d, twice = points.x, points.y - a - b * points.x, points.cov_xy + points.cov_xy.T
+    across = points.var_y - b * twice + b * b * points.var_x
+    turned = 2.0 * b * points.var_x - twice  # d across / d b
+    w, wx, wd = (points.solve(across, values) for values in (np.ones(x.size), x, d))
+    turned_wd = points.times(turned, wd)
+    bent = points.solve(across, turned_wd)
+    h_ab = float(w @ x + bent.sum())
+    h_bb = float(wx @ x + 2.0 * x @ bent + turned_wd @ bent - wd @ points.times(points.var_x, wd))
+    by_x = np.array([b * w, b * wx - wd + b * bent])
+    by_y = np.array([-w, -wx - bent])
+
+    def spread(cov: FloatArray, rows: FloatArray) -> FloatArray:
+        return np.array([points.times(cov, row) for row in rows])
+
+    cross = by_x @ spread(points.cov_xy, by_y).T
+    middle = by_x @ spread(points.var_x, by_x).T + by_y @ spread(points.var_y, by_y).T
+    inverse = np.linalg.inv(np.array([[float(w.sum()), h_ab], [h_ab, h_bb]]))
+    return np.asarray(inverse @ (middle + cross + cross.T) @ inverse)
 
 
 def _message(

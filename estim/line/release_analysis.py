@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -31,19 +31,36 @@ from estim.common import (
     stream,
     wrong,
 )
-from estim.line.release_draws import sample, weigh
 from estim.line.release_likelihood import (
     FACTOR,
     ReleasePosterior,
     effective_start,
     release_posterior,
+    rough_gamma,
     start_angle,
 )
 from estim.line.thresholds import Threshold, thresholds
 from estim.line.trial_data import HIGH, LOW, Trials
 from estim.problem import Prior
-from estim.sampling import Agreement, Chain, Progress, Summary, Target, summarise
+from estim.sampling import (
+    MAX_PARAMETERS,
+    Agreement,
+    Certificate,
+    Chain,
+    Optima,
+    Progress,
+    Summary,
+    Target,
+    adapt_proposal,
+    certified_chain,
+    certify,
+    summarise,
+)
 from estim.words import advice_for, tell
+
+_N_ROUGH = 2000
+_LOG_SD_GAMMA = 0.5  # of the first draws about a rough value
+_LEAST_SIZE = 40.0  # effective draws that a rough covariance rests on
 
 WAYS: Mapping[str, str] = PhraseTable(
     {
@@ -112,16 +129,6 @@ class EndsApart:
         return 0.5 * self.sds
 
 
-@dataclass(frozen=True)
-class TrialInformation:
-    """What the trials tell of one unknown: posterior over prior standard deviation, and correlation
-    with gamma.
-    """
-
-    share: float
-    with_gamma: float
-
-
 @dataclass(frozen=True, eq=False)
 class TrialsAnalysis:
     """The trials of one body.
@@ -132,7 +139,7 @@ class TrialsAnalysis:
     thresholds : at each tilt by itself.
     offset : rad, how far ascents begin above asin(sin phi/gamma) at the mean tilt `phi_mean` (rad):
         release and resistance together.
-    told : unknown -> what the trials tell of it.
+    told : unknown -> posterior over prior standard deviation, what the trials tell of it.
     correlation : of c_rr and release, nan where one of them is not free.
     findings : what is wrong; empty means ok.
     """
@@ -146,7 +153,7 @@ class TrialsAnalysis:
     thresholds: tuple[Threshold, ...]
     offset: Quantity
     phi_mean: float
-    told: Mapping[str, TrialInformation]
+    told: Mapping[str, float]
     correlation: float
     gamma_masses: Quantity | None
     findings: tuple[Finding, ...]
@@ -235,20 +242,23 @@ def analyse_trials(
     gamma_masses : gamma as stated, to compare with; it does not enter.
     """
     posterior = release_posterior(trials, resistance)
-    chain, agreement = sample(
+    certified = certified_chain(
         posterior,
-        rng=stream(seed, Stream.RELEASE_CHAIN),
-        seed=seed,
+        Optima(*rough_start(posterior, stream(seed, Stream.RELEASE_CHAIN))),
         target=target or Target(),
+        seed=seed,
+        most=MAX_PARAMETERS,
+        support=posterior.support,
         progress=progress,
     )
+    chain, agreement = certified.chain, certified.comparison
     values = {name: chain.flat[:, i] for i, name in enumerate(chain.names)}
     findings = _findings(trials, posterior, values, chain, agreement)
     ways = {"both": _way(values["gamma"], gamma_masses, True)}
     apart = None
     if decide(findings).draws_count:
         variants = {end: trials.end(end) for end in trials.ends if len(trials.ends) > 1}
-        variants |= {"free": trials.without_release()} if trials.release > 0.0 else {}
+        variants |= {"free": replace(trials, release=0.0)} if trials.release > 0.0 else {}
         for i, (name, variant) in enumerate(variants.items()):
             weighted = weigh(
                 release_posterior(variant, resistance), rng=stream(seed, Stream.RELEASE_DRAWS, i)
@@ -262,11 +272,8 @@ def analyse_trials(
     phi_mean = float(np.mean([tilt.phi for tilt in trials.tilts]))
     begins = effective_start(values, LOW, np.array([phi_mean]), posterior.resistance)[:, 0]
     above = begins - start_angle(math.sin(phi_mean) / values["gamma"])
-    information: dict[str, TrialInformation] = {
-        name: TrialInformation(
-            float(values[name].std() / posterior.priors[name].sd),
-            float(np.corrcoef(values[name], values["gamma"])[0, 1]),
-        )
+    shares: dict[str, float] = {
+        name: float(values[name].std() / posterior.priors[name].sd)
         for name in ("rolling_resistance", "release", "scatter")
         if name in values
     }
@@ -284,9 +291,9 @@ def analyse_trials(
         ways,
         apart,
         thresholds(trials, values["scatter"]),
-        Quantity(float(above.mean()), float(above.std(ddof=1))),
+        Quantity.of(above),
         phi_mean,
-        information,
+        shares,
         correlation,
         gamma_masses,
         findings,
@@ -294,9 +301,49 @@ def analyse_trials(
     )
 
 
+def rough_start(
+    posterior: ReleasePosterior, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Mean (n_par,) and covariance (n_par, n_par) to start from: draws of the prior, of gamma about
+    a rough value, weighted.
+
+    The weights are flattened until 40 effective draws are left.
+    """
+    columns, log_proposal = [], np.zeros(_N_ROUGH)
+    rough = rough_gamma(posterior.trials)
+    for name in posterior.names:
+        prior = posterior.priors[name]
+        if name.startswith("gamma"):
+            z = rng.standard_normal(_N_ROUGH)
+            column = rough * np.exp(_LOG_SD_GAMMA * z)
+            log_proposal += -0.5 * z**2 - np.log(column)
+        else:
+            column = prior.draw(rng, _N_ROUGH)
+            log_proposal += prior.log_density(column)
+        columns.append(column)
+    draws = np.column_stack(columns)
+    log_ratio = posterior.log_density(draws) - log_proposal
+    log_ratio -= np.max(log_ratio)
+    for power in 0.5 ** np.arange(12):
+        weights = np.exp(power * log_ratio)
+        weights /= weights.sum()
+        if 1.0 / np.sum(weights**2) > _LEAST_SIZE:
+            break
+    mean = weights @ draws
+    return mean, np.atleast_2d(np.cov(draws.T, aweights=weights, ddof=0))
+
+
+def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certificate:
+    """The posterior by importance sampling alone: some tenths of a second; `reliable` says whether
+    to believe it.
+    """
+    mean, cov = rough_start(posterior, rng)
+    return certify(posterior, adapt_proposal(posterior, mean, cov, rng=rng), rng=rng)
+
+
 def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:
     summary = summarise(gamma, unit="1", meaning=phrase(UNKNOWNS["gamma"][1]))
-    estimate = Quantity(float(gamma.mean()), float(gamma.std(ddof=1)))
+    estimate = Quantity.of(gamma)
     return Way(summary, math.nan if gamma_masses is None else e_n(estimate, gamma_masses), reliable)
 
 
@@ -306,11 +353,7 @@ def _ends_apart(
     """None where the importance weights cannot be trusted."""
     weighted = weigh(release_posterior(trials, resistance, split=True), rng=rng)
     difference = weighted.draws[:, 0] - weighted.draws[:, 1]
-    return (
-        EndsApart(Quantity(float(difference.mean()), float(difference.std(ddof=1))))
-        if weighted.reliable
-        else None
-    )
+    return EndsApart(Quantity.of(difference)) if weighted.reliable else None
 
 
 def _findings(

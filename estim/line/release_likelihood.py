@@ -74,10 +74,6 @@ class ReleasePosterior:
     log_weights: FloatArray
 
     @property
-    def split(self) -> bool:
-        return "gamma_min" in self.names
-
-    @property
     def support(self) -> tuple[FloatArray, FloatArray]:
         """(n_par,) lowest and highest values."""
         return np.array([self.priors[name].low for name in self.names]), np.array(

@@ -82,13 +82,10 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     line, folder = source.line, source.path.parent
     path = Path(folder / line.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(
-            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS[:2]
-        )
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS[:2])
     for name in COLUMNS[:2]:
-        outside = np.abs(table.columns[name]) > 90.0
-        if np.any(outside):
-            raise table.error("must lie between -90 and 90", name, int(np.argmax(outside)))
+        within = np.abs(table.columns[name]) <= 90.0
+        table.require(name, within, "must lie between -90 and 90")
     if np.ptp(table.columns["phi_deg"]) == 0.0:
         raise table.error(
             "must not be the same in every row: a line needs several tilts", "phi_deg", 0
@@ -124,10 +121,8 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
             f"is stated twice: here and as a column of {table.file}", ("line", name), value=common
         )
     if column is not None:
-        if np.any(column <= 0.0):
-            raise table.error("must be > 0", name, int(np.argmax(column <= 0.0)))
-        if np.any(column < _LEAST):
-            raise table.error(f"must be at least {_LEAST:g}", name, int(np.argmax(column < _LEAST)))
+        table.require(name, column > 0.0, "must be > 0")
+        table.require(name, column >= _LEAST, f"must be at least {_LEAST:g}")
         return column
     if common is None:
         raise source.places.error(

@@ -43,17 +43,17 @@ class Correlated:
         return bool(self.words)
 
 
-def _shared(one: Common) -> str:
-    if one.relative:
+def _shared(error: Common) -> str:
+    if error.relative:
         return phrase(
             "standard uncertainty {size:g} % of the scale of {axis}, shared by all points",
-            size=100.0 * one.u,
-            axis=one.axis,
+            size=100.0 * error.u,
+            axis=error.axis,
         )
     return phrase(
         "standard uncertainty {size:g} of the zero of {axis}, shared by all points",
-        size=one.u,
-        axis=one.axis,
+        size=error.u,
+        axis=error.axis,
     )
 
 
@@ -144,7 +144,7 @@ def read_matrix(path: Path, size: int, what: str, dialect: Dialect) -> FloatArra
     )
     written = Dialect(names, dialect.delimiter, dialect.decimal, None, None, dialect.encoding)
     try:
-        table = read_columns(path, needed=names, min_rows=1, shown_as=str(path), dialect=written)
+        table = read_columns(path, needed=names, min_rows=1, dialect=written)
     except InputError as error:
         if error.field not in ("columns", "row"):
             raise

@@ -8,11 +8,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, Quantity, Status, listed, read_number
+from estim.line.conventions import is_exact
 from estim.line.findings import points_findings
 from estim.line.interval import SlopeInterval, slope_interval
 from estim.line.regression import (
@@ -25,22 +27,21 @@ from estim.line.regression import (
 )
 from estim.line.stated_errors import Correlated, stated_covariance
 from estim.reading import (
+    PLAIN,
     Dialect,
     Layout,
     columns_sentence,
     first_and_second,
     is_column,
     name_and_unit,
-    no_names,
-    read_columns,
     read_layout,
+    table_of,
     uncertainty_of,
     value_columns,
 )
 from estim.words import tell
 
 _MIN_ROWS = 3
-_PERFECT = 3e-14  # misfits below this share of y are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Prediction:
     """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one
     more reading too, nan where that is not known.
 
-    low, high and low_reading, high_reading : intervals for the probability of the line.
+    low, high : interval for the probability of the line.
     """
 
     x0: Quantity
@@ -72,8 +73,6 @@ class Prediction:
     low: float
     high: float
     u_reading: float
-    low_reading: float
-    high_reading: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +138,7 @@ def straight_line(
     predict: Sequence[Quantity] = (),
     inverse: Sequence[Quantity] = (),
     probability: float = 0.95,
-    dialect: Dialect | None = None,
+    dialect: Dialect = PLAIN,
     correlated: Correlated | None = None,
 ) -> StraightLine:
     """The line through the CSV table at `path`.  Raises InputError with file, line, column, rule
@@ -151,116 +150,89 @@ def straight_line(
     correlated : errors that points share.
     """
     stated = correlated or Correlated()
-    layout = read_layout(
-        path,
-        dialect or Dialect(),
-        shown_as=str(path),
-        needed=[name for name in (columns.x, columns.y) if name],
-    )
-    if not layout.names:
-        raise no_names(layout)
+    layout = read_layout(path, dialect, needed=[name for name in (columns.x, columns.y) if name])
     columns = _with_axes(columns, layout)
     if columns.x == columns.y:
         raise InputError("must name another column than --x", field="--y", value=columns.y)
-    uncertainties = (uncertainty_of(name, layout) for name in (columns.x, columns.y))
-    u_x, u_y = (
-        u or (name and name_and_unit(name)[0])
-        for u, name in zip((columns.u_x, columns.u_y), uncertainties, strict=True)
+    wanted = replace(
+        columns,
+        u_x=columns.u_x or _own_uncertainty(columns.x, layout),
+        u_y=columns.u_y or _own_uncertainty(columns.y, layout),
+        r_xy=columns.r_xy or "r_xy",
     )
-    wanted = replace(columns, u_x=u_x, u_y=u_y, r_xy=columns.r_xy or "r_xy")
     named = [
         name
-        for name in (wanted.x, wanted.y, wanted.u_x, wanted.u_y, wanted.r_xy)
-        if name is not None and _number(name) is None
+        for name in dict.fromkeys(vars(wanted).values())
+        if name is not None
+        and _number(name) is None
+        and (name in vars(columns).values() or is_column(name, layout.names))
     ]
-    needed = [
-        name
-        for name in (columns.x, columns.y, columns.u_x, columns.u_y, columns.r_xy)
-        if name is not None and _number(name) is None
-    ]
-    table = read_columns(
-        path, needed=needed, optional=named, min_rows=_MIN_ROWS, shown_as=str(path), dialect=dialect
-    )
+    table = table_of(layout, named, _MIN_ROWS)
 
     def column(name: str | None) -> FloatArray | float | None:
-        return (
-            None
-            if name is None
-            else table.columns[name]
-            if name in table.columns
-            else _number(name)
-        )
+        return None if name is None else table.columns.get(name, _number(name))
 
-    def there(name: str | None) -> str | None:
-        return name if column(name) is not None else None
-
-    read = replace(wanted, u_x=there(wanted.u_x), u_y=there(wanted.u_y), r_xy=there(wanted.r_xy))
-    if stated.cov is not None or stated.cov_x is not None or stated.cov_y is not None:
-        read = _in_their_place(columns, read, stated)
+    unread: dict[str, Any] = {
+        key: None for key, name in vars(wanted).items() if column(name) is None
+    }
+    read = _in_their_place(columns, replace(wanted, **unread), stated)
     if read.u_x is None or read.u_y is None:
         if columns.r_xy is not None:
             raise InputError(
                 "needs uncertainties of x and y", field="--correlation", value=columns.r_xy
             )
         read = replace(read, r_xy=None)
-    for key, of in (("u_x", read.x), ("u_y", read.y)):
-        values = column(getattr(read, key))
-        table.require_unit(str(getattr(read, key)), of)
-        if values is not None and np.any(np.asarray(values) <= 0.0):
-            bad = 0 if np.ndim(values) == 0 else int(np.argmax(np.asarray(values) <= 0.0))
-            if np.ndim(values) == 0:
-                raise InputError("must be > 0", field=f"--{key.replace('_', '')}", value=values)
-            raise table.error("must be > 0", str(getattr(read, key)), bad)
+    u_x, u_y = column(read.u_x), column(read.u_y)
+    for option, u, of, values in (("--ux", read.u_x, read.x, u_x), ("--uy", read.u_y, read.y, u_y)):
+        name = str(u)
+        table.require_unit(name, of)
+        positive = np.atleast_1d(1.0 if values is None else values) > 0.0
+        if name in table.columns:
+            table.require(name, positive, "must be > 0")
+        elif not np.all(positive):
+            raise InputError("must be > 0", field=option, value=values)
+    x, y, r_xy = table.columns[read.x], table.columns[read.y], column(read.r_xy)
+    if r_xy is None:
+        r_xy = 0.0
     try:
-        correlation = column(read.r_xy)
-        x = table.columns[read.x]
-        y = table.columns[read.y]
-        r = 0.0 if correlation is None else correlation
         if stated:
-            fit = fit_line(
-                x,
-                y,
-                cov=stated_covariance(
-                    stated, x, y, column(read.u_x), column(read.u_y), r, dialect or Dialect()
-                ),
-            )
+            cov = stated_covariance(stated, x, y, u_x, u_y, r_xy, dialect)
+            fit = fit_line(x, y, cov=cov)
         else:
-            fit = fit_line(x, y, u_x=column(read.u_x), u_y=column(read.u_y), r_xy=r)
+            fit = fit_line(x, y, u_x=u_x, u_y=u_y, r_xy=r_xy)
     except InputError as error:
-        raise error if error.file is not None else error.at(str(path)) from None
-    if (
-        fit.method == "ols"
-        and fit.chi2
-        <= table.lines.size * (_PERFECT * float(np.max(np.abs(table.columns[read.y])))) ** 2
-    ):
+        raise error if error.file is not None else error.at(path) from None
+    if fit.method == "ols" and is_exact(fit.data, fit.chi2):
         rule = (
             "has no scatter about a line but rounding errors (computed values, not readings?): "
             "nothing tells how large its errors are"
         )
         raise InputError(f"{rule}; give --uy", field=read.y, file=table.file)
     k = coverage_factor(fit, probability=probability)
-    predictions = tuple(_prediction(fit, x0, k) for x0 in predict)
-    inverses = tuple(_inverse(fit, y0, k, probability) for y0 in inverse)
-    slope = slope_interval(fit, probability=probability)
     used = [
         (key, name, table.units[name]) for key, name in vars(read).items() if name in table.columns
     ]
-    sentence, facts = columns_sentence(used, table.unread), (*table.facts, *table.warnings)
     return StraightLine(
-        path,
-        table.sha256,
-        read,
-        fit,
-        slope,
-        k,
-        probability,
-        predictions,
-        inverses,
-        sentence,
-        facts,
-        tuple(stated.words),
-        tuple(points_findings(fit)),
+        path=path,
+        sha256=table.sha256,
+        columns=read,
+        fit=fit,
+        slope=slope_interval(fit, probability=probability),
+        k=k,
+        probability=probability,
+        predictions=tuple(_prediction(fit, x0, k) for x0 in predict),
+        inverses=tuple(_inverse(fit, y0, k, probability) for y0 in inverse),
+        told=columns_sentence(used, table.unread),
+        facts=(*table.facts, *table.warnings),
+        correlated=tuple(stated.words),
+        findings=tuple(points_findings(fit)),
     )
+
+
+def _own_uncertainty(name: str, layout: Layout) -> str | None:
+    """The column u_NAME or u(NAME), without its unit, if it is there."""
+    column = uncertainty_of(name, layout)
+    return column and name_and_unit(column)[0]
 
 
 def _with_axes(columns: Columns, layout: Layout) -> Columns:
@@ -294,14 +266,16 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
     """The columns without those of uncertainties that a matrix holds.  Raises InputError where one
     of these was named.
     """
-    held = (
-        ("u_x", "u_y")
-        if stated.cov is not None
-        else tuple(key for key in ("u_x", "u_y") if getattr(stated, f"cov_{key[-1]}") is not None)
-    )
-    for key in (*held, "r_xy"):
-        if getattr(columns, key) is not None:
-            option = {"u_x": "--ux", "u_y": "--uy", "r_xy": "--correlation"}[key]
+    held = [
+        key
+        for key, of_axis in (("u_x", stated.cov_x), ("u_y", stated.cov_y))
+        if stated.cov is not None or of_axis is not None
+    ]
+    if not held:
+        return read
+    held.append("r_xy")
+    for key, option in (("u_x", "--ux"), ("u_y", "--uy"), ("r_xy", "--correlation")):
+        if key in held and getattr(columns, key) is not None:
             raise InputError(
                 "cannot be combined with a covariance matrix, which already contains it",
                 field=option,
@@ -312,12 +286,8 @@ def _in_their_place(columns: Columns, read: Columns, stated: Correlated) -> Colu
             "cannot be combined with --cov, which already contains it",
             field="--cov-x" if stated.cov_x is not None else "--cov-y",
         )
-    return replace(
-        read,
-        u_x=None if "u_x" in held else read.u_x,
-        u_y=None if "u_y" in held else read.u_y,
-        r_xy=None,
-    )
+    none: dict[str, Any] = dict.fromkeys(held)
+    return replace(read, **none)
 
 
 def _number(text: str) -> float | None:
@@ -330,8 +300,7 @@ def _number(text: str) -> float | None:
 def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
     values = line_values(fit, x0.value)
     y, u = float(values.values[0]), math.hypot(float(values.u[0]), fit.slope * x0.u)
-    reading = math.hypot(u, _of_one_reading(fit))
-    return Prediction(x0, y, u, y - k * u, y + k * u, reading, y - k * reading, y + k * reading)
+    return Prediction(x0, y, u, y - k * u, y + k * u, math.hypot(u, _of_one_reading(fit)))
 
 
 def _of_one_reading(fit: LineFit) -> float:

@@ -4,7 +4,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -79,25 +79,8 @@ class Trials:
 
     def end(self, end: str) -> Trials:
         """The trials at one end alone."""
-        tilts = [part for tilt in self.tilts if (part := tilt.end(end)).theta.size]
-        return self._with(tuple(tilts), self.release)
-
-    def without_release(self) -> Trials:
-        """The same trials, taken as released without any cost."""
-        return self._with(self.tilts, 0.0)
-
-    def _with(self, tilts: tuple[Tilt, ...], release: float) -> Trials:
-        return Trials(
-            self.body,
-            self.file,
-            self.sha256,
-            tilts,
-            self.u_phi,
-            self.u_theta,
-            release,
-            self.u_zero_phi,
-            self.u_zero_theta,
-        )
+        tilts = tuple(part for tilt in self.tilts if (part := tilt.end(end)).theta.size)
+        return replace(self, tilts=tilts)
 
 
 def by_tilt(phi: FloatArray, theta: FloatArray, climbed: NDArray[np.bool_]) -> tuple[Tilt, ...]:
@@ -119,20 +102,12 @@ def read_trials(source: CampaignFile) -> Trials:
         )
     path = Path(source.path.parent / stated.file)
     with source.reading(path, COLUMNS):
-        table = read_known_columns(
-            path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=str(path), needed=COLUMNS
-        )
+        table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, needed=COLUMNS)
     for name, low, high in (("phi_deg", -90.0, 90.0), ("theta_deg", 0.0, 180.0)):
-        outside = (table.columns[name] < low) | (table.columns[name] > high)
-        if np.any(outside):
-            raise table.error(
-                f"must lie between {low:.0f} and {high:.0f}", name, int(np.argmax(outside))
-            )
-    neither = ~np.isin(table.columns["climbed"], (0.0, 1.0))
-    if np.any(neither):
-        raise table.error(
-            "must be 1 (it climbed) or 0 (it did not)", "climbed", int(np.argmax(neither))
-        )
+        within = (low <= table.columns[name]) & (table.columns[name] <= high)
+        table.require(name, within, f"must lie between {low:.0f} and {high:.0f}")
+    either = np.isin(table.columns["climbed"], (0.0, 1.0))
+    table.require("climbed", either, "must be 1 (it climbed) or 0 (it did not)")
     keys = ("u_phi_deg", "u_theta_deg", "release_deg", "u_zero_phi_deg", "u_zero_theta_deg")
     for key in keys:
         least = _LEAST if key == "u_theta_deg" else 0.0

@@ -130,7 +130,7 @@ def read_model(path: Path) -> MeasurementModel:
     """The measurement model in the TOML file at `path`.  Raises InputError with file, line, key,
     rule and value.
     """
-    text, digest = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    text, digest = read_text(path, limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     top = checked(tree, _TopTable, places, ())
     _check_choices(top, places)

@@ -4,14 +4,19 @@ Tracker.
 Read `run` first.  Imports `common` alone.
 """
 
-from estim.reading.columns import columns_sentence, line_numbers, read_columns, read_known_columns
-from estim.reading.dialect import Decimal, Dialect, Encoding, is_column, name_and_unit
+from estim.reading.columns import (
+    columns_sentence,
+    line_numbers,
+    read_columns,
+    read_known_columns,
+    table_of,
+)
+from estim.reading.dialect import PLAIN, Decimal, Dialect, Encoding, is_column, name_and_unit
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text
 from estim.reading.layout import (
     Layout,
     first_and_second,
     is_called,
-    no_names,
     numeric_columns,
     read_layout,
     uncertainty_of,

@@ -7,6 +7,7 @@ cure (`dialect`).  Rows without a value in one of the columns are left out, and 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,142 +16,115 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import EXTREME, InputError, extreme, listed, phrase, same_unit
-from estim.reading.cells import is_missing
-from estim.reading.dialect import (
-    Dialect,
-    decimal_mark,
-    is_column,
-    name_and_unit,
-    number_in,
-    place_of,
-    split_row,
+from estim.common import (
+    EXTREME,
+    InputError,
+    extreme,
+    in_file,
+    in_its_file,
+    listed,
+    phrase,
+    read_number,
+    same_unit,
 )
-from estim.reading.layout import Layout, cells_differ, no_names, numeric_columns, read_layout
-from estim.reading.table import DECIMAL_COMMAS, UNITS, Table, may_be_decimal_commas, own_name
+from estim.reading.cells import is_missing, is_spreadsheet_error, looks_like_a_number
+from estim.reading.dialect import PLAIN, Dialect, name_and_unit
+from estim.reading.layout import Layout, Row, cells_differ, numeric_columns, read_layout
+from estim.reading.table import (
+    DECIMAL_COMMAS,
+    UNITS,
+    Table,
+    may_be_decimal_commas,
+    own_name,
+    row_of,
+)
 
 _MOST_TOLD = 6  # lines or rows of lines
+_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 
 
 def read_columns(
-    path: Path,
-    *,
-    needed: Sequence[str],
-    min_rows: int,
-    shown_as: str,
-    dialect: Dialect | None = None,
-    optional: Sequence[str] = (),
+    path: Path, *, needed: Sequence[str], min_rows: int, dialect: Dialect = PLAIN
 ) -> Table:
-    """The columns `needed` of the table at `path`, and those of `optional` that it has; all others
-    are left unread.
+    """The columns `needed` of the table at `path`; all others are left unread.
 
     Raises InputError with file, line, field, rule and value; where the file may be read in two
     ways, the rule names the key that settles it.
     """
-    layout = read_layout(path, dialect or Dialect(), shown_as=shown_as, needed=needed)
-    if not layout.names:
-        raise no_names(layout)
-    needed = [
-        *needed,
-        *(name for name in optional if name not in needed and is_column(name, layout.names)),
-    ]
-    return _columns(layout, dialect or Dialect(), needed, min_rows)
+    return table_of(read_layout(path, dialect, needed=needed), needed, min_rows)
 
 
-def _columns(
-    layout: Layout,
-    dialect: Dialect,
-    needed: Sequence[str],
-    min_rows: int,
-    *,
-    complete: bool = False,
+def table_of(
+    layout: Layout, needed: Sequence[str], min_rows: int, *, complete: bool = False
 ) -> Table:
-    """complete : whether an empty cell is refused; else its row is left out."""
-    shown_as = layout.file
-    places = [place_of(name, layout.names, shown_as, layout.header_line) for name in needed]
-    unsaid = layout.delimiter == "," and dialect.delimiter is None and dialect.decimal is None
+    """The columns `needed` of a table that is laid out so.  complete : whether an empty cell is
+    refused; else its row is left out.  Raises InputError as `read_columns` does.
+    """
+    with in_file(layout.file):
+        return _columns(layout, list(dict.fromkeys(needed)), min_rows, complete)
+
+
+def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: bool) -> Table:
+    places = [_place_of(name, layout) for name in needed]
+    dialect = layout.dialect
     if (
-        unsaid
+        layout.delimiter == ","
+        and dialect.delimiter is None
+        and dialect.decimal is None
         and len(layout.names) > len(set(places))
-        and may_be_decimal_commas(line for _, line in layout.rows)
+        and may_be_decimal_commas(row.line for row in layout.rows)
     ):
-        number, line = layout.rows[0]
         rule = f'{DECIMAL_COMMAS}, or say --decimal point (decimal = "point" in a campaign)'
-        raise InputError(rule, field="row", value=line, file=shown_as, line=number)
-    rows = [(number, _row(line, layout, shown_as, number)) for number, line in layout.rows]
-    mark = decimal_mark(rows, places, dialect.decimal, shown_as)
+        raise _refused(layout.rows[0], rule, "row", layout.rows[0].line)
+    rows = [row._replace(cells=_whole(row, layout)) for row in layout.rows]
+    mark = _decimal_mark(layout, rows, places)
     numbers, values, left_out = [], [], dict[str, list[int]]()
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
-    for number, cells in rows:
-        blank = next(
-            (name for name, place in zip(needed, places, strict=True) if is_missing(cells[place])),
-            None,
-        )
+    for row in rows:
+        cells = dict(zip(needed, (row.cells[place] for place in places), strict=True))
+        blank = next((name for name, cell in cells.items() if is_missing(cell)), None)
         if blank is not None and complete:
-            raise InputError(
-                "must be a number",
-                field=blank,
-                value=cells[places[needed.index(blank)]],
-                file=shown_as,
-                line=number,
-            )
+            raise _refused(row, "must be a number", blank, cells[blank])
         if blank is not None:
-            left_out.setdefault(blank, []).append(number)
+            left_out.setdefault(blank, []).append(row.number)
             continue
-        if (first := lines.setdefault(tuple(cells), number)) != number:
-            copies[number] = first
-        numbers.append(number)
-        values.append(
-            [
-                _value(cells[place], name, mark, shown_as, number)
-                for name, place in zip(needed, places, strict=True)
-            ]
-        )
-    facts = [*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())]
+        if (first := lines.setdefault(tuple(row.cells), row.number)) != row.number:
+            copies[row.number] = first
+        numbers.append(row.number)
+        values.append([_value(row, name, cell, mark) for name, cell in cells.items()])
     if len(values) < min_rows:
         raise InputError(
-            f"must hold at least {min_rows} rows of numbers",
-            field="rows",
-            value=len(values),
-            file=shown_as,
+            f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values)
         )
     table = np.array(values)
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
-    units = {
-        name: layout.units[place] or name_and_unit(layout.names[place])[1]
-        for name, place in zip(needed, places, strict=True)
-    }
     at = np.array(numbers)
     for array in (*columns.values(), at):
         array.setflags(write=False)
-    empty = tuple(sorted(line for lines in left_out.values() for line in lines))
-    named = MappingProxyType(columns)
-    unread = tuple(
-        name for name in numeric_columns(layout) if layout.names.index(name) not in places
-    )
-    warnings = (*layout.warnings, *_copied(copies, table))
     return Table(
-        shown_as,
-        layout.sha256,
-        layout.header_line or 0,
-        named,
-        at,
-        warnings,
-        tuple(facts),
-        units,
-        empty,
-        layout.imported,
-        unread,
+        file=layout.file,
+        sha256=layout.sha256,
+        header_line=layout.header_line or 0,
+        columns=MappingProxyType(columns),
+        lines=at,
+        warnings=(*layout.warnings, *_copied(copies, table)),
+        facts=(*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())),
+        units={name: layout.units[place] for name, place in zip(needed, places, strict=True)},
+        blank=tuple(sorted(line for lines in left_out.values() for line in lines)),
+        imported=layout.imported,
+        unread=tuple(
+            name for name in numeric_columns(layout) if layout.names.index(name) not in places
+        ),
     )
 
 
+@in_its_file
 def read_known_columns(
     path: Path,
     *,
     known: Sequence[str],
     min_rows: int,
-    shown_as: str,
-    dialect: Dialect | None = None,
+    dialect: Dialect = PLAIN,
     needed: Sequence[str] = (),
 ) -> Table:
     """The columns of the table at `path` that are called as one of `known`, or as other programs
@@ -160,77 +134,136 @@ def read_known_columns(
     cell may be empty; else both are left out.  Raises InputError as `read_columns` does, and where
     a column has an uncertain place or another unit than its name says.
     """
-    stated = dialect is not None and dialect != Dialect()
-    layout = read_layout(path, dialect or Dialect(), shown_as=shown_as, needed=known)
-    if not layout.names:
-        raise no_names(layout)
+    stated = dialect != PLAIN
+    layout = read_layout(path, dialect, needed=known)
     called = {name: ours for name in layout.names if (ours := own_name(name)) in known}
-    line = layout.header_line
+
+    def refused(rule: str, field: str, value: str | None = None, quoted: str = "") -> InputError:
+        return InputError(rule, field=field, value=value, line=layout.header_line, quoted=quoted)
+
     for name in () if stated else layout.names:
         if name not in called and not name.startswith("_"):
             rule = (
                 f"is not a column name (known: {', '.join(known)}; start a name with _ to skip it)"
             )
-            raise InputError(rule, field=name, file=shown_as, line=line)
+            raise refused(rule, name)
     if len(set(called.values())) < len(called):
-        raise InputError(
-            "has two columns with the same name",
-            field="header",
-            value=", ".join(called),
-            file=shown_as,
-            line=line,
-        )
+        raise refused("has two columns with the same name", "header", ", ".join(called))
     if not called:
         rule = (
             f"must hold columns that are called {', '.join(known)} (or name all columns: "
             "columns = [...])"
         )
-        raise InputError(
-            rule, field="header", value=", ".join(layout.names), file=shown_as, line=line
-        )
+        raise refused(rule, "header", ", ".join(layout.names))
     for name in needed:
         if name not in called.values():
-            raise InputError(
-                "is missing",
-                field=name,
-                file=shown_as,
-                line=line,
-                quoted=f"the header has {listed(list(called))}",
-            )
-    table = _columns(layout, dialect or Dialect(), list(called), min_rows, complete=not stated)
+            raise refused("is missing", name, quoted=f"the header has {listed(list(called))}")
+    table = table_of(layout, list(called), min_rows, complete=not stated)
     for name, ours in called.items():
         if ours in UNITS and same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
-            raise InputError(
-                rule,
-                field=name,
-                value=table.units[name],
-                file=shown_as,
-                line=table.header_line or None,
-            )
+            raise refused(rule, name, table.units[name])
     return replace(
         table,
         columns=MappingProxyType({called[name]: column for name, column in table.columns.items()}),
     )
 
 
-def _row(line: str, layout: Layout, file: str, number: int) -> list[str]:
-    cells = split_row(line, layout.delimiter, file, number)
+def _refused(row: Row, rule: str, field: str, value: object) -> InputError:
+    return InputError(rule, field=field, value=value, line=row.number)
+
+
+def _place_of(name: str, layout: Layout) -> int:
+    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
+    what there is.
+    """
+    names, line = layout.names, layout.header_line
+    places = [i for i, column in enumerate(names) if column == name] or [
+        i for i, column in enumerate(names) if name_and_unit(column)[0] == name
+    ]
+    if not places:
+        raise InputError(
+            "is missing",
+            field=name,
+            line=line,
+            quoted=f"the header has {listed([column for column in names if column])}",
+        )
+    if len(places) > 1:
+        rule = (
+            "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
+            "columns = [...] in a campaign)"
+        )
+        raise InputError(rule, field=name, line=line)
+    return places[0]
+
+
+def _whole(row: Row, layout: Layout) -> list[str]:
+    """The cells of a row, one for each column.  Raises InputError."""
     width = len(layout.names)
-    if len(cells) > width and not any(cells[width:]):
-        cells = cells[:width]
+    if row.cells == [row.line]:
+        row_of(row.line, layout.delimiter, row.number)  # says why it is not split
+    cells = row.cells if any(row.cells[width:]) else row.cells[:width]
     if len(cells) != width:
-        raise cells_differ(len(cells), width, layout.delimiter, file, number)
+        raise cells_differ(len(cells), width, layout.delimiter, row.number)
     return cells
 
 
-def _value(cell: str, name: str, mark: str, file: str, line: int) -> float:
-    value = number_in(cell, name, mark, file, line)
-    if not np.isfinite(value):
-        raise InputError("must be finite", field=name, value=cell, file=file, line=line)
-    if extreme(value):
-        raise InputError(EXTREME, field=name, value=cell, file=file, line=line)
-    return value
+def _decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) -> str:
+    """The decimal mark of the numbers in the columns at `places`.
+
+    Raises InputError where points and commas are mixed, or commas may part thousands.
+    """
+    if layout.dialect.decimal is not None:
+        return {"point": ".", "comma": ","}[layout.dialect.decimal]
+    first: dict[str, tuple[Row, str]] = {}
+    for row in rows:
+        for place in places:
+            cell = row.cells[place]
+            mark = next((m for m in ",." if m in cell), None)
+            if mark is not None and mark not in first and looks_like_a_number(cell):
+                first[mark] = row, cell
+    if len(first) == 2:
+        row, cell = max(first.values(), key=lambda entry: (entry[0].number, entry[1]))
+        rule = (
+            "has numbers with decimal points and others with commas: write them alike, or "
+            "state which of the two is the decimal mark (--decimal point or comma; "
+            "decimal = ... in a campaign)"
+        )
+        raise _refused(row, rule, "row", cell)
+    if "," in first and not any(
+        looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
+        for row in rows
+        for cell in row.cells
+    ):
+        rule = (
+            "may part thousands or be a decimal comma, in every number that has one: say "
+            '--decimal comma (decimal = "comma" in a campaign), or write the numbers without '
+            "thousands"
+        )
+        raise _refused(first[","][0], rule, "comma", first[","][1])
+    return "," if "," in first else "."
+
+
+def _value(row: Row, name: str, cell: str, mark: str) -> float:
+    """The number in a cell that is not missing.  Raises InputError."""
+    if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
+        value = read_number(cell.replace(",", "."))
+        if not np.isfinite(value) or extreme(value):
+            rule = EXTREME if np.isfinite(value) else "must be finite"
+            raise _refused(row, rule, name, cell)
+        return value
+    hint = ""
+    if looks_like_a_number(cell):
+        hint = (
+            " with a decimal point, not a comma"
+            if mark == "."
+            else " with a decimal comma, not a point"
+        )
+    elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
+        hint = " without marks between thousands"
+    elif is_spreadsheet_error(cell):
+        hint = " (leave the row out where there is none)"
+    raise _refused(row, f"must be a number{hint}", name, cell)
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:

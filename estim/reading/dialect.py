@@ -6,15 +6,13 @@ settles it.
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from estim.common import InputError, is_unit, listed, read_number
-from estim.reading.cells import is_spreadsheet_error, looks_like_a_number
-from estim.reading.table import split_cells
+from estim.common import InputError, is_unit
+from estim.reading.cells import looks_like_a_number
 
 Decimal = Literal["point", "comma"]
 Encoding = Literal[
@@ -32,7 +30,6 @@ Encoding = Literal[
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
-_GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
@@ -91,6 +88,9 @@ class Dialect:
         return None if self.delimiter is None else _WORDS.get(self.delimiter, self.delimiter)
 
 
+PLAIN = Dialect()  # nothing is stated
+
+
 def name_and_unit(cell: str) -> tuple[str, str]:
     """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where
     the name states none, as `ln(U/V)` and `s(t)`.
@@ -134,13 +134,6 @@ def is_uncertainty(name: str) -> bool:
     return match is not None and not (match[1] and is_unit(match[1]))
 
 
-def cells_of(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
-    enclose whole cells.
-    """
-    return line.split() if delimiter == " " else split_cells(line, delimiter)
-
-
 def shown_delimiter(*lines: str) -> str:
     """What separates the cells of rows of data, by these alone: tabs, semicolons and bars always
     do, commas unless in numbers of the last.
@@ -159,118 +152,6 @@ def shown_delimiter(*lines: str) -> str:
     )
 
 
-def decimal_mark(
-    rows: Sequence[tuple[int, Sequence[str]]],
-    wanted: Sequence[int],
-    stated: Decimal | None,
-    file: str,
-) -> str:
-    """The decimal mark of the numbers in the columns `wanted`.  rows : line and cells.
-
-    Raises InputError where points and commas are mixed, or commas may part thousands.
-    """
-    if stated is not None:
-        return {"point": ".", "comma": ","}[stated]
-    first: dict[str, tuple[int, str]] = {}
-    certain = False
-    for number, cells in rows:
-        for place in wanted:
-            cell = cells[place]
-            mark = next((m for m in ",." if m in cell), None)
-            if mark is None or not looks_like_a_number(cell):
-                continue
-            first.setdefault(mark, (number, cell))
-            certain = certain or (mark == "," and _GROUPED.fullmatch(cell) is None)
-    if len(first) == 2:
-        line, cell = max(first.values())
-        rule = (
-            "has numbers with decimal points and others with commas: write them alike, or "
-            "state which of the two is the decimal mark"
-        )
-        raise InputError(
-            f"{rule} (--decimal point or comma; decimal = ... in a campaign)",
-            field="row",
-            value=cell,
-            file=file,
-            line=line,
-        )
-    if "," in first and not certain:
-        certain = any(
-            looks_like_a_number(cell) and "," in cell and not _GROUPED.fullmatch(cell)
-            for _, cells in rows
-            for cell in cells
-        )
-        if not certain:
-            line, cell = first[","]
-            rule = (
-                "may part thousands or be a decimal comma, in every number that has one: say "
-                '--decimal comma (decimal = "comma" in a campaign)'
-            )
-            raise InputError(
-                f"{rule}, or write the numbers without thousands",
-                field="comma",
-                value=cell,
-                file=file,
-                line=line,
-            )
-    return "," if "," in first else "."
-
-
-def number_in(cell: str, name: str, mark: str, file: str, line: int) -> float:
-    """The number in a cell that is not missing.  Raises InputError."""
-    try:
-        if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
-            return read_number(cell.replace(",", "."))
-    except ValueError:
-        pass
-    hint = ""
-    if looks_like_a_number(cell):
-        hint = (
-            " with a decimal point, not a comma"
-            if mark == "."
-            else " with a decimal comma, not a point"
-        )
-    elif re.fullmatch(r"[+-]?\d{1,3}([., ']\d{3})+([.,]\d*)?", cell, re.ASCII):
-        hint = " without marks between thousands"
-    elif is_spreadsheet_error(cell):
-        hint = " (leave the row out where there is none)"
-    raise InputError(f"must be a number{hint}", field=name, value=cell, file=file, line=line)
-
-
-def split_row(line: str, delimiter: str, file: str, number: int) -> list[str]:
-    """`cells_of` with the place in its error."""
-    try:
-        return cells_of(line, delimiter)
-    except csv.Error as error:
-        raise InputError(
-            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
-        ) from None
-
-
 def is_column(name: str, names: Sequence[str]) -> bool:
     """Whether a column is called `name`, just so or before its unit."""
     return any(name in (column, name_and_unit(column)[0]) for column in names)
-
-
-def place_of(name: str, names: Sequence[str], file: str, line: int | None) -> int:
-    """Where the column `name` is: called just so, or so before its unit.  Raises InputError listing
-    what there is.
-    """
-    places = [i for i, column in enumerate(names) if column == name] or [
-        i for i, column in enumerate(names) if name_and_unit(column)[0] == name
-    ]
-    if not places:
-        raise InputError(
-            "is missing",
-            field=name,
-            file=file,
-            line=line,
-            quoted=f"the header has {listed([column for column in names if column])}",
-        )
-    if len(places) > 1:
-        rule = (
-            "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
-            "columns = [...] in a campaign)"
-        )
-        raise InputError(rule, field=name, file=file, line=line)
-    return places[0]

@@ -15,7 +15,7 @@ import re
 import stat
 from pathlib import Path
 
-from estim.common import InputError, note_input, phrase
+from estim.common import InputError, in_its_file, note_input, phrase
 
 MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
@@ -25,41 +25,40 @@ _NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
-def read_bytes(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> bytes:
+@in_its_file
+def read_bytes(path: Path, *, limit: int = MAX_BYTES) -> bytes:
     """Content of a regular file that is not empty and has at most `limit` bytes; raises InputError
     where it cannot be read.
     """
     try:
         # before it is opened: opening a device may move it
-        _check_status(path.stat(), shown_as, limit)
+        _check_status(path.stat(), limit)
         with path.open("rb", buffering=0) as stream:
-            _check_status(os.fstat(stream.fileno()), shown_as, limit)
+            _check_status(os.fstat(stream.fileno()), limit)
             if os.name == "posix":
                 os.set_blocking(stream.fileno(), False)
             data = _read(stream.fileno(), limit + 1)
     except OSError as error:
-        raise InputError(
-            f"cannot be read ({(error.strerror or str(error)).lower()})", file=shown_as
-        ) from None
+        raise InputError(f"cannot be read ({(error.strerror or str(error)).lower()})") from None
     except InputError:
         raise
     except ValueError as error:  # a null character in the name
-        raise InputError(f"cannot be read ({error})", file=shown_as) from None
+        raise InputError(f"cannot be read ({error})") from None
     if len(data) > limit:
-        raise _too_large(limit, f"more than {limit}", shown_as)
+        raise _too_large(limit, f"more than {limit}")
     note_input(path, data)
     return data
 
 
-def _check_status(status: os.stat_result, shown_as: str, limit: int) -> None:
+def _check_status(status: os.stat_result, limit: int) -> None:
     if stat.S_ISDIR(status.st_mode):
-        raise InputError("cannot be read (is a directory)", file=shown_as)
+        raise InputError("cannot be read (is a directory)")
     if not stat.S_ISREG(status.st_mode):
-        raise InputError("must be a regular file, not a pipe, a socket or a device", file=shown_as)
+        raise InputError("must be a regular file, not a pipe, a socket or a device")
     if status.st_size > limit:
-        raise _too_large(limit, status.st_size, shown_as)
+        raise _too_large(limit, status.st_size)
     if status.st_size == 0:
-        raise InputError("must not be empty: its size is 0", file=shown_as)
+        raise InputError("must not be empty: its size is 0")
 
 
 def _read(handle: int, limit: int) -> bytes:
@@ -71,50 +70,48 @@ def _read(handle: int, limit: int) -> bytes:
     return b"".join(parts)
 
 
-def _too_large(limit: int, size: object, shown_as: str) -> InputError:
+def _too_large(limit: int, size: object) -> InputError:
     maximum = f"{limit // 1024**2} MiB" if limit >= 1024**2 else f"{limit // 1024} KiB"
-    return InputError(f"must be at most {maximum}", field="size", value=size, file=shown_as)
+    return InputError(f"must be at most {maximum}", field="size", value=size)
 
 
-def read_text(path: Path, *, shown_as: str, limit: int = MAX_BYTES) -> tuple[str, str]:
+@in_its_file
+def read_text(path: Path, *, limit: int = MAX_BYTES) -> tuple[str, str]:
     """Text of a UTF-8 file and the SHA-256 of its bytes; raises InputError where it cannot be read
     as such.
     """
-    data = read_bytes(path, shown_as=shown_as, limit=limit)
+    data = read_bytes(path, limit=limit)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise not_utf8(data, error, shown_as) from None
-    return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest()
+        raise not_utf8(data, error) from None
+    return _without_nulls(text), hashlib.sha256(data).hexdigest()
 
 
-def _without_nulls(text: str, file: str) -> str:
+def _without_nulls(text: str) -> str:
     if "\0" in text:
         line = len(_LINE_END.findall(text[: text.index("\0")])) + 1
         raise InputError(
             "must not hold a null character (UTF-16 without its mark, or a damaged file)",
             field="text",
-            file=file,
             line=line,
         )
     return text
 
 
-def read_any_text(
-    path: Path, *, shown_as: str, encoding: str | None = None
-) -> tuple[str, str, str]:
+@in_its_file
+def read_any_text(path: Path, *, encoding: str | None = None) -> tuple[str, str, str]:
     """Text of a table of anybody's making, the SHA-256 of its bytes, and how it was read where that
     is not plain ("" for UTF-8).
 
     encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are
         the same as in every other kind of Latin text.  Raises InputError where the file is no text.
     """
-    data = read_bytes(path, shown_as=shown_as)
+    data = read_bytes(path)
     if data.startswith(_NO_TEXT):
         raise InputError(
             "must be a text file, not a workbook, an archive or a PDF: save its table as CSV",
             field="file",
-            file=shown_as,
         )
     note = (
         phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
@@ -126,20 +123,20 @@ def read_any_text(
     except UnicodeDecodeError as error:
         if encoding is not None or data.startswith(_UTF_16):
             raise InputError(
-                f"cannot be read as {encoding or 'utf-16'}", field="encoding", file=shown_as
+                f"cannot be read as {encoding or 'utf-16'}", field="encoding"
             ) from None
         try:
             text = data.decode("windows-1252")
         except UnicodeDecodeError:
-            raise not_utf8(data, error, shown_as) from None
+            raise not_utf8(data, error) from None
         note = phrase(
             "the file is not UTF-8 and was read as Windows-1252 (state the encoding if "
             "letters of a name look wrong)"
         )
-    return _without_nulls(text, shown_as), hashlib.sha256(data).hexdigest(), note
+    return _without_nulls(text), hashlib.sha256(data).hexdigest(), note
 
 
-def not_utf8(data: bytes, error: UnicodeDecodeError, file: str) -> InputError:
+def not_utf8(data: bytes, error: UnicodeDecodeError) -> InputError:
     """Where bytes are no UTF-8, and what they are likely to be instead."""
     line = len(re.findall(rb"\r\n|\n|\r", data[: error.start])) + 1
     if data.startswith(_UTF_16):
@@ -150,7 +147,6 @@ def not_utf8(data: bytes, error: UnicodeDecodeError, file: str) -> InputError:
         f"must be UTF-8 text ({what}: save it again as UTF-8)",
         field="byte",
         value=error.object[error.start : error.start + 1],
-        file=file,
         line=line,
     )
 

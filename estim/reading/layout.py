@@ -6,22 +6,23 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
-from estim.common import InputError, is_unit
+from estim.common import InputError, in_its_file, is_unit
 from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
 from estim.reading.dialect import (
+    PLAIN,
     Dialect,
-    cells_of,
+    is_column,
     is_uncertainty,
     name_and_unit,
     shown_delimiter,
-    split_row,
 )
 from estim.reading.input_file import read_any_text
-from estim.reading.table import NOTE, facts_of, numbered_lines
+from estim.reading.table import NOTE, facts_of, numbered_lines, split_cells
 
 Lines = list[tuple[int, str]]
 
@@ -41,13 +42,21 @@ _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
 
 
+class Row(NamedTuple):
+    """A line.  number : in the file.  cells : the line alone where it cannot be split."""
+
+    number: int
+    line: str
+    cells: list[str]
+
+
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Where the numbers of a table are.
 
-    names : of the columns, () where the file has none.
-    header_line : where they stand.  units : column -> its unit, as the header says.
-    rows : the lines from the first row of numbers on, comments taken out.
+    names : of the columns.  header_line : where they stand, None where they are stated.
+    units : of the columns, as the header says; "" where it says none.
+    rows : from the first row of numbers on, comments taken out.
     facts : what the head of an imported file says, and how the file was read, where that is not
         plain.
     imported : whether `estim import` made it.
@@ -55,21 +64,15 @@ class Layout:
 
     file: str
     sha256: str
+    dialect: Dialect
     delimiter: str
     names: tuple[str, ...]
     header_line: int | None
     units: tuple[str, ...]
-    rows: Lines
+    rows: list[Row]
     warnings: tuple[str, ...]
     facts: tuple[str, ...]
     imported: bool
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        return len(self.names) or len(
-            split_row(self.rows[0][1], self.delimiter, self.file, self.rows[0][0])
-        )
 
 
 # 10 periods (s)
@@ -78,56 +81,49 @@ _NAMED_BY_A_NUMBER = re.compile(
 )
 
 
-def read_layout(
-    path: Path, dialect: Dialect, *, shown_as: str, needed: Sequence[str] = ()
-) -> Layout:
+@in_its_file
+def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] = ()) -> Layout:
     """How the table at `path` is laid out.  needed : names of columns that tell the header from
-    other lines.  Raises InputError.
+    other lines.  Raises InputError, also where the columns have no names.
     """
-    text, digest, note = read_any_text(path, shown_as=shown_as, encoding=dialect.encoding)
-    lines = numbered_lines(text, file=shown_as)
+    text, digest, note = read_any_text(path, encoding=dialect.encoding)
+    lines = numbered_lines(text)
     below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
     plain = [(number, line) for number, line in below if not is_comment(line)]
     if not plain:
         raise InputError(
             "has no rows of numbers"
-            + (" below the lines that are skipped" if dialect.skip_rows else ""),
-            file=shown_as,
+            + (" below the lines that are skipped" if dialect.skip_rows else "")
         )
     delimiter = dialect.mark or (
         _ONE_COLUMN
         if _is_one_column(plain, dialect)
         else shown_delimiter(*(line for _, line in plain[-2:]))
     )
-    start = (
-        0
-        if dialect.header is False
-        else 1
-        if dialect.header
-        else _start(plain, delimiter, shown_as)
-    )
-    rows = [(number, line) for number, line in plain[start:]]
+    split = [Row(number, line, _cells(line, delimiter)) for number, line in plain]
+    start = _start(split) if dialect.header is None else int(dialect.header)
+    above = split[:start]
+    percent = any(row.line.lstrip().startswith("%") for row in above)
+    rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
     if not rows:
-        raise InputError("has no rows of numbers below the line of names", file=shown_as)
-    percent = any(line.lstrip().startswith("%") for _, line in plain[:start])
-    rows = [
-        (number, line) for number, line in rows if not (percent and line.lstrip().startswith("%"))
-    ]
-    width, least = _widths(rows, delimiter)
-    names, header_line, units = _header(
-        plain[:start], below, rows, delimiter, (least, width), dialect, needed, shown_as
-    )
-    head = facts_of(lines, header_line or rows[0][0])
-    warnings = tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE))
+        raise InputError("has no rows of numbers below the line of names")
+    names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
+    if not names:
+        raise _no_names(rows[0], delimiter)
+    head = facts_of(lines, header_line or rows[0].number)
     return Layout(
-        shown_as,
+        str(path),
         digest,
+        dialect,
         delimiter,
         names,
         header_line,
-        units,
+        tuple(
+            _unit_in(unit) or name_and_unit(name)[1]
+            for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
+        ),
         rows,
-        warnings,
+        tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE)),
         (*head, *([note] if note else [])),
         bool(head),
     )
@@ -144,42 +140,40 @@ def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
     return dialect.decimal == "comma" or named
 
 
-def no_names(layout: Layout) -> InputError:
+def _no_names(first: Row, delimiter: str) -> InputError:
     """What to say of a table whose columns have no names."""
-    number, line = layout.rows[0]
+    width = len(first.cells)
     rule = (
-        f"has no line of column names: name its {layout.width} columns from left to right "
+        f"has no line of column names: name its {width} columns from left to right "
         "(--columns a,b,...; columns = [...] in a campaign)"
     )
-    if layout.delimiter == "," and layout.width == 2:
+    if delimiter == "," and width == 2:
         rule += (
             "; the comma is taken to part the cells: if it is the decimal mark, say --decimal "
             'comma (decimal = "comma")'
         )
-    return InputError(rule, field="header", value=line.strip(), file=layout.file, line=number)
+    return InputError(rule, field="header", value=first.line.strip(), line=first.number)
 
 
 def numeric_columns(layout: Layout) -> tuple[str, ...]:
     """Names of the columns that hold numbers, in the first or the last row, or in at least half of
     their cells; those that begin with _ left out.
     """
-    first, last = (
-        split_row(line, layout.delimiter, layout.file, number)
-        for number, line in (layout.rows[0], layout.rows[-1])
-    )
-    rows = [cells + [""] * len(layout.names) for cells in (first, last)]
-    candidates = [i for i, name in enumerate(layout.names) if name and not name.startswith("_")]
-    numeric = {i for i in candidates if any(looks_like_a_number(cells[i]) for cells in rows)}
-    balance = dict.fromkeys(set(candidates) - numeric, 0)  # numbers less words
-    held = set[int]()
-    for _, line in layout.rows if balance else ():
-        for i, cell in enumerate(_cells(line, layout.delimiter)):
-            if i in balance and not is_missing(cell) and not is_spreadsheet_error(cell):
-                number = looks_like_a_number(cell)
-                balance[i] += 1 if number else -1
-                held |= {i} if number else set()
-    numeric |= {i for i in held if balance[i] >= 0}
-    return tuple(layout.names[i] for i in candidates if i in numeric)
+    named = [(i, name) for i, name in enumerate(layout.names) if name and not name.startswith("_")]
+    return tuple(name for i, name in named if _is_numeric(layout.rows, i))
+
+
+def _is_numeric(rows: Sequence[Row], column: int) -> bool:
+    ends = [row.cells[column : column + 1] for row in (rows[0], rows[-1])]
+    if any(looks_like_a_number(cell) for cells in ends for cell in cells):
+        return True
+    numbers = [
+        looks_like_a_number(cell)
+        for row in rows
+        for cell in row.cells[column : column + 1]
+        if not is_missing(cell) and not is_spreadsheet_error(cell)
+    ]
+    return any(numbers) and 2 * sum(numbers) >= len(numbers)
 
 
 def value_columns(layout: Layout, errors: Sequence[str | None] = ()) -> tuple[str, ...]:
@@ -225,70 +219,57 @@ def _bare(name: str) -> str:
     return name_and_unit(name)[0]
 
 
-def _start(lines: Lines, delimiter: str, file: str) -> int:
+def _start(rows: Sequence[Row]) -> int:
     """Index of the first row of numbers: like the last row it has as many cells, with numbers (or
     nothing) in the same columns.
 
     Raises InputError where rows above it look like data.
     """
-    shape = _shape(lines[-1][1], delimiter)
-    wanted = [
-        place
-        for place, cell in enumerate(_cells(lines[-1][1], delimiter))
-        if looks_like_a_number(cell)
-    ]
-    for first, (_, line) in enumerate(lines):  # noqa: B007
-        cells = _cells(line, delimiter)
-        alike = shape & _shape(line, delimiter) and all(
-            place >= len(cells) or _may_be_value(cells[place]) for place in wanted
+    last = rows[-1]
+    shape = _shape(last.cells)
+    wanted = [place for place, cell in enumerate(last.cells) if looks_like_a_number(cell)]
+    for first, row in enumerate(rows):  # noqa: B007
+        alike = shape & _shape(row.cells) and all(
+            looks_like_a_number(cell) or is_missing(cell)
+            for place in wanted
+            for cell in row.cells[place : place + 1]
         )
-        if alike and any(map(looks_like_a_number, cells)):
+        if alike and any(map(looks_like_a_number, row.cells)):
             break
     else:
-        number, line = lines[-1]
-        raise InputError(
-            "must hold numbers: the last line holds none",
-            field="row",
-            value=line,
-            file=file,
-            line=number,
-        )
-    while first and _is_blank(lines[first - 1][1], delimiter, shape):
+        rule = "must hold numbers: the last line holds none"
+        raise InputError(rule, field="row", value=last.line, line=last.number)
+    while first and _is_blank(rows[first - 1], shape):
         first -= 1
-    for number, line in lines[:first]:
-        cells = [cell for cell in _cells(line, delimiter) if cell]
+    for row in rows[:first]:
+        cells = [cell for cell in row.cells if cell]
         if len(cells) > 1 and all(map(looks_like_a_number, cells)):
             rule = (
                 "is a row with another number of cells than the last one: say how many lines "
                 "stand above the table (--skip-rows, skip_rows)"
             )
-            raise InputError(rule, field="row", value=line, file=file, line=number)
+            raise InputError(rule, field="row", value=row.line, line=row.number)
     return first
 
 
-def _is_blank(line: str, delimiter: str, shape: set[int]) -> bool:
+def _is_blank(row: Row, shape: set[int]) -> bool:
     """Whether a line is a row in which no cell has a value."""
     return (
-        bool(shape & _shape(line, delimiter))
-        and not _RULE.fullmatch(line)
-        and all(map(is_missing, _cells(line, delimiter)))
+        bool(shape & _shape(row.cells))
+        and not _RULE.fullmatch(row.line)
+        and all(map(is_missing, row.cells))
     )
 
 
-def _may_be_value(cell: str) -> bool:
-    return looks_like_a_number(cell) or is_missing(cell)
-
-
-def _shape(line: str, delimiter: str) -> set[int]:
+def _shape(cells: list[str]) -> set[int]:
     """Number of cells of a line, with and without blank ones at its end."""
-    cells = _cells(line, delimiter)
     return {len(cells), len(_trimmed(cells))}
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
     """Cells of a line that need not be a row; one cell where it cannot be split."""
     try:
-        return cells_of(line, delimiter)
+        return split_cells(line, delimiter)
     except csv.Error:
         return [line]
 
@@ -299,85 +280,86 @@ def _trimmed(cells: list[str]) -> list[str]:
     return cells
 
 
-def _widths(rows: Lines, delimiter: str) -> tuple[int, int]:
-    """Most cells that a row has, with and without blank ones at its end."""
-    split = [_cells(line, delimiter) for _, line in rows]
-    return max(map(len, split)), max(len(_trimmed(cells)) for cells in split)
-
-
 def _header(
-    above: Lines,
+    above: Sequence[Row],
     below: Lines,
-    rows: Lines,
+    rows: Sequence[Row],
     delimiter: str,
-    widths: tuple[int, int],
     dialect: Dialect,
     needed: Sequence[str],
-    file: str,
-) -> tuple[tuple[str, ...], int | None, tuple[str, ...]]:
-    """Names of the columns, their line and their units.  above : lines over the numbers, which
-    stand in `rows`; below : all lines with comments.
+) -> tuple[tuple[str, ...], int | None, list[str]]:
+    """Names of the columns, their line, and the cells of a line of units below it.  above : lines
+    over the numbers, which stand in `rows`; below : all lines with comments.
     """
-    first = rows[0][0]
-    if not dialect.header:
-        _refuse_half_a_row(above, delimiter, widths, file)
+    # most cells that a row has, without and with blank ones at its end
+    least = max(len(_trimmed(row.cells)) for row in rows)
+    most = max(len(row.cells) for row in rows)
+
+    def fits(cells: Sequence[str]) -> bool:
+        return least <= len(cells) <= most
+
+    def are_names(cells: Sequence[str]) -> bool:
+        return fits(cells) and not any(map(looks_like_a_number, cells))
+
+    def odd_row(width: int) -> InputError:
+        """What is said of the first row that has another number of cells than there are names."""
+        row = next(row for row in rows if len(row.cells) != width)
+        return cells_differ(len(row.cells), width, delimiter, row.number)
+
+    if not dialect.header and above:
+        _refuse_half_a_row(above, fits)
     if dialect.columns is not None:
-        if not widths[0] <= len(dialect.columns) <= widths[1]:
-            rule = f"must name all {widths[0]} columns from left to right"
+        if not fits(dialect.columns):
             raise InputError(
-                rule, field="columns", value=", ".join(dialect.columns), file=file, line=first
+                f"must name all {least} columns from left to right",
+                field="columns",
+                value=", ".join(dialect.columns),
+                line=rows[0].number,
             )
-        return dialect.columns, None, ("",) * len(dialect.columns)
+        return dialect.columns, None, []
     if dialect.header:
-        (number, line), cells = (
-            above[0],
-            _trimmed(_cells(above[0][1].strip().lstrip("%# "), delimiter)),
-        )
-        if not widths[0] <= len(cells) <= widths[1]:
-            raise _odd_row(rows, len(cells), delimiter, file)
-        return tuple(cells), number, tuple(name_and_unit(cell)[1] for cell in cells)
+        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter))
+        if not fits(cells):
+            raise odd_row(len(cells))
+        return tuple(cells), above[0].number, []
     units: list[str] = []
-    for i, (number, line) in reversed(list(enumerate(above))):
+    for i, (number, line, untrimmed) in reversed(list(enumerate(above))):
         percent = line.lstrip().startswith("%")
-        cells = _trimmed(_cells(line.strip().lstrip("% ") if percent else line, delimiter))
-        fits = widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells))
-        if _RULE.fullmatch(line) or (percent and not fits):
+        cells = _trimmed(_cells(line.strip().lstrip("% "), delimiter) if percent else untrimmed)
+        if _RULE.fullmatch(line) or (percent and not are_names(cells)):
             continue
-        over = _trimmed(_cells(above[i - 1][1], delimiter)) if i else []
-        untrimmed = _cells(line, delimiter)
-        of_units = _are_units(untrimmed) and widths[0] <= len(untrimmed) <= max(widths)
-        below_names = of_units or (fits and _all_in(needed, over) and not _all_in(needed, cells))
-        if not units and widths[0] <= len(over) <= widths[1] and below_names:
+        over = _trimmed(above[i - 1].cells) if i else []
+        of_units = _are_units(untrimmed) and fits(untrimmed)
+        below_names = of_units or (
+            are_names(cells) and _all_in(needed, over) and not _all_in(needed, cells)
+        )
+        if not units and fits(over) and below_names:
             units = untrimmed if of_units else cells
             continue
-        if not fits and any(name in cells for name in needed):
-            raise _odd_row(rows, len(cells), delimiter, file)
-        return _named(cells, units, number) if fits else ((), None, ())
+        if not are_names(cells) and any(name in cells for name in needed):
+            raise odd_row(len(cells))
+        return (tuple(cells), number, units) if are_names(cells) else ((), None, [])
     comments = [
         (number, line.lstrip("# \t").rstrip())
         for number, line in below
-        if number < first and is_comment(line)
+        if number < rows[0].number and is_comment(line)
     ]
     for number, line in comments[-1:]:
-        cells = _cells(line, delimiter)
-        if widths[0] <= len(cells) <= widths[1] and not any(map(looks_like_a_number, cells)):
-            return _named(cells, [], number)
-    return (), None, ()
+        if are_names(cells := _cells(line, delimiter)):
+            return tuple(cells), number, []
+    return (), None, []
 
 
-def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], file: str) -> None:
+def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], bool]) -> None:
     """Raises InputError where the line over the first row looks like one more, with something in it
     that is no number.
     """
-    number, line = next(
-        (entry for entry in reversed(above) if not _RULE.fullmatch(entry[1])), (0, "")
+    drawn = Row(0, "", [])
+    number, line, cells = next(
+        (row for row in reversed(above) if not _RULE.fullmatch(row.line)), drawn
     )
-    cells = _trimmed(_cells(line, delimiter))
-    if (
-        not widths[0] <= len(cells) <= widths[1]
-        or line.lstrip().startswith("%")
-        or _are_units(cells)
-    ):
+    cells = _trimmed(cells)
+    if not fits(cells) or line.lstrip().startswith("%") or _are_units(cells):
         return
     if any(
         is_spreadsheet_error(cell)
@@ -388,28 +370,11 @@ def _refuse_half_a_row(above: Lines, delimiter: str, widths: tuple[int, int], fi
             "must be a row of numbers, like those below it, or of names, which begin with a "
             "letter (if it is neither: --skip-rows, skip_rows)"
         )
-        raise InputError(rule, field="row", value=line, file=file, line=number)
-
-
-def _named(
-    cells: list[str], units: list[str], line: int
-) -> tuple[tuple[str, ...], int, tuple[str, ...]]:
-    """Names, their line, and units: those of a line of their own, or in the names."""
-    padded = units + [""] * len(cells)
-    return (
-        tuple(cells),
-        line,
-        tuple(
-            _unit_in(unit) or name_and_unit(cell)[1]
-            for cell, unit in zip(cells, padded, strict=False)
-        ),
-    )
+        raise InputError(rule, field="row", value=line, line=number)
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:
-    return bool(needed) and all(
-        name in cells or name in [name_and_unit(cell)[0] for cell in cells] for name in needed
-    )
+    return bool(needed) and all(is_column(name, cells) for name in needed)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
@@ -435,15 +400,7 @@ def _is_in_symbols(unit: str) -> bool:
     )
 
 
-def _odd_row(rows: Lines, width: int, delimiter: str, file: str) -> InputError:
-    """What is said of the first row that has another number of cells than there are names."""
-    number, n_cell = next(
-        (number, n) for number, line in rows if (n := len(_cells(line, delimiter))) != width
-    )
-    return cells_differ(n_cell, width, delimiter, file, number)
-
-
-def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -> InputError:
+def cells_differ(cells: int, width: int, delimiter: str, line: int) -> InputError:
     commas = delimiter == "," and cells == 2 * width
     cure = (
         '--decimal comma, or decimal = "comma"'
@@ -451,6 +408,4 @@ def cells_differ(cells: int, width: int, delimiter: str, file: str, line: int) -
         else "write decimal points, or separate the cells by semicolons"
     )
     hint = f" (decimal commas? {cure})" if commas else ""
-    return InputError(
-        f"must have {width} cells{hint}", field="row", value=cells, file=file, line=line
-    )
+    return InputError(f"must have {width} cells{hint}", field="row", value=cells, line=line)

@@ -14,21 +14,18 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
 from estim.common import InputError, Quantity
 from estim.reading.columns import read_known_columns
-from estim.reading.dialect import Dialect
+from estim.reading.dialect import PLAIN, Dialect
 from estim.reading.table import Table
 from estim.reading.tracker.importing import (
     Choices,
-    Imported,
+    head_of_export_file,
     import_track,
-    is_export_file,
     is_tracker_file,
-    refuse_bare_export,
     stated_tilt,
+    track_columns,
 )
 from estim.reading.tracker.plausibility import odd_intervals
 from estim.reading.tracker.track import LEAST_STEP, MOST
@@ -38,38 +35,23 @@ _MIN_ROWS = 5
 _SAME_TIME = 0.01  # of an interval
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run(Table):
     """The table of one run.
 
     columns : standard column name -> (n_row,) read-only array, SI units.
-    lines : (n_row,) line of the file that each row stands on.
-    sha256 : of the file's bytes.
-    warnings : what is suspicious about the file, in words.
     facts : where an imported track comes from and how x was made of it, in words; also for a CSV
         made by `estim import`; what a table lacks.
     tilt : rad, of an imported track against the x axis of its video, positive uphill; None where it
         is not known.
     left_out : how many rows of the file were left out by `without`.
     interval : s between frames, of an imported run of a campaign; None of others.
-    blank : lines of the file that are left out, since a column has no value there.
-    imported : whether it is an imported track, or a CSV made by `estim import`.
-    unread : columns of numbers in the file beside these.
     """
 
     name: str
-    file: str
-    sha256: str
-    columns: Mapping[str, FloatArray]
-    lines: NDArray[np.int64]
-    warnings: tuple[str, ...] = ()
-    facts: tuple[str, ...] = ()
     tilt: Quantity | None = None
     left_out: int = 0
     interval: float | None = None
-    blank: tuple[int, ...] = ()
-    imported: bool = False
-    unread: tuple[str, ...] = ()
 
     @property
     def n_row(self) -> int:
@@ -110,16 +92,6 @@ class Run:
             left_out=t.size - remaining.size,
         )
 
-    def error(self, rule: str, column: str, row: int) -> InputError:
-        """An InputError for the cell of `column` in `row`."""
-        return InputError(
-            rule,
-            field=column,
-            value=self.columns[column][row].item(),
-            file=self.file,
-            line=int(self.lines[row]),
-        )
-
     @property
     def rate(self) -> str:
         """The column that says how fast it is there: `v_m_s` or `omega_rad_s`."""
@@ -127,14 +99,9 @@ class Run:
 
 
 def read_run(
-    path: Path,
-    *,
-    name: str,
-    shown_as: str | None = None,
-    choices: Choices | None = None,
-    dialect: Dialect | None = None,
+    path: Path, *, name: str, choices: Choices | None = None, dialect: Dialect = PLAIN
 ) -> Run:
-    """The run in the file at `path`; `shown_as` is how messages and reports name the file.
+    """The run in the file at `path`.
 
     dialect : how the table is written, where that is stated; its columns may then be among others,
         and are called as below, or "time (s)".
@@ -147,18 +114,22 @@ def read_run(
     finite numbers with known columns, one of `x_m` and `theta_rad` among them, and times that
     increase.
     """
-    stated = dialect is not None and dialect != Dialect()
-    if stated and (choices is not None or is_tracker_file(path)):
+    of_tracker = choices is not None or is_tracker_file(path)
+    if of_tracker and dialect != PLAIN:
         rule = "applies to tables, not to a file of Tracker, whose format is fixed"
-        raise InputError(rule, field="columns", file=shown_as or str(path))
-    if not stated and (choices is not None or is_tracker_file(path) or is_export_file(path)):
-        imported = import_track(path, choices or Choices(), shown_as=shown_as or str(path))
-        if choices is None and not is_tracker_file(path):
-            refuse_bare_export(path, shown_as or str(path))
-        return _imported(imported, name)
-    table = read_known_columns(
-        path, known=COLUMNS, min_rows=_MIN_ROWS, shown_as=shown_as or str(path), dialect=dialect
-    )
+        raise InputError(rule, field="columns", file=path)
+    head = head_of_export_file(path) if not of_tracker and dialect == PLAIN else None
+    if of_tracker or head is not None:
+        imported = import_track(path, choices or Choices())
+        if head is not None and head[2]:
+            rule = (
+                "may be a table or an export of Tracker, which is counted from its first point: "
+                "for a table write t_s,x_m (s, m from the release), for an export say "
+                'release = "first" in the run'
+            )
+            raise InputError(rule, field="header", value=head[1], file=path, line=head[0])
+        return run_of_table(track_columns(imported, ("t_s", "x_m")), name, imported.ramp.tilt)
+    table = read_known_columns(path, known=COLUMNS, min_rows=_MIN_ROWS, dialect=dialect)
     names = set(table.columns)
     header = ", ".join(table.columns)
     if ("x_m" in names) == ("theta_rad" in names):
@@ -178,37 +149,11 @@ def read_run(
     return run_of_table(table, name)
 
 
-def run_of_table(table: Table, name: str) -> Run:
-    """The run `name` in a table that has been checked, with what the head of an imported one says
-    of its origin.
+def run_of_table(table: Table, name: str, tilt: Quantity | None = None) -> Run:
+    """The run `name` in a table that has been checked, with the tilt that is known or that the head
+    of an imported one states.
     """
-    return Run(
-        name=name,
-        file=table.file,
-        sha256=table.sha256,
-        columns=table.columns,
-        lines=table.lines,
-        warnings=table.warnings,
-        facts=table.facts,
-        tilt=stated_tilt(table.facts),
-        blank=table.blank,
-        imported=table.imported,
-        unread=table.unread,
-    )
-
-
-def _imported(track: Imported, name: str) -> Run:
-    return Run(
-        name=name,
-        file=track.track.file,
-        sha256=track.track.sha256,
-        columns=MappingProxyType({"t_s": track.t, "x_m": track.x}),
-        lines=track.track.lines[track.rows],
-        warnings=track.warnings,
-        facts=track.facts,
-        tilt=track.tilt,
-        imported=True,
-    )
+    return Run(**vars(table), name=name, tilt=tilt or stated_tilt(table.facts))
 
 
 def is_timed_track(run: Run) -> bool:
@@ -241,18 +186,10 @@ def _check_numbers(table: Table) -> None:
     positive.
     """
     for name, column in table.columns.items():
-        if np.any(np.abs(column) > MOST):
-            raise table.error(
-                f"must lie within ±{MOST:g}", name, int(np.argmax(np.abs(column) > MOST))
-            )
+        table.require(name, np.abs(column) <= MOST, f"must lie within ±{MOST:g}")
     if "t_s" in table.columns:
-        steps = np.diff(table.columns["t_s"])
-        for wrong, rule in (
-            (steps <= 0.0, "must increase from row to row"),
-            (steps < LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s"),
-        ):
-            if np.any(wrong):
-                raise table.error(rule, "t_s", int(np.argmax(wrong)) + 1)
-    for name in ("sigma_x_m", "sigma_v_m_s"):
-        if name in table.columns and np.any(table.columns[name] <= 0.0):
-            raise table.error("must be > 0", name, int(np.argmax(table.columns[name] <= 0.0)))
+        steps = np.diff(table.columns["t_s"], prepend=-np.inf)
+        table.require("t_s", steps > 0.0, "must increase from row to row")
+        table.require("t_s", steps >= LEAST_STEP, f"must advance by at least {LEAST_STEP:g} s")
+    for name in [name for name in ("sigma_x_m", "sigma_v_m_s") if name in table.columns]:
+        table.require(name, table.columns[name] > 0.0, "must be > 0")

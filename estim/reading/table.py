@@ -54,7 +54,8 @@ class Table:
     """columns : name -> (n_row,) read-only array.  lines : (n_row,) line of the file of each row.
 
     file : how messages name it.
-    header_line : line of the column names.  sha256 : of the file's bytes.
+    header_line : line of the column names, 0 where they are not in it.
+    sha256 : of the file's bytes.
     warnings : texts of the comment lines "# warning: ...".
     facts : the other comments above the header of a file that `estim import` made; empty for other
         files.  units : column -> unit that the header states, "" for none; empty where no header
@@ -66,9 +67,9 @@ class Table:
 
     file: str
     sha256: str
-    header_line: int
     columns: Mapping[str, FloatArray]
     lines: NDArray[np.int64]
+    header_line: int = 0
     warnings: tuple[str, ...] = ()
     facts: tuple[str, ...] = ()
     units: Mapping[str, str] = field(default_factory=dict)
@@ -94,6 +95,11 @@ class Table:
                 line=self.header_line or None,
             )
 
+    def require(self, name: str, valid: NDArray[np.bool_], rule: str) -> None:
+        """Raises InputError at the first row in which the column `name` is not `valid` (n_row,)."""
+        if not np.all(valid):
+            raise self.error(rule, name, int(np.argmin(valid)))
+
     def error(self, rule: str, name: str, row: int) -> InputError:
         """An InputError for the cell of column `name` in `row`."""
         return InputError(
@@ -113,28 +119,25 @@ def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ..
     return tuple(line.lstrip("# ").strip() for line in head[1:] if not line.startswith(NOTE))
 
 
-def numbered_lines(text: str, *, file: str) -> list[tuple[int, str]]:
+def numbered_lines(text: str) -> list[tuple[int, str]]:
     """The lines that are not blank, each with its number.  Raises InputError where there are too
     many, or one is too long.
     """
     rows = [(number, line) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
     if len(rows) > _MAX_ROWS:
-        raise InputError(
-            f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows), file=file
-        )
+        raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows))
     if hidden := line_after_comment(text):
         rule = (
             "must not follow a comment after a carriage return alone, where other lines end "
             "otherwise"
         )
-        raise InputError(rule, field="row", file=file, line=hidden)
+        raise InputError(rule, field="row", line=hidden)
     for number, line in rows:
         if len(line) > _MAX_LINE:
             raise InputError(
                 f"must have at most {_MAX_LINE} characters",
                 field="row",
                 value=len(line),
-                file=file,
                 line=number,
             )
     return rows
@@ -156,4 +159,16 @@ def split_cells(line: str, delimiter: str) -> list[str]:
     """The cells of a line, blanks around them taken off.  Raises csv.Error where quotes do not
     enclose whole cells.
     """
+    if delimiter == " ":
+        return line.split()
     return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, strict=True))]
+
+
+def row_of(line: str, delimiter: str, number: int) -> list[str]:
+    """`split_cells` with the place in its error."""
+    try:
+        return split_cells(line, delimiter)
+    except csv.Error as error:
+        raise InputError(
+            f"cannot be split into cells ({error})", field="row", value=line, line=number
+        ) from None

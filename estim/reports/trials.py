@@ -161,12 +161,7 @@ def trials_result(
         ],
         offset=[analysis.offset.value, analysis.offset.u] if status.ok else None,
         phi_mean=analysis.phi_mean,
-        told_apart=told_apart(
-            {name: information.share for name, information in analysis.told.items()},
-            analysis.correlation,
-        )
-        if status.ok
-        else [],
+        told_apart=told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
         second_computation=analysis.agreement.reason,
         provenance=Provenance(
             one_line(str(campaign.source.path)),

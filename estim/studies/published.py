@@ -48,7 +48,7 @@ class PublishedValue:
 
 def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
     """The paper's name and its numbers from a TOML file.  Raises InputError."""
-    text, _ = read_text(path, shown_as=str(path), limit=TOML_BYTES)
+    text, _ = read_text(path, limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
     paper = checked(tree, _Paper, places, ())
     return paper.paper, tuple(paper.number)

@@ -18,13 +18,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from estim.arrays import FloatArray
-from estim.common import InputError, listed, phrase, read_number
+from estim.common import InputError, in_its_file, listed, phrase, read_number
 from estim.reading.cells import is_comment
 from estim.reading.input_file import lines_of, read_text
-from estim.reading.table import DECIMAL_COMMAS, may_be_decimal_commas, numbered_lines, split_cells
+from estim.reading.table import (
+    DECIMAL_COMMAS,
+    may_be_decimal_commas,
+    numbered_lines,
+    row_of,
+    split_cells,
+)
 from estim.reading.tracker.track import METRES, Track
 
 Lines = list[tuple[int, str]]
@@ -59,42 +63,30 @@ class _Layout:
     track: str
 
 
-def is_export(text: str) -> bool:
-    """Whether a text begins like an export: a line of names with `t` and `x` or `y` among its first
-    lines.
-    """
-    lines = [
-        line
-        for line in lines_of(text[:20_000])
-        if line.strip() and not line.lstrip().startswith(("#", "%"))
-    ]
-    return any(_is_header(line) for line in lines[:_SEARCHED])
+def head_of_export(text: str) -> tuple[int, str, bool] | None:
+    """Number and text of the line of names with which an export begins, `t` and `x` or `y` among
+    them; and whether it has one coordinate and no name of a track above it, as any table may begin.
 
-
-def bare_header(text: str) -> tuple[int, str] | None:
-    """Number and text of the line of names of an export with one coordinate and no name of a track
-    above it, as any table may begin; else None.
+    None for a text that begins otherwise.
     """
     lines = [
         (n, line)
         for n, line in enumerate(lines_of(text[:20_000]), start=1)
         if line.strip() and not line.lstrip().startswith(("#", "%"))
     ]
-    for i, (number, line) in enumerate(lines[:_SEARCHED]):
-        if _is_header(line):
-            names = [_named(cell)[0] for cell in _split(line, _delimiter(line))]
-            named = _track_names(lines[:i], _delimiter(line), len(names)) != [("unnamed", 0)]
-            return None if named or {"x", "y"} <= set(names) else (number, line)
-    return None
+    at = _header_at(lines)
+    if at is None:
+        return None
+    number, line = lines[at]
+    delimiter = _delimiter(line)
+    names = [_named(cell)[0] for cell in split_cells(line, delimiter)]
+    nameless = _track_names(lines[:at], delimiter, len(names)) == [("unnamed", 0)]
+    return number, line, nameless and not {"x", "y"} <= set(names)
 
 
+@in_its_file
 def read_export(
-    path: Path,
-    *,
-    track: str | None = None,
-    unit: str | None = None,
-    drop_duplicates: bool = False,
-    shown_as: str | None = None,
+    path: Path, *, track: str | None = None, unit: str | None = None, drop_duplicates: bool = False
 ) -> Track:
     """The track in the text export at `path`; `track` chooses where there are several.
 
@@ -102,34 +94,38 @@ def read_export(
     drop_duplicates : leave out rows that are exact copies of the row before.  Raises InputError
         with file, line, field, rule and value.
     """
-    file = shown_as or str(path)
-    text, digest = read_text(path, shown_as=file)
-    lines = [(n, line) for n, line in numbered_lines(text, file=file) if not is_comment(line)]
-    layout = _layout(lines, track, file)
-    factor, unit_fact = _length_unit(layout, unit, file)
+    text, digest = read_text(path)
+    lines = [(n, line) for n, line in numbered_lines(text) if not is_comment(line)]
+    layout = _layout(lines, track)
+    factor, unit_fact = _length_unit(layout, unit)
     data = [(n, line) for n, line in lines if n > layout.line]
-    numbers, rows, blank = _rows(data, layout, file)
+    numbers, rows, blank = _rows(data, layout, drop_duplicates)
+    copies = len(data) - blank - len(rows)
     if (
         layout.delimiter == ","
         and layout.width > len(layout.places)
         and rows
         and may_be_decimal_commas(line for _, line in data)
     ):
-        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], file=file, line=data[0][0])
-    copies = 0
-    if drop_duplicates:
-        numbers, rows, copies = _without_copies(numbers, rows)
-    table = dict(
-        zip(
-            layout.places,
-            np.array(rows, dtype=np.float64).reshape(-1, len(layout.places)).T,
-            strict=True,
-        )
-    )
-    scales = {"t": _SECONDS[layout.units.get("t", "s")], "x": factor, "y": factor, "v": factor}
-    scaled = {name: column * scales[name] for name, column in table.items() if name in scales}
-    _check_size(scaled, np.array(numbers), file)
-    frames = table.get("frame")
+        raise InputError(DECIMAL_COMMAS, field="row", value=data[0][1], line=data[0][0])
+    table = np.array(rows, dtype=np.float64).reshape(-1, len(layout.places))
+    scales = {"t": _SECONDS[layout.units.get("t", "s")], "frame": 1.0}
+    columns = {
+        name: column * scales.get(name, factor)
+        for name, column in zip(layout.places, table.T, strict=True)
+    }
+    at = np.array(numbers, dtype=np.int64)
+    for name in [name for name in ("t", "x", "y") if name in columns]:
+        beyond = ~(np.abs(columns[name]) <= _LIMIT)
+        if np.any(beyond):
+            row = int(np.argmax(beyond))
+            raise InputError(
+                f"must lie within ±{_LIMIT:g} {'s' if name == 't' else 'm'}",
+                field=name,
+                value=float(columns[name][row]),
+                line=int(at[row]),
+            )
+    frames = columns.get("frame")
     whole = (
         frames is not None
         and bool(np.all(np.abs(frames) < 1e9))
@@ -140,64 +136,47 @@ def read_export(
         if copies == 1
         else phrase("{n} rows that copy the previous one were dropped", n=copies)
     )
-    warnings = (dropped,) if copies else ()
     return Track(
-        file=file,
+        file=str(path),
         sha256=digest,
         name=layout.track,
-        t=scaled["t"],
-        x=scaled.get("x"),
-        y=scaled.get("y"),
+        t=columns["t"],
+        x=columns.get("x"),
+        y=columns.get("y"),
         frames=frames.astype(np.int64) if frames is not None and whole else None,
-        lines=np.array(numbers, dtype=np.int64),
-        speed=scaled.get("v"),
+        lines=at,
+        speed=columns.get("v"),
         calibration=(
             unit_fact,
             *([phrase("{n} rows without a position were excluded", n=blank)] if blank else []),
         ),
-        warnings=warnings,
+        warnings=(dropped,) if copies else (),
     )
 
 
-def _rows(lines: Lines, layout: _Layout, file: str) -> tuple[list[int], list[list[float]], int]:
+def _rows(
+    lines: Lines, layout: _Layout, drop_duplicates: bool
+) -> tuple[list[int], list[list[float]], int]:
     """Line numbers and numbers of the rows that hold a position, and how many do not."""
     numbers: list[int] = []
     rows: list[list[float]] = []
     mark, blank = "", 0
     for number, line in lines:
-        cells = _cells(line, layout, file, number)
-        mark = _decimal_mark(cells, mark, file, number)
-        values = {
-            name: _value(cells[place], name, file, number) for name, place in layout.places.items()
-        }
-        if any(math.isnan(values[name]) for name in ("x", "y") if name in values):
+        cells = _cells(line, layout, number)
+        mark = _decimal_mark(cells, mark, number)
+        values = {name: _value(cells[place], name, number) for name, place in layout.places.items()}
+        row = list(values.values())
+        if any(math.isnan(values.get(name, 0.0)) for name in ("x", "y")):
             blank += 1
-            continue
-        if math.isnan(values["t"]):
-            raise InputError("must be a number", field="t", value="blank", file=file, line=number)
-        numbers.append(number)
-        rows.append(list(values.values()))
+        elif math.isnan(values["t"]):
+            raise InputError("must be a number", field="t", value="blank", line=number)
+        elif not (drop_duplicates and rows and repr(row) == repr(rows[-1])):  # a blank copies one
+            numbers.append(number)
+            rows.append(row)
     return numbers, rows, blank
 
 
-def _without_copies(
-    numbers: list[int], rows: list[list[float]]
-) -> tuple[list[int], list[list[float]], int]:
-    """Rows that are no exact copy of the row before (a blank copies a blank)."""
-    distinct = [0] if rows else []
-    for i in range(1, len(rows)):
-        if repr(rows[i]) != repr(rows[i - 1]):
-            distinct.append(i)
-    return [numbers[i] for i in distinct], [rows[i] for i in distinct], len(rows) - len(distinct)
-
-
 # the header
-
-
-def _split(line: str, delimiter: str) -> list[str]:
-    if delimiter == " ":
-        return line.split()
-    return split_cells(line, delimiter)
 
 
 def _delimiter(line: str) -> str:
@@ -210,50 +189,49 @@ def _named(cell: str) -> tuple[str, str]:
     return (match[1].strip(), match[2]) if match else (cell.strip(), "")
 
 
+def _header_at(lines: Lines) -> int | None:
+    """Index of the line of names among the first lines."""
+    return next((i for i, (_, line) in enumerate(lines[:_SEARCHED]) if _is_header(line)), None)
+
+
 def _is_header(line: str) -> bool:
     if len(line) > 5000:
         return False
     try:
-        names = {_named(cell)[0] for cell in _split(line, _delimiter(line))}
+        names = {_named(cell)[0] for cell in split_cells(line, _delimiter(line))}
     except csv.Error:
         return False
     return "t" in names and bool({"x", "y"} & names)
 
 
-def _layout(lines: Lines, wanted: str | None, file: str) -> _Layout:
+def _layout(lines: Lines, wanted: str | None) -> _Layout:
     """Where the columns of the wanted track are.  Raises InputError."""
-    at = next((i for i, (_, line) in enumerate(lines[:_SEARCHED]) if _is_header(line)), None)
+    at = _header_at(lines)
     if at is None:
-        raise _no_header(lines, file)
+        raise _no_header(lines)
     number, text = lines[at]
     delimiter = _delimiter(text)
-    cells = _split(text, delimiter)
+    cells = split_cells(text, delimiter)
     while cells and not cells[-1]:
         cells.pop()
     columns = [_named(cell) for cell in cells]
     starts = _track_names(lines[:at], delimiter, len(cells))
-    track, low, high = _chosen(starts, len(cells), wanted, file, number)
+    track, low, high = _chosen(starts, len(cells), wanted, number)
     places: dict[str, int] = {}
     for i, (name, _) in enumerate(columns):
         if name in _COLUMNS and (low <= i < high or (name in ("t", "frame") and i < starts[0][1])):
             if name in places and places[name] >= low:
-                raise InputError("occurs twice in the header", field=name, file=file, line=number)
+                raise InputError("occurs twice in the header", field=name, line=number)
             places[name] = i
     if "t" not in places:
         places["t"] = next(i for i, (name, _) in enumerate(columns) if name == "t")
     if not {"x", "y"} & set(places):
-        raise InputError(
-            "must have a column x or y", field=f"track {track}", file=file, line=number
-        )
+        raise InputError("must have a column x or y", field=f"track {track}", line=number)
     units = {name: columns[i][1] for name, i in places.items() if columns[i][1]}
-    for name, known in (("t", tuple(_SECONDS)), ("x", tuple(METRES)), ("y", tuple(METRES))):
+    for name, known in (("t", _SECONDS), ("x", METRES), ("y", METRES)):
         if name in units and units[name] not in known:
             raise InputError(
-                f"must be in one of {', '.join(known)}",
-                field=name,
-                value=units[name],
-                file=file,
-                line=number,
+                f"must be in one of {', '.join(known)}", field=name, value=units[name], line=number
             )
     return _Layout(number, delimiter, len(cells), places, units, track)
 
@@ -274,17 +252,13 @@ def _track_names(lines: Lines, delimiter: str, width: int) -> list[tuple[str, in
 
 
 def _chosen(
-    starts: list[tuple[str, int]], width: int, wanted: str | None, file: str, line: int
+    starts: list[tuple[str, int]], width: int, wanted: str | None, line: int
 ) -> tuple[str, int, int]:
     """Name and range of columns of the wanted track."""
     names = [name for name, _ in starts]
     if wanted is None and len(starts) > 1:
         raise InputError(
-            "must be named, as there are several",
-            field="track",
-            quoted=listed(names),
-            file=file,
-            line=line,
+            "must be named, as there are several", field="track", quoted=listed(names), line=line
         )
     if wanted is not None and names.count(wanted) != 1 and names != ["unnamed"]:
         raise InputError(
@@ -292,27 +266,25 @@ def _chosen(
             field="track",
             value=wanted,
             quoted=listed(names),
-            file=file,
             line=line,
         )
     i = names.index(wanted) if wanted in names else 0
     return wanted or names[i], starts[i][1], starts[i + 1][1] if i + 1 < len(starts) else width
 
 
-def _no_header(lines: Lines, file: str) -> InputError:
+def _no_header(lines: Lines) -> InputError:
     """Why a file without a line of names is refused: destroyed by a spreadsheet, or something
     else.
     """
     rule = "must have a line of column names with t and x or y, as Tracker exports it"
     if not lines:
-        return InputError(rule, field="header", value="nothing", file=file)
+        return InputError(rule, field="header", value="nothing")
     number, line = lines[0]
     if "t_s" in re.split(r"[\s,;]+", line[:200]):
         return InputError(
             "is a table of estim already: name it in a campaign as it is",
             field="header",
             value=line,
-            file=file,
             line=number,
         )
     short = line[:5000]
@@ -326,14 +298,12 @@ def _no_header(lines: Lines, file: str) -> InputError:
             field="row",
             quoted=day,
             value=line,
-            file=file,
             line=number,
         )
     return InputError(
         f"{rule}, or be fit as any table (estim fit FILE --columns t,x,y)",
         field="header",
         value=line,
-        file=file,
         line=number,
     )
 
@@ -349,7 +319,7 @@ def _as_day(cell: str) -> str:
     )
 
 
-def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float, str]:
+def _length_unit(layout: _Layout, stated: str | None) -> tuple[float, str]:
     """Metres in the unit of x and y, and where that is said."""
     named = {layout.units[name] for name in ("x", "y") if name in layout.units}
     if len(named) > 1 or (stated is not None and named and named != {stated}):
@@ -358,7 +328,6 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
             f"must all have one unit{given}",
             field="x, y",
             value=", ".join(sorted(named)),
-            file=file,
             line=layout.line,
         )
     if stated is not None:
@@ -377,35 +346,26 @@ def _length_unit(layout: _Layout, stated: str | None, file: str) -> tuple[float,
 # the cells
 
 
-def _cells(line: str, layout: _Layout, file: str, number: int) -> list[str]:
+def _cells(line: str, layout: _Layout, number: int) -> list[str]:
     """The cells of a row, as many as there are names; blank ones at its end may be missing or too
     many.
     """
-    try:
-        cells = _split(line, layout.delimiter)
-    except csv.Error as error:
-        raise InputError(
-            f"cannot be split into cells ({error})", field="row", value=line, file=file, line=number
-        ) from None
-    while len(cells) > layout.width and not cells[-1]:
-        cells.pop()
-    if len(cells) > layout.width:
+    cells = row_of(line, layout.delimiter, number)
+    if any(cells[layout.width :]):
         hint = (
             " (are decimals written with commas too? then export with semicolons or tabs)"
             if layout.delimiter == ","
             else ""
         )
+        while not cells[-1]:
+            cells.pop()
         raise InputError(
-            f"must have {layout.width} cells{hint}",
-            field="row",
-            value=len(cells),
-            file=file,
-            line=number,
+            f"must have {layout.width} cells{hint}", field="row", value=len(cells), line=number
         )
-    return cells + [""] * (layout.width - len(cells))
+    return cells[: layout.width] + [""] * (layout.width - len(cells))
 
 
-def _decimal_mark(cells: list[str], mark: str, file: str, number: int) -> str:
+def _decimal_mark(cells: list[str], mark: str, number: int) -> str:
     """The decimal mark in use; raises InputError where a cell has the other one."""
     for cell in cells:
         if _NUMBER.fullmatch(cell):
@@ -417,31 +377,17 @@ def _decimal_mark(cells: list[str], mark: str, file: str, number: int) -> str:
                     f"{_SPREADSHEET}"
                 )
                 raise InputError(
-                    rule, field="row", quoted=_as_day(cells[0]), value=cell, file=file, line=number
+                    rule, field="row", quoted=_as_day(cells[0]), value=cell, line=number
                 )
             mark = here
     return mark
 
 
-def _value(cell: str, name: str, file: str, line: int) -> float:
+def _value(cell: str, name: str, line: int) -> float:
     """The number in a cell; NaN where it is blank."""
     if not cell:
         return math.nan
     if not _NUMBER.fullmatch(cell):
         rule = f"is a date; {_SPREADSHEET}" if _DATE.fullmatch(cell) else "must be a number"
-        raise InputError(rule, field=name, value=cell, file=file, line=line)
+        raise InputError(rule, field=name, value=cell, line=line)
     return read_number(cell.replace(",", "."))
-
-
-def _check_size(columns: Mapping[str, FloatArray], lines: NDArray[np.int64], file: str) -> None:
-    for name in ("t", "x", "y"):
-        if name in columns and np.any(~(np.abs(columns[name]) <= _LIMIT)):
-            row = int(np.argmax(~(np.abs(columns[name]) <= _LIMIT)))
-            unit = "s" if name == "t" else "m"
-            raise InputError(
-                f"must lie within ±{_LIMIT:g} {unit}",
-                field=name,
-                value=float(columns[name][row]),
-                file=file,
-                line=int(lines[row]),
-            )

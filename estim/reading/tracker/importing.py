@@ -1,8 +1,8 @@
 """From a file of the program Tracker to the columns of a run: t_s, and x_m along the ramp since the
 release.
 
-One page says how: the track is read (`tracker`, `tracker_export`), laid along one direction
-(`ramp`), counted from the release, and looked at for what is suspicious (`suspicion`).
+One page says how: the track is read (`trk`, `export`), laid along one direction
+(`ramp`), counted from the release, and looked at for what is suspicious (`plausibility`).
 `docs/tracker.md` explains it to users.
 """
 
@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Quantity, listed, one_line, phrase, read_number
+from estim.common import InputError, Quantity, in_its_file, listed, one_line, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.table import IMPORTED, Table
-from estim.reading.tracker.export import bare_header, is_export, read_export
+from estim.reading.tracker.export import head_of_export, read_export
 from estim.reading.tracker.plausibility import missing_frames, suspicions
 from estim.reading.tracker.ramp import Ramp, run_along
 from estim.reading.tracker.track import Track, Unit
@@ -74,81 +74,42 @@ class Imported:
     source: tuple[str, ...]
     release: str
 
-    @property
-    def tilt(self) -> Quantity | None:
-        """Tilt of the track against the x axis of the video, rad; None where an export holds one
-        coordinate.
-        """
-        return self.ramp.tilt
-
 
 def is_tracker_file(path: Path) -> bool:
     return path.suffix.lower() in _TRACKER_FILES
 
 
-def is_export_file(path: Path) -> bool:
-    """Whether the file begins like a text export; False where it cannot be read (its reader says
-    why).
-    """
+def head_of_export_file(path: Path) -> tuple[int, str, bool] | None:
+    """`head_of_export` of a file; None where it cannot be read (its reader says why)."""
     try:
-        return is_export(
-            read_bytes(path, shown_as=str(path))[:20_000].decode("utf-8-sig", errors="replace")
-        )
+        start = read_bytes(path)[:20_000]
     except InputError:
-        return False
+        return None
+    return head_of_export(start.decode("utf-8-sig", errors="replace"))
 
 
-def refuse_bare_export(path: Path, shown_as: str) -> None:
-    """Raises InputError for a text export that may as well be a table of times and distances: read
-    as a track, its zero would move.
-    """
-    bare = bare_header(
-        read_bytes(path, shown_as=shown_as)[:20_000].decode("utf-8-sig", errors="replace")
-    )
-    if bare is not None:
-        line, header = bare
-        rule = (
-            "may be a table or an export of Tracker, which is counted from its first point: "
-            "for a table write t_s,x_m (s, m from the release), "
-        )
-        raise InputError(
-            f'{rule}for an export say release = "first" in the run',
-            field="header",
-            value=header,
-            file=shown_as,
-            line=line,
-        )
-
-
-def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -> Imported:
+@in_its_file
+def import_track(path: Path, choices: Choices) -> Imported:
     """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and
     value.
     """
-    file = shown_as or str(path)
-    _check(choices, file)
+    if choices.frame_ms is not None and not 1e-3 <= choices.frame_ms <= 1e6:
+        raise InputError("must be a duration in ms", field="frame_ms", value=choices.frame_ms)
     if is_tracker_file(path):
         if choices.drop_duplicates:
             raise InputError(
-                "goes with text exports: a video has each frame once",
-                field="drop_duplicates",
-                file=file,
+                "goes with text exports: a video has each frame once", field="drop_duplicates"
             )
         track = read_tracker(
-            path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms, shown_as=file
+            path, track=choices.track, unit=choices.unit, frame_ms=choices.frame_ms
         )
     else:
         if choices.frame_ms is not None:
             raise InputError(
-                "goes with .trk and .trz files: an export states its times",
-                field="frame_ms",
-                file=file,
+                "goes with .trk and .trz files: an export states its times", field="frame_ms"
             )
         track = read_export(
-            path,
-            track=choices.track,
-            unit=choices.unit,
-            drop_duplicates=choices.drop_duplicates,
-            shown_as=file,
+            path, track=choices.track, unit=choices.unit, drop_duplicates=choices.drop_duplicates
         )
     ramp = run_along(track, choices.along)
     first, zero, release = _release(track, ramp, choices.release)
@@ -176,21 +137,19 @@ def import_track(path: Path, choices: Choices, *, shown_as: str | None = None) -
     )
 
 
-def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_as: str) -> Table:
+def track_columns(imported: Imported, needed: Sequence[str]) -> Table:
     """Columns of a file of Tracker for any curve: `t` (s), `x`, `y` (m, calibrated axes) and
     `frame`, as Tracker names them; `t_s`, `x_m` and `across_m` as in a run, along the direction and
     counted from the release.  Rows before a stated release are left out.
 
     Raises InputError with file, field, rule and value.
     """
-    imported = import_track(path, choices, shown_as=shown_as)
     track, rows = imported.track, imported.rows
-    frames = None if track.frames is None else track.frames.astype(np.float64)
     held = {
         "t": track.t,
         "x": track.x,
         "y": track.y,
-        "frame": frames,
+        "frame": None if track.frames is None else track.frames.astype(np.float64),
         "across_m": imported.ramp.across,
     }
     columns = {name: column[rows] for name, column in held.items() if column is not None} | {
@@ -203,19 +162,20 @@ def track_columns(path: Path, choices: Choices, *, needed: Sequence[str], shown_
                 "is missing",
                 field=name,
                 quoted=f"a track has {listed(list(columns))}",
-                file=shown_as,
+                file=track.file,
             )
-    for column in columns.values():
-        column.setflags(write=False)
+        columns[name].setflags(write=False)
     along = bool({"x_m", "across_m"} & set(needed))
-    facts = (
-        imported.facts if along else (*imported.source, *([imported.release] if rows[0] else []))
-    )
-    warnings = imported.warnings if along else (*track.warnings, *missing_frames(imported.t))
-    named = MappingProxyType({name: columns[name] for name in needed})
-    units = {name: _UNITS.get(name, "m") for name in needed}
+    of_axes = (*imported.source, *([imported.release] if rows[0] else []))
     return Table(
-        shown_as, track.sha256, 0, named, track.lines[rows], warnings, facts, units, imported=True
+        file=track.file,
+        sha256=track.sha256,
+        columns=MappingProxyType({name: columns[name] for name in needed}),
+        lines=track.lines[rows],
+        warnings=imported.warnings if along else (*track.warnings, *missing_frames(imported.t)),
+        facts=imported.facts if along else of_axes,
+        units={name: _UNITS.get(name, "m") for name in needed},
+        imported=True,
     )
 
 
@@ -231,13 +191,6 @@ def read_release(text: str) -> Literal["first", "keep"] | float:
         raise InputError(
             "must be first, keep or a time in s", field="release", value=text
         ) from None
-
-
-def _check(choices: Choices, file: str) -> None:
-    if choices.frame_ms is not None and not 1e-3 <= choices.frame_ms <= 1e6:
-        raise InputError(
-            "must be a duration in ms", field="frame_ms", value=choices.frame_ms, file=file
-        )
 
 
 def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float, str]:
@@ -258,13 +211,10 @@ def _release(track: Track, ramp: Ramp, release: str | float) -> tuple[int, float
             f"must be a time of the track, {track.t[0]:.6g} to {track.t[-1]:.6g} s",
             field="release",
             value=time,
-            file=track.file,
         )
     row = int(np.argmin(np.abs(track.t - time)))
     if track.t.size - row < _MIN_ROWS:
-        raise InputError(
-            f"must leave at least {_MIN_ROWS} points", field="release", value=time, file=track.file
-        )
+        raise InputError(f"must leave at least {_MIN_ROWS} points", field="release", value=time)
     words = phrase(
         "x_m = 0 at the release stated, t = {t:.8g} s, {x:.6g} m from the origin of the axes",
         t=track.t[row],

@@ -32,17 +32,20 @@ def suspicions(track: Track, ramp: Ramp, *, from_row: int = 0) -> tuple[str, ...
     on.
     """
     t, along = track.t[from_row:], ramp.along[from_row:]
-    sentences = [*_times(t), *_scale(t, along)]
-    sentences += _off_line(along, ramp)
-    sentences += _first_speed(t, along)
-    sentences += _speed_column(track, ramp)
-    return tuple(sentences)
+    usual, steps = _steps(t)
+    reach = float(np.ptp(along))
+    return (
+        *_times(t, usual, steps),
+        *_scale(t, along, usual, reach),
+        *_off_line(ramp, reach),
+        *_first_speed(t, along, usual),
+        *_speed_column(track, ramp),
+    )
 
 
 def missing_frames(t: FloatArray) -> tuple[str, ...]:
     """What the times (s) of a track alone show."""
-    steps = _steps(t)[1]
-    missing = int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
+    missing = _n_missing(_steps(t)[1])
     return (
         (phrase("{k} of {n} frames are missing", k=missing, n=t.size + missing),) if missing else ()
     )
@@ -67,11 +70,13 @@ def _steps(t: FloatArray) -> tuple[float, FloatArray]:
     return usual, steps / usual
 
 
-def _times(t: FloatArray) -> list[str]:
-    usual, steps = _steps(t)
-    whole = np.rint(steps)
+def _n_missing(steps: FloatArray) -> int:
+    return int(np.sum(np.maximum(np.rint(steps), 1.0) - 1.0))
+
+
+def _times(t: FloatArray, usual: float, steps: FloatArray) -> list[str]:
+    whole, missing = np.rint(steps), _n_missing(steps)
     sentences = []
-    missing = int(np.sum(np.maximum(whole, 1.0) - 1.0))
     if missing:
         sentences.append(
             phrase(
@@ -93,8 +98,7 @@ def _times(t: FloatArray) -> list[str]:
     return sentences
 
 
-def _scale(t: FloatArray, along: FloatArray) -> list[str]:
-    reach = float(np.ptp(along))
+def _scale(t: FloatArray, along: FloatArray, usual: float, reach: float) -> list[str]:
     if reach > _TOO_FAR:
         return [
             phrase(
@@ -103,7 +107,6 @@ def _scale(t: FloatArray, along: FloatArray) -> list[str]:
                 reach=reach,
             )
         ]
-    usual, _ = _steps(t)
     width = max(7, int(np.ceil(_WINDOW / usual)) if _WINDOW / usual < t.size else t.size)
     largest = 0.0
     for first in range(0, t.size - width + 1, max(1, width // 2)):
@@ -124,8 +127,7 @@ def _scale(t: FloatArray, along: FloatArray) -> list[str]:
     return []
 
 
-def _off_line(along: FloatArray, ramp: Ramp) -> list[str]:
-    reach = float(np.ptp(along))
+def _off_line(ramp: Ramp, reach: float) -> list[str]:
     if ramp.across is None or not ramp.scatter > _OFF_LINE * reach:
         return []
     return [
@@ -139,9 +141,8 @@ def _off_line(along: FloatArray, ramp: Ramp) -> list[str]:
     ]
 
 
-def _first_speed(t: FloatArray, along: FloatArray) -> list[str]:
+def _first_speed(t: FloatArray, along: FloatArray, usual: float) -> list[str]:
     """A track that begins in motion: then its first point is not the release."""
-    usual, _ = _steps(t)
     few = max(2, min(int(0.1 / usual) if usual > 1e-4 else 1000, t.size // 5))
     speeds = np.abs(along[few:] - along[:-few]) / (t[few:] - t[:-few])
     largest = float(np.max(speeds))

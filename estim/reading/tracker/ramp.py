@@ -50,12 +50,12 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     """The positions of `track` along `direction`.  Raises InputError where it does not move or the
     direction makes no sense.
     """
-    stated = _stated(direction, track.file)
+    stated = _stated(direction)
     if track.x is None or track.y is None:
         return _one_coordinate(track, stated)
-    start_way = _way(track)
+    dx, dy = _way(track, track.x, track.y)
     fitted, u, scatter = _principal_axis(track.x, track.y)
-    if math.cos(fitted) * start_way[0] + math.sin(fitted) * start_way[1] < 0.0:
+    if math.cos(fitted) * dx + math.sin(fitted) * dy < 0.0:
         fitted += math.pi
     angle = fitted if stated is None else stated
     cos, sin = math.cos(angle), math.sin(angle)
@@ -73,7 +73,7 @@ def run_along(track: Track, direction: str | float = "fit") -> Ramp:
     return Ramp(_fixed(along), _fixed(across), angle, words, tilt, scatter)
 
 
-def _stated(direction: str | float, file: str) -> float | None:
+def _stated(direction: str | float) -> float | None:
     """The stated angle in rad; None for `fit`."""
     if isinstance(direction, str) and direction == "fit":
         return None
@@ -85,10 +85,7 @@ def _stated(direction: str | float, file: str) -> float | None:
         degrees = math.nan
     if not abs(degrees) <= 360.0:
         raise InputError(
-            "must be fit, x, y, -x, -y or an angle in degrees",
-            field="along",
-            value=direction,
-            file=file,
+            "must be fit, x, y, -x, -y or an angle in degrees", field="along", value=direction
         )
     return math.radians(degrees)
 
@@ -98,17 +95,12 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
     name, known = ("x", track.x) if track.x is not None else ("y", track.y)
     assert known is not None
     axis = math.radians(_AXES[name])
-    if stated is None:
-        sign = 1.0 if _forward(known, track) > 0.0 else -1.0
-    else:
-        _forward(known, track)
-        sign = math.cos(stated - axis)
-        if abs(abs(sign) - 1.0) > 1e-9:
-            rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
-            raise InputError(
-                rule, field="along", value=f"{math.degrees(stated):g}", file=track.file
-            )
-        sign = round(sign)
+    (way,) = _way(track, known)
+    sign = way if stated is None else math.cos(stated - axis)
+    if stated is not None and abs(abs(sign) - 1.0) > 1e-9:
+        rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
+        raise InputError(rule, field="along", value=f"{math.degrees(stated):g}")
+    sign = math.copysign(1.0, sign)
     words = phrase(
         "along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}"
     )
@@ -117,29 +109,17 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
     )
 
 
-def _way(track: Track) -> tuple[float, float]:
+def _way(track: Track, *positions: FloatArray) -> list[float]:
     """Displacement at the first point that is half as far from the start as any: the way the motion
-    starts.
+    starts.  Raises InputError where there is none.
     """
-    assert track.x is not None
-    assert track.y is not None
-    dx, dy = track.x - track.x[0], track.y - track.y[0]
-    first = _first_far(np.hypot(dx, dy), track)
-    return float(dx[first]), float(dy[first])
-
-
-def _forward(position: FloatArray, track: Track) -> float:
-    displacement = position - position[0]
-    return float(displacement[_first_far(np.abs(displacement), track)])
-
-
-def _first_far(distance: FloatArray, track: Track) -> int:
+    away = [position - position[0] for position in positions]
+    distance = np.linalg.norm(away, axis=0)
     reach = float(np.max(distance))
     if not reach > _STILL:
-        raise InputError(
-            "does not move", field=f"track {track.name}", value=f"{reach:g} m", file=track.file
-        )
-    return int(np.argmax(distance >= 0.5 * reach))
+        raise InputError("does not move", field=f"track {track.name}", value=f"{reach:g} m")
+    first = int(np.argmax(distance >= 0.5 * reach))
+    return [float(displacement[first]) for displacement in away]
 
 
 def _principal_axis(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:

@@ -59,40 +59,31 @@ class Track:
         for array in (self.t, self.x, self.y, self.frames, self.lines, self.speed):
             if array is not None:
                 array.setflags(write=False)
-        if not _MIN_POINTS <= self.t.size <= _MAX_POINTS:
-            rule = (
-                f"must hold at least {_MIN_POINTS} points"
-                if self.t.size < _MIN_POINTS
-                else f"must hold at most {_MAX_POINTS} points"
-            )
-            raise InputError(rule, field=f"track {self.name}", value=self.t.size, file=self.file)
+        n = self.t.size
+        if not _MIN_POINTS <= n <= _MAX_POINTS:
+            bound = f"least {_MIN_POINTS}" if n < _MIN_POINTS else f"most {_MAX_POINTS}"
+            rule = f"must hold at {bound} points"
+            raise InputError(rule, field=f"track {self.name}", value=n, file=self.file)
         self._check_times()
 
     def _check_times(self) -> None:
         steps = np.diff(self.t)
         if np.all(steps >= LEAST_STEP) and np.max(np.abs(self.t)) <= MOST:
             return
+        row = int(np.argmin(steps > 0.0)) + 1
+        rule = "must increase from row to row"
         if np.all(steps > 0.0):
             rule = (
                 f"must advance by at least {LEAST_STEP:g} s from row to row, and lie within "
                 f"±{MOST:g} s"
             )
-            worst = (
+            row = (
                 int(np.argmin(steps)) + 1
                 if np.min(steps) < LEAST_STEP
                 else int(np.argmax(np.abs(self.t)))
             )
-            raise InputError(
-                rule,
-                field="t",
-                value=float(self.t[worst]),
-                file=self.file,
-                line=int(self.lines[worst]),
-            )
-        row = int(np.flatnonzero(steps <= 0.0)[0]) + 1
-        count = int(np.sum(steps == 0.0))
-        rule = "must increase from row to row"
-        if steps[row - 1] == 0.0:
+        elif steps[row - 1] == 0.0:
+            count = int(np.sum(steps == 0.0))
             same = (
                 f"row repeats its time; if it is a copy, drop it by {DROP}"
                 if count == 1

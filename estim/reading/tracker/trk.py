@@ -14,7 +14,6 @@ StepperClipControl.getStepTime), checked against its exports.
 from __future__ import annotations
 
 import hashlib
-import re
 from bisect import bisect_right
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, listed, phrase, read_number
+from estim.common import InputError, in_its_file, listed, phrase, read_number
 from estim.reading.input_file import read_bytes
 from estim.reading.tracker.track import METRES, Track
 from estim.reading.tracker.xml import Element, parse_tracker_xml, unpack_trz
@@ -34,7 +33,6 @@ _MAX_ARCHIVE = 512 * 1024**2
 _MAX_FRAMES = 10_000_000
 _SAME_RATE = 0.02  # how far the frame durations of the clip and of the video may differ
 _SAME_TIMES = 1e-3  # of a frame: equal but for rounding
-_MARKS = re.compile(r"[\d.,eE+\-{}\s]*", re.ASCII)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +62,9 @@ class _Clip:
         return (self.start_time + self.video_times[frames] - self.video_times[self.start]) / 1e3
 
 
+@in_its_file
 def read_tracker(
-    path: Path,
-    *,
-    track: str | None = None,
-    unit: str | None = None,
-    frame_ms: float | None = None,
-    shown_as: str | None = None,
+    path: Path, *, track: str | None = None, unit: str | None = None, frame_ms: float | None = None
 ) -> Track:
     """The point mass `track` of the .trk or .trz file at `path`; without a name, the only one.  Of
     one of several .trk in a .trz: "NAME.trk/mass A".
@@ -79,17 +73,15 @@ def read_tracker(
     frame_ms : duration of a frame, where the file contradicts the video (a film taken at high
         speed).  Raises InputError with file, line, field, rule and value.
     """
-    file = shown_as or str(path)
     archive = path.suffix.lower() == ".trz"
-    data = read_bytes(path, shown_as=file, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
-    text, track = unpack_trz(data, track, file=file) if archive else (data, track)
-    panel = parse_tracker_xml(text, file=file)
+    data = read_bytes(path, limit=_MAX_ARCHIVE if archive else _MAX_BYTES)
+    text, track = unpack_trz(data, track) if archive else (data, track)
+    panel = parse_tracker_xml(text)
     if not panel.kind.endswith(".TrackerPanel"):
         raise InputError(
             "must be the TrackerPanel of a .trk file",
             field="object",
             value=panel.kind,
-            file=file,
             line=panel.line,
         )
     name, points = _choose(panel, track)
@@ -105,9 +97,10 @@ def read_tracker(
     world = axes.world(frames, pixels) * factor
     outside = len(marked) - len(included)
     left_out = [phrase("{n} points outside the clip were excluded", n=outside)] if outside else []
-    facts = (unit_fact, *axes.facts(factor), *_sticks(panel), *clip.facts, *left_out)
+    of_sticks, against_sticks = _sticks(panel, axes)
+    facts = (unit_fact, *axes.facts(factor), *of_sticks, *clip.facts, *left_out)
     return Track(
-        file=file,
+        file=str(path),
         sha256=hashlib.sha256(data).hexdigest(),
         name=name,
         t=clip.times(frames),
@@ -117,7 +110,7 @@ def read_tracker(
         lines=np.array([marked[frame].line for frame in included], dtype=np.int64),
         speed=None,
         calibration=facts,
-        warnings=(*clip.warnings, *axes.warnings(), *_stick_warnings(panel, axes)),
+        warnings=(*clip.warnings, *axes.warnings(), *against_sticks),
     )
 
 
@@ -150,12 +143,9 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             "must hold a point mass with marked positions",
             field="tracks",
             quoted=f"it holds {other}",
-            file=panel.file,
         )
     if wanted is None and len(masses) > 1:
-        raise InputError(
-            "must be named, as there are several", field="track", quoted=names, file=panel.file
-        )
+        raise InputError("must be named, as there are several", field="track", quoted=names)
     chosen = [(name, track) for name, track in masses if wanted is None or name == wanted]
     if not chosen:
         kind = next((kind for name, kind, _ in tracks if name == wanted), None)
@@ -164,19 +154,12 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             if kind is None
             else ("has no marked positions to read", f"it is a {kind}; ")
         )
-        raise InputError(
-            rule,
-            field="track",
-            value=wanted,
-            quoted=f"{what}point masses: {names}",
-            file=panel.file,
-        )
+        raise InputError(rule, field="track", value=wanted, quoted=f"{what}point masses: {names}")
     if len(chosen) > 1:
         raise InputError(
             "must be the name of one track: several are called so",
             field="track",
             value=chosen[0][0],
-            file=panel.file,
         )
     name, track = chosen[0]
     if panel.find("referenceframe") or panel.find("reference_frame"):
@@ -184,7 +167,7 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
             "must be at rest: the axes move with another track; export the table from Tracker "
             "instead"
         )
-        raise InputError(rule, field="referenceframe", file=panel.file)
+        raise InputError(rule, field="referenceframe")
     return name, track.need("framedata")
 
 
@@ -192,10 +175,7 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     clip, control = panel.object("videoclip"), panel.object("clipcontrol")
     if clip is None or control is None:
         raise InputError(
-            "is missing",
-            field="videoclip" if clip is None else "clipcontrol",
-            file=panel.file,
-            line=panel.line,
+            "is missing", field="videoclip" if clip is None else "clipcontrol", line=panel.line
         )
     start, step, count = (
         clip.integer(name, default)
@@ -266,8 +246,6 @@ def _video_times(clip: Element) -> FloatArray | None:
             if duration > 0.0 and 1 < count <= _MAX_FRAMES
             else None
         )
-    if not _MARKS.fullmatch(array.text):
-        raise array.error("must be a list of numbers", value=array.text)
     try:
         times = np.array(
             [read_number(cell.strip()) for cell in array.text.strip("{} \n\t").split(",")]
@@ -360,7 +338,6 @@ def _read_axes(panel: Element) -> _Axes:
             "must be an ImageCoordSystem",
             field="coords",
             value=None if coords is None else coords.kind,
-            file=panel.file,
         )
     keys = coords.need("framedata").indexed()
     if 0 not in keys:
@@ -400,55 +377,45 @@ def _unit(panel: Element, stated: str | None) -> tuple[float, str]:
     return METRES[written], phrase("lengths in {unit}, as stated in the file", unit=written)
 
 
-def _stick_lengths(panel: Element) -> list[tuple[str, tuple[float, float], float]]:
-    """Name, (dx, dy) in pixels and world length of every calibration stick at its first frame."""
-    sticks = []
+def _sticks(panel: Element, axes: _Axes) -> tuple[list[str], list[str]]:
+    """What the file says of every calibration stick at its first frame, and of a stick whose length
+    by the scale is not its stated length; sticks set the scale, so they agree unless one was
+    edited.
+    """
+    facts, warnings = [], []
     for name, kind, track in _tracks(panel):
         stick = track.find("stickmode")
         lengths = track.find("worldlengths")
         ends = track.find("framedata")
+        place = None if ends is None else ends.object("[0]")
         if (
-            kind == "TapeMeasure"
-            and stick
-            and stick.text == "true"
-            and lengths
-            and lengths.find("[0]")
-            and ends
-            and ends.object("[0]")
+            kind != "TapeMeasure"
+            or stick is None
+            or stick.text != "true"
+            or lengths is None
+            or lengths.find("[0]") is None
+            or place is None
         ):
-            place = ends.object("[0]")
-            assert place is not None
-            x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
-            sticks.append((name, (x2 - x1, y2 - y1), lengths.number("[0]")))
-    return sticks
-
-
-def _sticks(panel: Element) -> tuple[str, ...]:
-    return tuple(
-        phrase(
-            "{name}: {length:.6g} for {pixels:.6g} pixels",
-            name=name,
-            length=length,
-            pixels=np.hypot(*ends),
+            continue
+        x1, y1, x2, y2 = (place.number(end) for end in ("x1", "y1", "x2", "y2"))
+        dx, dy, length = x2 - x1, y2 - y1, lengths.number("[0]")
+        facts.append(
+            phrase(
+                "{name}: {length:.6g} for {pixels:.6g} pixels",
+                name=name,
+                length=length,
+                pixels=np.hypot(dx, dy),
+            )
         )
-        for name, ends, length in _stick_lengths(panel)
-    )
-
-
-def _stick_warnings(panel: Element, axes: _Axes) -> tuple[str, ...]:
-    """A stick whose length by the scale is not its stated length; sticks set the scale, so they
-    agree unless one was edited.
-    """
-    warnings = []
-    for name, (dx, dy), length in _stick_lengths(panel):
         by_scale = float(np.hypot(dx / axes.values[0, 3], dy / axes.values[0, 4]))
         if abs(by_scale - length) > 0.01 * abs(length):
-            values = {"name": name, "by_scale": by_scale, "length": length}
             warnings.append(
                 phrase(
                     "the length of {name} is {by_scale:.4g} on the scale of the axes, but "
                     "{length:.4g} was stated",
-                    **values,
+                    name=name,
+                    by_scale=by_scale,
+                    length=length,
                 )
             )
-    return tuple(warnings)
+    return facts, warnings

@@ -37,7 +37,6 @@ _LIMIT = 1e9
 class Element:
     """A `property` or an `object` of the file: its name or class, text, parts and line."""
 
-    file: str
     line: int
     tag: str
     name: str
@@ -50,9 +49,7 @@ class Element:
         return "".join(self.texts).strip()
 
     def error(self, rule: str, *, value: object = None) -> InputError:
-        return InputError(
-            rule, field=self.name or self.tag, value=value, file=self.file, line=self.line
-        )
+        return InputError(rule, field=self.name or self.tag, value=value, line=self.line)
 
     def find(self, name: str) -> Element | None:
         """The property `name` of this object; None where there is none."""
@@ -73,7 +70,7 @@ class Element:
         """The property `name`; raises InputError where it is missing."""
         element = self.find(name)
         if element is None:
-            raise InputError("is missing", field=name, file=self.file, line=self.line)
+            raise InputError("is missing", field=name, line=self.line)
         return element
 
     def number(self, name: str, default: float | None = None) -> float:
@@ -113,15 +110,17 @@ class Element:
         return objects
 
 
-def parse_tracker_xml(data: bytes, *, file: str) -> Element:
+def parse_tracker_xml(data: bytes) -> Element:
     """The root object of the XML text `data`.  Raises InputError with the line.
 
     Letters in Windows-1252 under the declaration of UTF-8 are read as what they are: names of
     tracks alone hold any.
     """
-    if (
-        (encoding := _ENCODING.match(data)) is None or encoding[1].lower() in (b"utf-8", b"utf8")
-    ) and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
+    encoding = _ENCODING.match(data)
+    as_utf8 = (encoding is None or encoding[1].lower() in (b"utf-8", b"utf8")) and not (
+        data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    )
+    if as_utf8:
         data = _as_utf8(data)
     top: list[Element] = []
     stack: list[Element] = []
@@ -130,7 +129,7 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     parser.buffer_text = True
 
     def refuse(rule: str, value: object = None) -> InputError:
-        return InputError(rule, field="XML", value=value, file=file, line=parser.CurrentLineNumber)
+        return InputError(rule, field="XML", value=value, line=parser.CurrentLineNumber)
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
@@ -142,7 +141,7 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
         if tag not in ("object", "property"):
             raise refuse("must hold nothing but <object> and <property>, as Tracker writes it", tag)
         kind = attributes.get("class" if tag == "object" else "type", "")
-        element = Element(file, parser.CurrentLineNumber, tag, attributes.get("name", ""), kind)
+        element = Element(parser.CurrentLineNumber, tag, attributes.get("name", ""), kind)
         (stack[-1].parts if stack else top).append(element)
         stack.append(element)
 
@@ -163,12 +162,12 @@ def parse_tracker_xml(data: bytes, *, file: str) -> Element:
     except InputError:
         raise
     except expat.ExpatError as error:
-        if not (encoding := _ENCODING.match(data)) or encoding[1].lower() in (b"utf-8", b"utf8"):
-            _check_utf8(data, file)
+        if as_utf8:
+            _check_utf8(data)
         rule = f"is not a whole XML text ({expat.ErrorString(error.code)})"
-        raise InputError(rule, field="XML", file=file, line=error.lineno) from None
+        raise InputError(rule, field="XML", line=error.lineno) from None
     except (LookupError, ValueError) as error:  # an encoding that is unknown or not supported
-        raise InputError("cannot be decoded", field="XML", quoted=str(error), file=file) from None
+        raise InputError("cannot be decoded", field="XML", quoted=str(error)) from None
     return top[0]
 
 
@@ -186,23 +185,22 @@ def _as_utf8(data: bytes) -> bytes:
     return data
 
 
-def _check_utf8(data: bytes, file: str) -> None:
+def _check_utf8(data: bytes) -> None:
     """Raises InputError where the text is none in the encoding that its first line states, or that
     XML takes if it states none.
     """
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:
-        if not data.startswith((b"\xff\xfe", b"\xfe\xff")):
-            raise not_utf8(data, error, file) from None
+        raise not_utf8(data, error) from None
 
 
-def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str | None]:
+def unpack_trz(data: bytes, track: str | None) -> tuple[bytes, str | None]:
     """The .trk inside the .trz archive `data`, at most 64 MiB, and the name of the track in it.
 
     Where there are several, `track` is "NAME.trk" or "NAME.trk/mass A".  Raises InputError.
     """
-    _check_directory(data, file)
+    _check_directory(data)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = [
@@ -211,16 +209,14 @@ def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str
                 if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")
             ]
             if not members:
-                raise InputError(
-                    "must hold a .trk", field="archive", quoted="it holds none", file=file
-                )
-            info, track = _member(members, track, file)
+                raise InputError("must hold a .trk", field="archive", quoted="it holds none")
+            info, track = _member(members, track)
             if info.flag_bits & 1 or info.compress_type not in (
                 zipfile.ZIP_STORED,
                 zipfile.ZIP_DEFLATED,
             ):
                 rule = "must hold a .trk without a password, compressed in the ordinary way"
-                raise InputError(rule, field="archive", value=info.filename, file=file)
+                raise InputError(rule, field="archive", value=info.filename)
             limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
             with archive.open(name=info, mode="r") as stream:
                 content = stream.read(limit + 1)
@@ -238,48 +234,44 @@ def unpack_trz(data: bytes, track: str | None, *, file: str) -> tuple[bytes, str
         OverflowError,
     ) as error:
         raise InputError(
-            "cannot be read as an archive", quoted=str(error) or type(error).__name__, file=file
+            "cannot be read as an archive", quoted=str(error) or type(error).__name__
         ) from None
     if len(content) > limit:
         raise InputError(
             f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked",
             field="archive",
             value=info.filename,
-            file=file,
         )
     return content, track
 
 
 def _member(
-    found: list[zipfile.ZipInfo], track: str | None, file: str
+    members: list[zipfile.ZipInfo], track: str | None
 ) -> tuple[zipfile.ZipInfo, str | None]:
     """The .trk that `track` begins with, or the only one, and the rest of `track`.  Raises
     InputError.
     """
-    for info in found:
+    for info in members:
         if track is not None and (track == info.filename or track.startswith(f"{info.filename}/")):
             return info, track[len(info.filename) + 1 :] or None
-    if len(found) == 1:
-        return found[0], track
+    if len(members) == 1:
+        return members[0], track
     rule = (
         'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds '
         "several tracks"
     )
     raise InputError(
-        rule,
-        field="track",
-        quoted=f"it holds {listed([info.filename for info in found])}",
-        file=file,
+        rule, field="track", quoted=f"it holds {listed([info.filename for info in members])}"
     )
 
 
-def _check_directory(data: bytes, file: str) -> None:
+def _check_directory(data: bytes) -> None:
     """The list of members is short, before `zipfile` reads it whole."""
     end = data.rfind(b"PK\x05\x06", max(0, len(data) - 66_000))
     if end < 0 or len(data) < end + 22:
-        raise InputError("cannot be read as an archive (it has no end)", file=file)
+        raise InputError("cannot be read as an archive (it has no end)")
     (size,) = struct.unpack_from("<I", data, end + 12)
     if size > _MAX_DIRECTORY or data[max(0, end - 20) : end].startswith(b"PK\x06\x07"):
         raise InputError(
-            "must hold a short list of members", field="archive", value=f"{size} bytes", file=file
+            "must hold a short list of members", field="archive", value=f"{size} bytes"
         )
