@@ -48,21 +48,15 @@ class Completed:
         One error for all places of a draw, so that bands are smooth.
         """
         residuals = self.formed.at(self.points, named)
-        logs = self.mixture.log_components(residuals)
-        # a component with its probability
-        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-        energy, scale = np.zeros((chosen.size, x.size)), np.ones(chosen.size)
-        errors = rng.standard_normal((chosen.size, 1))
-        z = self.mixture.deviation.whiten(residuals)
-        start = 0
-        for family in self.mixture.deviation.families:
-            unit = _Unit.of(self, family, x)
-            for k in range(family.amplitude.size):
-                rows = np.flatnonzero(chosen == start + k)
-                if rows.size:
-                    mean, sd = unit.given(self.mixture.columns, family, k, z[rows])
-                    energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
-            start += family.amplitude.size
+        mixture = self.mixture
+        energy, scale = np.zeros((len(residuals), x.size)), np.ones(len(residuals))
+        drawn = list(mixture.drawn(residuals, rng))
+        errors = rng.standard_normal((len(residuals), 1))
+        z = mixture.deviation.whiten(residuals)
+        units = {family.length: _Unit.of(self, family, x) for family, *_ in drawn}
+        for family, k, rows in drawn:
+            mean, sd = units[family.length].given(mixture.columns, family, k, z[rows])
+            energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
         arguments = self.points.bind(named)
         metres = np.asarray(self.motion.metres(arguments))
         lift = (

@@ -102,12 +102,10 @@ def expected_root(
 
 
 def _size(likelihood: MixtureErrors, residuals: FloatArray, *, several: bool) -> ForceSize:
-    share, start = likelihood.mixture.shares(residuals), 0
+    mixture = likelihood.mixture
     ratios = {own_kind(ratio): ratio for ratio in OWN} if several else {FORCE: 0.0}
     noise, shared, own = 0.0, dict[float, float](), dict[float, float]()
-    for family in likelihood.mixture.deviation.families:
-        weights = share[start : start + family.amplitude.size]
-        start += weights.size
+    for family, weights in mixture.deviation.each(mixture.shares(residuals)):
         noise += float(weights @ np.square(family.scale))
         square = float(weights @ np.square(family.amplitude))
         shared[family.length] = shared.get(family.length, 0.0) + square

@@ -156,27 +156,25 @@ def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArr
     deviation = linearised.deviation
     r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
     lever = deviation.whiten(response.force.T).T
-    order = np.argsort(linearised.weights)[::-1]
-    components = np.sort(
-        order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
-    )
-    means, sds, start = [], [], 0
-    for family, kernel in zip(deviation.families, kernels, strict=True):
-        here = components[(components >= start) & (components < start + family.amplitude.size)]
+    components = linearised.probable(1.0 - _LOST)
+    means, sds = [], []
+    members = deviation.each(np.arange(linearised.weights.size))
+    for (family, every), kernel in zip(members, kernels, strict=True):
+        here = np.flatnonzero(np.isin(every, components))
         if here.size:
             reach = (kernel @ lever.T) @ family.basis
             seen = family.basis.T @ r
             turned = family.basis.T @ j
         for k in here:
-            square = family.amplitude[k - start] ** 2
-            variance = family.scale[k - start] ** 2 + square * family.spectrum
+            square = family.amplitude[k] ** 2
+            variance = family.scale[k] ** 2 + square * family.spectrum
             gain = square * reach / variance  # (n_node, n_dir)
             parameters = gain @ turned
             spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
-            spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
-            means.append(gain @ (seen - turned @ linearised.steps[k]))
+            covariance = linearised.covariances[every[k]]
+            spread += np.einsum("ip,pq,iq->i", parameters, covariance, parameters)
+            means.append(gain @ (seen - turned @ linearised.steps[every[k]]))
             sds.append(np.sqrt(np.maximum(spread, 0.0)))
-        start += family.amplitude.size
     return _Seen(
         components,
         linearised.weights[components] / linearised.weights[components].sum(),

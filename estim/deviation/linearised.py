@@ -18,7 +18,7 @@ is, but p is inferred with s = 1 beside it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -76,19 +76,6 @@ class Linearised:
         return int(np.argmax(self.weights))
 
     @property
-    def growth(self) -> FloatArray:
-        """(n_par,) how many times larger each standard deviation is than with the stated noise
-        alone; nan where the prior has no spike.
-        """
-        alone = (self.deviation.column("amplitude") == 0.0) & (
-            self.deviation.column("scale") == 1.0
-        )
-        if not alone.any():
-            return np.full(self.steps.shape[1], np.nan)
-        white = self.covariances[int(np.argmax(alone))]
-        return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(white)))
-
-    @property
     def p_deviation(self) -> float:
         """P(a > 0): the probability that there is a deviation; above 0.95 it is an alarm (none
         false in 300 clean runs).
@@ -143,6 +130,14 @@ class Linearised:
             for p in (0.16, 0.5, 0.84)
         )
         return low, middle, high
+
+    def probable(self, share: float) -> NDArray[np.int64]:
+        """The most probable components, which hold this share of the probability, in their
+        order.
+        """
+        order = np.argsort(self.weights)[::-1]
+        enough = 1 + int(np.searchsorted(np.cumsum(self.weights[order]), share))
+        return np.sort(order[:enough])
 
     def errors(self) -> FloatArray:
         """(n_obs,) what of the residuals is error of the readings, on average under the best
@@ -246,17 +241,7 @@ def linearise(
         steps.append(step[serves])
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
-        families.append(
-            Family(
-                family.kind,
-                family.length,
-                family.basis,
-                family.spectrum,
-                family.amplitude,
-                family.scale[serves],
-                carried,
-            )
-        )
+        families.append(replace(family, scale=family.scale[serves], log_prior=carried))
     eigenvalues = np.linalg.eigvalsh(precision)
     constant = (
         0.5 * float(np.sum(np.log(eigenvalues[eigenvalues > 0.0])))

@@ -62,16 +62,14 @@ def see_deviation(
     j = deviation.whiten(linear.jacobian.T)  # (n_par, n_obs) whitened
     rest = _rest(deviation.whiten(np.eye(run.n_obs)), j, linear.jacobian)
     r = deviation.whiten(linear.residuals)
-    order = np.argsort(linear.weights)[::-1]
-    components = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
+    components = linear.probable(1.0 - _LOST)
     lacks = run.lacks
     assert lacks is not None, "asked of runs that may lack something"
     means = np.zeros((linear.weights.size, run.n_obs))
     sds = np.zeros((linear.weights.size, run.n_obs))
-    first = 0
-    for family in deviation.families:
-        members = components[(components >= first) & (components < first + family.amplitude.size)]
-        place, first = members - first, first + family.amplitude.size
+    for family, every in deviation.each(np.arange(linear.weights.size)):
+        place = np.flatnonzero(np.isin(every, components))
+        members = every[place]
         along = run.x if family.kind == DEVIATION or lacks.along is None else lacks.along
         kernel, prior = _seen(family, along, scales, rest)
         seen = deviation.whiten(kernel) @ family.basis  # (n_obs, n_dir)
