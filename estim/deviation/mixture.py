@@ -286,49 +286,16 @@ class Mixture:
     def _pointwise(
         self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
     ) -> FloatArray:
-        """Sums of exponentials relative to the largest component; where one overflows, by
-        logarithms.
-        """
         logs = self.log_components(residuals)
-        highest = np.max(logs, axis=1, keepdims=True)
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)
-        total, start = np.zeros(z.shape), 0
-        with np.errstate(over="ignore"):
-            for family, each in zip(self.deviation.families, given, strict=True):
-                seen = np.hstack([z @ family.basis, along])
-                for k, component in enumerate(each, start):
-                    part = component.square(back, seen)
-                    part += logs[:, k, None] - highest
-                    part -= component.log
-                    total += np.exp(part, out=part)
-                start += len(each)
-        without = np.log(total) + highest
-        far = np.flatnonzero(~np.all(np.isfinite(without), axis=1))
-        if far.size:
-            without[far] = self._without(logs[far], z[far], along[far], back[far], given)
-        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
-
-    def _without(
-        self,
-        logs: FloatArray,
-        z: FloatArray,
-        along: FloatArray,
-        back: FloatArray,
-        given: tuple[tuple[_Given, ...], ...],
-    ) -> FloatArray:
-        """(n_draw, n_obs) log sum_k w_k N_k(r)/N_k(r_i | others)."""
-        without, start = np.full(z.shape, -np.inf), 0
-        for family, each in zip(self.deviation.families, given, strict=True):
+        without = np.full(z.shape, -np.inf)
+        for (family, own_logs), each in zip(self.deviation.each(logs.T), given, strict=True):
             seen = np.hstack([z @ family.basis, along])
-            for k, component in enumerate(each, start):
-                np.logaddexp(
-                    without,
-                    component.square(back, seen) + logs[:, k, None] - component.log,
-                    out=without,
-                )
-            start += len(each)
-        return without
+            for component, log in zip(each, own_logs, strict=True):
+                part = component.square(back, seen) + log[:, None] - component.log
+                np.logaddexp(without, part, out=without)
+        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
 
 
 @dataclass(frozen=True, eq=False)
