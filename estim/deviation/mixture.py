@@ -89,12 +89,7 @@ class Mixture:
         """The log likelihood where all residuals are 0."""
         return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
 
-    def log_likelihood(
-        self,
-        residuals: FloatArray,
-        *,
-        weight: Weight | None = None,
-    ) -> FloatArray:
+    def log_likelihood(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
         """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where
         it is not that of the fit.
         """
@@ -111,12 +106,7 @@ class Mixture:
             total[chunk] = highest[:, 0] + np.log(np.sum(logs, axis=1))
         return total
 
-    def log_components(
-        self,
-        residuals: FloatArray,
-        *,
-        weight: Weight | None = None,
-    ) -> FloatArray:
+    def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
