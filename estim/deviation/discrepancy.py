@@ -147,17 +147,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     lacks = run.lacks
     assert lacks is not None, "asked for runs that may lack something"
     covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
-    prior = _prior(problem, values)
-    precision, pull = as_prior(
-        [
-            prior,
-            *(
-                information_of_run(other, problem, values)
-                for other in problem.runs
-                if other is not run
-            ),
-        ]
-    )
+    precision, pull = _beside(run, problem, values)
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
@@ -191,7 +181,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         mean=values + linear.mean,
         cov=linear.covariance,
         about=values,
-        told=likelihood_information(linear, prior),
+        told=likelihood_information(linear, _prior(problem, values)),
         intervals=_intervals(linear, problem, values),
         means=values + means,
         covs=covs,
@@ -204,16 +194,7 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     beforehand; linear about `values` (n_par,).
     """
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
-    precision, pull = as_prior(
-        [
-            _prior(problem, values),
-            *(
-                information_of_run(other, problem, values)
-                for other in problem.runs
-                if other is not run
-            ),
-        ]
-    )
+    precision, pull = _beside(run, problem, values)
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
@@ -287,6 +268,14 @@ def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -
     seen = _TIMES_NOISE * float(np.sqrt(np.mean(np.square(residuals))))
     scales = {DEVIATION: lacks.deviation} if lacks.deviation else {}
     return scales | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
+
+
+def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
+    """Precision and pull of what priors and other runs say."""
+    others = [other for other in problem.runs if other is not run]
+    return as_prior(
+        [_prior(problem, values), *(information_of_run(o, problem, values) for o in others)]
+    )
 
 
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:

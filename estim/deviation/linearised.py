@@ -64,11 +64,29 @@ class Linearised:
     @property
     def covariance(self) -> FloatArray:
         """(n_par, n_par) within components and between them."""
-        off = self.steps - self.mean
-        return np.asarray(
-            np.einsum("k,kij->ij", self.weights, self.covariances)
-            + (self.weights[:, None] * off).T @ off
+        return self.moments(np.arange(self.weights.size))[2]
+
+    def moments(self, chosen: NDArray[np.int64]) -> tuple[float, FloatArray, FloatArray]:
+        """Probability, mean (n_par,) and covariance (n_par, n_par) of some components together."""
+        probability = float(self.weights[chosen].sum())
+        shares = self.weights[chosen] / probability
+        mean = shares @ self.steps[chosen]
+        off = self.steps[chosen] - mean
+        return (
+            probability,
+            mean,
+            np.einsum("k,kij->ij", shares, self.covariances[chosen])
+            + (shares[:, None] * off).T @ off,
         )
+
+    def first(self, n_par: int) -> Linearised:
+        """Of the first parameters alone, whatever the others."""
+        covariances = self.covariances[:, :n_par, :n_par]
+        return replace(self, steps=self.steps[:, :n_par], covariances=covariances)
+
+    def from_narrow_to_wide(self) -> NDArray[np.int64]:
+        """The components by the volume of their covariances."""
+        return np.argsort(np.linalg.slogdet(self.covariances)[1])
 
     @property
     def best(self) -> int:

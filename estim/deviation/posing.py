@@ -145,22 +145,11 @@ def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArra
     """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from
     narrow to wide; of the first parameters.
     """
-    steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
-    order = np.argsort(np.linalg.slogdet(covariances)[1])
-    below = np.cumsum(linear.weights[order])
-    means, covs = [], []
-    for group in np.split(order, np.searchsorted(below, _PARTS)):
-        weights = linear.weights[group]
-        if weights.sum() > 0.0:
-            weights = weights / weights.sum()
-            mean = weights @ steps[group]
-            off = steps[group] - mean
-            means.append(mean)
-            covs.append(
-                np.einsum("k,kij->ij", weights, covariances[group])
-                + (weights[:, None] * off).T @ off
-            )
-    return np.array(means), np.array(covs)
+    own = linear.first(n_par)
+    order = own.from_narrow_to_wide()
+    groups = np.split(order, np.searchsorted(np.cumsum(own.weights[order]), _PARTS))
+    parts = [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
+    return np.array([mean for _, mean, _ in parts]), np.array([cov for _, _, cov in parts])
 
 
 def priors_at(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:

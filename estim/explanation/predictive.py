@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Label, Notation, p_digits, phrase
 from estim.deviation import MixtureErrors, replicas
-from estim.problem import Likelihood, Named, Observations, Points, Posterior, StackedPoints
+from estim.problem import Likelihood, Named, Observations, Points, Posterior
 
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
@@ -90,7 +90,8 @@ def predictive_checks(
         if drawn is None:
             continue
         again, used = drawn
-        points = _points(likelihood, group.runs)
+        # as the likelihood has them: without the shifts of bad frames
+        points = likelihood.points.runs
         for run, run_points, y in zip(
             group.runs,
             points,
@@ -99,17 +100,6 @@ def predictive_checks(
         ):
             checks[run.name] = _of_run(run, run_points, y, run_points.bind(problem.named(used)))
     return tuple(check for run in problem.runs for check in checks.get(run.name, ()))
-
-
-def _points(likelihood: Likelihood, runs: tuple[Observations, ...]) -> tuple[Points, ...]:
-    """The points of each run as the likelihood has them: without the shifts of bad frames."""
-    if isinstance(likelihood, MixtureErrors):
-        return (
-            likelihood.points.runs
-            if isinstance(likelihood.points, StackedPoints)
-            else (likelihood.points,)
-        )
-    return tuple(run.points for run in runs)
 
 
 def _again(
@@ -123,8 +113,8 @@ def _again(
     """
     if isinstance(likelihood, MixtureErrors):
         return replicas(likelihood, named(draws), rng=rng), draws
-    normal, points = likelihood.normal, getattr(likelihood, "points", None)
-    if normal is None or points is None:
+    normal, points = likelihood.normal, likelihood.points
+    if normal is None:
         return None
     few = draws[:: max(1, draws.shape[0] // _FEW)]
     curve = np.broadcast_to(points.value(named(few)), (few.shape[0], points.y.size))

@@ -45,6 +45,11 @@ class Points:
     y: FloatArray
     arguments: Mapping[str, str | float]
 
+    @property
+    def runs(self) -> tuple[Points, ...]:
+        """Those of each run: of this one alone."""
+        return (self,)
+
     def bind(self, named: Named) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values."""
         return {
