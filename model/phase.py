@@ -66,18 +66,19 @@ def speed(
     x : (n_obs,) m from the point of release.
     phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
-    turned = np.asarray(x) / body.radius
-    ratio = energy_ratio(
-        turned,
-        body,
-        phi=phi,
-        theta0=theta0,
-        rolling_resistance=rolling_resistance,
-        release_energy=release_energy,
-        forces=forces,
-        g=g,
+    return np.asarray(
+        body.radius
+        * angular_rate(
+            np.asarray(x) / body.radius,
+            body,
+            phi=phi,
+            theta0=theta0,
+            rolling_resistance=rolling_resistance,
+            g=g,
+            release_energy=release_energy,
+            forces=forces,
+        )
     )
-    return np.sqrt(np.maximum(2.0 * np.asarray(g) * body.radius * ratio, 0.0))
 
 
 def angular_rate(
@@ -273,28 +274,6 @@ def energy_ratio_gradient(
     return gradient
 
 
-def speed_derivatives(
-    x: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Speed (m/s), its slope dv/dx (1/s), and its derivatives in every parameter at fixed x: name
-    -> array.
-
-    From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0:
-    there the formula is clipped and a gradient would be that of another motion.
-    """
-    return root_derivatives(
-        *squared_speed_derivatives(
-            x, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
-        )
-    )
-
-
 def squared_speed_derivatives(
     x: ArrayLike,
     body: Body,
@@ -307,40 +286,14 @@ def squared_speed_derivatives(
     """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
     derivatives in every parameter at fixed x.
     """
-    radius, g = np.asarray(body.radius), np.asarray(g)
+    radius = np.asarray(body.radius)
     angle = np.asarray(x) / radius
-    keywords: dict[str, Any] = {
-        "phi": phi,
-        "theta0": theta0,
-        "rolling_resistance": rolling_resistance,
-    }
-    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
-    gradient = {
-        name: 2.0 * g * radius * d
-        for name, d in energy_ratio_gradient(angle, body, **keywords).items()
-    }
-    gradient["g"] = 2.0 * radius * ratio
-    gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
-    return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
-
-
-def angular_rate_derivatives(
-    angle: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at
-    fixed angle.
-    """
-    return root_derivatives(
-        *squared_rate_derivatives(
-            angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
-        )
+    square, slope, gradient = squared_rate_derivatives(
+        angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
     )
+    gradient = {name: radius**2 * d for name, d in gradient.items()}
+    gradient["radius"] += 2.0 * radius * square - radius * angle * slope
+    return radius**2 * square, radius * slope, gradient
 
 
 def squared_rate_derivatives(
@@ -352,7 +305,9 @@ def squared_rate_derivatives(
     rolling_resistance: ArrayLike = 0.0,
     g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """The same of the square of the angular rate, rad^2/s^2."""
+    """theta'^2 = 2 g W/(D R) (rad^2/s^2), its slope in the angle and its derivatives in every
+    parameter at fixed angle.
+    """
     scale = 2.0 * np.asarray(g) / body.radius
     keywords: dict[str, Any] = {
         "phi": phi,
