@@ -39,7 +39,7 @@ from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import compact
-from estim.problem import Differences, Points
+from estim.problem import Differences, Points, Root
 
 PRIOR = 0.25  # probability that a recording has a bad frame
 MOST = 6  # in one recording; beyond, it is not a matter of single frames
@@ -52,37 +52,55 @@ _WIDE = 30.0  # times what was found: sd of a size that is left to the data
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
-    """What was read of a run, row by row, and what a shift of a reading does to its points.
+class Pattern:
+    """A bad frame that may be: row k of the readings, and its kind."""
 
-    t : (n_row,) s, nan where unknown.
-    x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
+    row: int
+    kind: str
+    # that sizes are counted in: what moves the readings by one standard deviation, or a frame
+    unit: float
+    whole: bool = False  # whether the size is a number of frames
+
+
+@dataclass(frozen=True, eq=False)
+class Shifts:
+    """What a shift of a reading does to the points of a run.
+
     matrix : A (n_obs, n_row).
     velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
     sd : of a typical reading.
     in_sequence : whether readings follow each other, so that a shift can stay.
-    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None
-        where abscissas are not what is shifted.
     """
 
-    t: FloatArray
-    x: FloatArray
-    lines: NDArray[np.int64]
     matrix: Differences
     velocity: FloatArray
     sd: float
     in_sequence: bool
-    at: NDArray[np.int64] | None = None
-    slope: FloatArray | None = None
 
     @property
     def interval(self) -> float:
         """s, between readings; nan where times are unknown."""
-        return float(np.median(np.diff(self.t)))
+        return float("nan")
+
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Those that do something to the points, each once: a step at the first or last frame is
+        that frame alone.
+        """
+        used = np.flatnonzero(self.matrix.used)
+        inside = used[2:-1] if self.in_sequence else used[:0]
+        moving = np.flatnonzero(self.velocity)
+        patterns = [Pattern(int(row), "frame", self.sd) for row in used]
+        patterns += [Pattern(int(row), "step", self.sd) for row in inside]
+        patterns += [
+            Pattern(int(row), "clock", self.interval, whole=True)
+            for row in inside
+            if moving.size and row <= moving[-1]
+        ]
+        return tuple(patterns)
 
     def columns(self, patterns: Sequence[Pattern]) -> FloatArray:
         """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
-        rows = np.arange(self.t.size)
+        rows = np.arange(self.matrix.n_row)
         whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
         shifts = [
             whole[pattern.kind]
@@ -95,25 +113,40 @@ class Frames:
         """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
         each = self.matrix.back(columns)  # of a shift of one reading
         later, moved = (
-            np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each)
+            np.cumsum(rows[::-1], axis=0)[::-1] for rows in (each, self.velocity[:, None] * each)
         )
         kinds = {"frame": each, "step": later, "clock": moved}
-        products = np.empty((len(patterns), columns.shape[1]))
-        for kind, values in kinds.items():
-            mine = np.array([one.kind == kind for one in patterns], dtype=bool)
-            products[mine] = values[[one.row for one in patterns if one.kind == kind]]
-        return products
+        return np.array([kinds[pattern.kind][pattern.row] for pattern in patterns])
+
+    def squares(self, root: Root, patterns: Sequence[Pattern]) -> FloatArray:
+        """(n_pattern,) squares of the points of each pattern of size 1, whitened by `root`."""
+        chunk = max(1, _AT_ONCE // root.n_obs)
+        parts = []
+        for start in range(0, len(patterns), chunk):
+            whitened = root.whiten(self.columns(patterns[start : start + chunk]).T)
+            parts.append(np.einsum("ki,ki->k", whitened, whitened))
+        return np.concatenate(parts)
 
 
 @dataclass(frozen=True, eq=False)
-class Pattern:
-    """A bad frame that may be: row k of the readings, and its kind."""
+class Frames(Shifts):
+    """What was read of a run, row by row.
 
-    row: int
-    kind: str
-    # that sizes are counted in: what moves the readings by one standard deviation, or a frame
-    unit: float
-    whole: bool = False  # whether the size is a number of frames
+    t : (n_row,) s, nan where unknown.
+    x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
+    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None
+        where abscissas are not what is shifted.
+    """
+
+    t: FloatArray
+    x: FloatArray
+    lines: NDArray[np.int64]
+    at: NDArray[np.int64] | None = None
+    slope: FloatArray | None = None
+
+    @property
+    def interval(self) -> float:
+        return float(np.median(np.diff(self.t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +231,7 @@ def find_bad_frames(
     known : found about another point of linearisation; those that now come out smaller than 2.5 of
         their sds are dropped.
     """
-    patterns = _patterns(frames)
+    patterns = frames.patterns()
     taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
     selected = [
@@ -208,7 +241,7 @@ def find_bad_frames(
     ]
     n_par = jacobian.shape[1]
     crowd, units = False, np.array([pattern.unit for pattern in patterns])
-    square = _squares(deviation, frames, patterns) * units**2
+    square = frames.squares(deviation.root, patterns) * units**2
     while True:
         columns = (
             frames.columns([shape for shape, *_ in selected]) * [wide for _, wide, *_ in selected]
@@ -295,33 +328,6 @@ def _named(
         share,
         frames.columns([pattern])[:, 0] * wide,
     )
-
-
-def _patterns(frames: Frames) -> tuple[Pattern, ...]:
-    """Those that do something to the points, each once: a step at the first or last frame is that
-    frame alone.
-    """
-    used = np.flatnonzero(frames.matrix.used)
-    inside = used[2:-1] if frames.in_sequence else used[:0]
-    moving = np.flatnonzero(frames.velocity)
-    patterns = [Pattern(int(row), "frame", frames.sd) for row in used]
-    patterns += [Pattern(int(row), "step", frames.sd) for row in inside]
-    patterns += [
-        Pattern(int(row), "clock", frames.interval, whole=True)
-        for row in inside
-        if moving.size and row <= moving[-1]
-    ]
-    return tuple(patterns)
-
-
-def _squares(deviation: Deviation, frames: Frames, patterns: Sequence[Pattern]) -> FloatArray:
-    """(n_pattern,) squares of the whitened points of each pattern of size 1."""
-    chunk = max(1, _AT_ONCE // deviation.n_obs)
-    parts = []
-    for start in range(0, len(patterns), chunk):
-        whitened = deviation.whiten(frames.columns(patterns[start : start + chunk]).T)
-        parts.append(np.einsum("ki,ki->k", whitened, whitened))
-    return np.concatenate(parts)
 
 
 def _scan(
