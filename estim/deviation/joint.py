@@ -29,7 +29,7 @@ from estim.deviation.grid import SCALES, Grid, prior_grid
 from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
 from estim.deviation.linearised import Linearised, linearise
 from estim.deviation.mixture import Mixture, keep_probable
-from estim.deviation.noise import Stated, WithForce, formed_about
+from estim.deviation.noise import Stated, StatedErrors, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
 from estim.deviation.posing import (
@@ -229,12 +229,10 @@ def noises_of(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Forced(Stack):
-    """track : the longest.  responses : of each run, on its nodes."""
+    """label : what the runs have in common.  tracked : what a force does to them."""
 
     label: str
-    alongs: tuple[Along, ...]
-    track: Track
-    responses: tuple[Response, ...]
+    tracked: Tracked
 
 
 def pose_forces(
@@ -283,7 +281,7 @@ def pose_forces(
                 group.runs[0].body,
                 keep_probable(linear, columns=group.columns),
                 group.formed,
-                group.alongs[0],
+                group.tracked.alongs[0],
             )
         forces.append(replace(found, alone=each, completed=completed))
     n, first = problem.n_par, posterior.linear[0]
@@ -326,6 +324,55 @@ def bad_frames(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Runs on one track, linear about values of the parameters.
+
+    formed : of each run.  stated : the errors of its readings.
+    track : that of the run that went farthest.  responses : of each run, on its nodes.
+    pushes : (n_obs, n_run) what one sd of each energy at release does.
+    """
+
+    formed: tuple[Residuals, ...]
+    stated: tuple[StatedErrors, ...]
+    alongs: tuple[Along, ...]
+    track: Track
+    responses: tuple[Response, ...]
+    pushes: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        runs: Sequence[Observations],
+        points: StackedPoints,
+        courses: Mapping[str, Trajectory],
+        named: Named,
+        *,
+        scale: float,
+        speeds: Sequence[FloatArray | None] | None = None,
+    ) -> Tracked:
+        """speeds : of each run (n_obs,), where more is known than the curve at `named` says.
+
+        scale : of the prior of the force.
+        """
+        formed, stated, alongs = [], [], []
+        for run, own, speed in zip(runs, points.runs, speeds or [None] * len(runs), strict=True):
+            course = courses[run.name]
+            residuals, errors = formed_about(
+                course, run.noise, own, named, scale=scale, speed=speed
+            )
+            formed.append(residuals)
+            stated.append(errors)
+            alongs.append(course.along(own, named, run.noise, about=residuals.speed))
+        longest = max(alongs, key=lambda along: along.track.length).track
+        responses = [
+            along.response.carried(along.track, longest) if len(runs) > 1 else along.response
+            for along in alongs
+        ]
+        pushes = block_diag(*(along.push[:, None] for along in alongs))
+        return cls(tuple(formed), tuple(stated), tuple(alongs), longest, tuple(responses), pushes)
+
+
 def _forced(
     label: str,
     runs: tuple[Observations, ...],
@@ -340,41 +387,27 @@ def _forced(
     named, several = problem.named(values), len(runs) > 1
     frames = BadFrames() if several else bad.get(runs[0].name, BadFrames())
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
-    about = [
-        formed_about(courses[run.name], run.noise, own, named, scale=run.force, speed=speed)
-        for run, own, speed in zip(runs, points.runs, speeds or [None] * len(runs), strict=True)
-    ]
-    alongs = tuple(
-        courses[run.name].along(own, named, run.noise, about=residuals.speed)
-        for run, own, (residuals, _) in zip(runs, points.runs, about, strict=True)
-    )
-    longest, radius = max(alongs, key=lambda along: along.track.length).track, alongs[0].radian
-    responses = tuple(
-        along.response.carried(along.track, longest) if several else along.response
-        for along in alongs
-    )
+    tracked = Tracked.of(runs, points, courses, named, scale=runs[0].force, speeds=speeds)
+    radius = tracked.alongs[0].radian
     shapes = (
-        shared_force_shapes(longest, responses, radius=radius)
+        shared_force_shapes(tracked.track, tracked.responses, radius=radius)
         if several
-        else force_shapes(longest, responses[0], radius=radius)
+        else force_shapes(tracked.track, tracked.responses[0], radius=radius)
     )
-    pushes = block_diag(*(along.push[:, None] for along in alongs))
-    formed = stacked([residuals for residuals, _ in about])
+    formed = stacked(tracked.formed)
     return _Forced(
         runs,
         frames,
         points,
-        stacked_root([errors.root for _, errors in about]),
+        stacked_root([errors.root for errors in tracked.stated]),
         shapes,
         prior_grid(runs[0].force),
         formed.at(points, named)[0],
         formed.gradient(points, named, problem.names),
-        np.column_stack([pushes, frames.columns(points.y.size)]),
+        np.column_stack([tracked.pushes, frames.columns(points.y.size)]),
         formed,
         label=label,
-        alongs=alongs,
-        track=longest,
-        responses=responses,
+        tracked=tracked,
     )
 
 
@@ -422,8 +455,9 @@ def _found(
     problem: Problem,
     told: TrialInformation,
 ) -> FoundForce:
-    run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
-    force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
+    run, tracked = group.runs[0], group.tracked
+    along, lever = tracked.alongs[0], Response.stacked(tracked.responses)
+    force = find_force(linear, tracked.track, lever, radius=along.radian)
     means, covs = linear_groups(linear, problem.n_par)
     used = frozenset[str]().union(*(run.parameters for run in group.runs))
     growth = {
@@ -450,7 +484,7 @@ def _found(
         reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit,
         step=run.noise.size.step,
         runs=tuple(run.name for run in group.runs),
-        own=_own(group, linear) if several else (),
+        own=_own(group, linear) if len(group.runs) > 1 else (),
     )
 
 
@@ -458,16 +492,16 @@ def _own(group: _Forced, linear: Linearised) -> tuple[OwnForce, ...]:
     # the order of `shared_force_shapes`
     ratios = OWN * (len(linear.deviation.families) // len(OWN))
     forces = []
-    for i, (run, along) in enumerate(zip(group.runs, group.alongs, strict=True)):
+    for i, (run, along) in enumerate(zip(group.runs, group.tracked.alongs, strict=True)):
         alone = [
             response if i == k else Response(0.0 * response.force, 0.0 * response.start)
-            for k, response in enumerate(group.responses)
+            for k, response in enumerate(group.tracked.responses)
         ]
-        end = group.track.start + along.track.length
+        end = group.tracked.track.start + along.track.length
         forces.append(
             find_own_force(
                 linear,
-                group.track,
+                group.tracked.track,
                 Response.stacked(alone),
                 run=run.name,
                 end=end,

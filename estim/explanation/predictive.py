@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Label, Notation, p_digits, phrase
 from estim.deviation import MixtureErrors, replicas
-from estim.problem import Likelihood, Named, Observations, Points, Posterior
+from estim.problem import Likelihood, Named, Observations, Points, Posterior, n_draws
 
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
@@ -238,10 +238,8 @@ def _energy(
     run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
 ) -> tuple[FloatArray, FloatArray]:
     kinetic, potential = run.body.energies(x, v, arguments)
-    n_set = max(
-        (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
-    )
-    shape = (max(n_set, *(np.atleast_2d(part).shape[0] for part in (x, v))), x.shape[-1])
+    n_set = max(n_draws(arguments), *(np.atleast_2d(part).shape[0] for part in (x, v)))
+    shape = n_set, x.shape[-1]
     return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
 
 
