@@ -39,11 +39,12 @@ from estim.deviation.posing import (
     growth_over,
     information_of_run,
     likelihood_information,
+    likely_root,
     linear_groups,
 )
 from estim.deviation.residual_part import ResidualPart, see_deviation
 from estim.deviation.residuals import Residuals
-from estim.problem import Discrepancy, Observations, Problem, Root, Wording
+from estim.problem import Discrepancy, Observations, Problem, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
 _PROBABILITIES = (0.68, 0.95)
@@ -155,7 +156,11 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
     )
     noise = WithDeviation(
-        run.noise, keep_probable(linear), _likely_root(linear, lacks), Residuals(shift), lacks
+        run.noise,
+        keep_probable(linear),
+        likely_root(linear, stated=lacks.stated),
+        Residuals(shift),
+        lacks,
     )
     means, covs = linear_groups(linear, problem.n_par)
     extents = {
@@ -284,15 +289,6 @@ def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
     off = np.array([p.prior.residual(float(v)) for p, v in priors])
     return np.diag(slope**2), -slope * off
-
-
-def _likely_root(linear: Linearised, lacks: Discrepancy) -> Root:
-    """Of the most probable covariance; in units of the stated noise at least, where it was
-    stated.
-    """
-    return linear.best_root(
-        size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0
-    )
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:

@@ -196,10 +196,12 @@ class Mixture:
 
     def weighed(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
         """Rows (n, n_obs) of whitened observations times the inverse of their covariance."""
-        causes, white = self._causes(residuals)
-        known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
-        turned = solve_triangular(known, causes.T, lower=True)
-        return np.asarray((rows - (rows @ turned.T) @ turned) / white)
+        return inverse_times(rows, *self._causes(residuals))
+
+    def causes(self, family: Family, k: int) -> FloatArray:
+        """(n_obs, n_cause) what a deviation of component k does to whitened observations, and H."""
+        lifted = family.amplitude[k] * np.sqrt(family.spectrum)
+        return np.hstack([lifted * family.basis, self.columns])
 
     def _causes(self, residuals: FloatArray) -> tuple[FloatArray, float]:
         """H and what the deviation does, (n_obs, n_cause), and the variance of the noise,
@@ -309,6 +311,13 @@ class _Given:
         scaled = seen @ self.seen
         scaled += back * self.white
         return np.asarray(np.square(scaled, out=scaled))
+
+
+def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatArray:
+    """Rows (n, n_obs) times the inverse of white I + H H^T for `causes` H (n_obs, n_cause)."""
+    known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
+    turned = solve_triangular(known, causes.T, lower=True)
+    return np.asarray((rows - (rows @ turned.T) @ turned) / white)
 
 
 def keep_probable(

@@ -170,8 +170,11 @@ def _bounded(prior: Prior, value: float) -> tuple[float, float]:
     return 1.0 / prior.sd, (value - prior.centre) / prior.sd
 
 
-def likely_root(linear: Linearised, columns: FloatArray) -> Root:
-    """Of the most probable covariance and that of push and bad frames, in units of the stated noise
-    at least.
+def likely_root(
+    linear: Linearised, columns: FloatArray | None = None, *, stated: bool = True
+) -> Root:
+    """Of the most probable covariance and that of `columns` (push and bad frames), in units of the
+    stated noise at least, where it was stated.
     """
-    return linear.best_root(columns, size=min(float(linear.scales[linear.best]), 1.0))
+    size = min(float(linear.scales[linear.best]), 1.0) if stated else 1.0
+    return linear.best_root(columns, size=size)

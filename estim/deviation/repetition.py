@@ -26,9 +26,7 @@ def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -
     z, again = mixture.deviation.whiten(residuals), np.empty_like(residuals)
     for family, k, rows in mixture.drawn(residuals, rng):
         scale = float(family.scale[k])
-        causes = np.hstack(
-            [family.amplitude[k] * np.sqrt(family.spectrum) * family.basis, mixture.columns]
-        )
+        causes = mixture.causes(family, k)
         latent = rng.standard_normal((rows.size, causes.shape[1]))
         off = z[rows] - latent @ causes.T - scale * rng.standard_normal((rows.size, z.shape[1]))
         latent += np.linalg.solve(
