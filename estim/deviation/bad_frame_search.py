@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
-from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import compact
 from estim.problem import Differences, Points, Root
 
@@ -100,14 +100,13 @@ class Shifts:
 
     def columns(self, patterns: Sequence[Pattern]) -> FloatArray:
         """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
+        return self.matrix @ np.column_stack([self.shift(pattern) for pattern in patterns])
+
+    def shift(self, pattern: Pattern | Jump) -> FloatArray:
+        """(n_row,) what a pattern of size 1 does to the readings."""
         rows = np.arange(self.matrix.n_row)
-        whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
-        shifts = [
-            whole[pattern.kind]
-            * ((rows == pattern.row) if pattern.kind == "frame" else (rows >= pattern.row))
-            for pattern in patterns
-        ]
-        return self.matrix @ np.array(shifts).T
+        there = rows == pattern.row if pattern.kind == "frame" else rows >= pattern.row
+        return np.where(there, self.velocity if pattern.kind == "clock" else 1.0, 0.0)
 
     def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
         """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
@@ -248,20 +247,14 @@ def find_bad_frames(
             if selected
             else np.zeros((residuals.size, 0))
         )
-        n = len(selected)
-        whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
-        linear = linearise(
-            deviation,
-            residuals,
-            np.hstack([jacobian, columns]),
-            precision=whole,
-            pull=np.r_[pull, np.zeros(n)],
+        linear = linearise_beside(
+            deviation, residuals, jacobian, columns, precision=precision, pull=pull
         )
         logs, sizes = _scan(linear, frames, patterns, units, square)
         total = float(np.logaddexp.reduce(logs))
         if total <= 0.0:
             break
-        if n >= MOST:
+        if len(selected) >= MOST:
             crowd = True
             break
         best = int(np.argmax(logs))
@@ -279,13 +272,26 @@ def find_bad_frames(
     mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
     jumps = []
     for i, (pattern, wide, probability, share) in enumerate(selected):
-        jump = before.get((pattern.kind, pattern.row))
-        size = float(mean[i]) * wide + (
-            taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0
-        )
-        if abs(size) > _STILL * float(sds[i]) * wide:
+        row, jump = pattern.row, before.get((pattern.kind, pattern.row))
+        sd, size = float(sds[i]) * wide, float(mean[i]) * wide
+        if jump is not None and jump.kind in _SHIFTED:
+            size += taken * jump.size
+        if abs(size) > _STILL * sd:
             jumps.append(
-                _named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share)
+                Jump(
+                    pattern.kind,
+                    row,
+                    float(frames.t[row]),
+                    float(frames.x[row]),
+                    int(frames.lines[row]),
+                    float(frames.t[max(row - 1, 0)]),
+                    frames.interval,
+                    size,
+                    sd,
+                    probability,
+                    share,
+                    frames.columns([pattern])[:, 0] * wide,
+                )
             )
     jumps.sort(key=lambda jump: jump.row)
     return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
@@ -295,39 +301,12 @@ def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, F
     """Of x and y of the points by the readings that are shifted."""
     if frames.at is None or frames.slope is None or not jumps:
         return None, None
-    rows = np.arange(frames.t.size)
-    shift = np.zeros(rows.size)
+    shift = np.zeros(frames.t.size)
     for jump in jumps:
         if jump.kind in _SHIFTED:
-            shift += jump.size * (rows >= jump.row if jump.kind == "step" else rows == jump.row)
+            shift += jump.size * frames.shift(jump)
     there = shift[frames.at]
     return there, frames.matrix @ shift + frames.slope * there
-
-
-def _named(
-    frames: Frames,
-    pattern: Pattern,
-    wide: float,
-    size: float,
-    sd: float,
-    probability: float,
-    share: float,
-) -> Jump:
-    row = pattern.row
-    return Jump(
-        pattern.kind,
-        row,
-        float(frames.t[row]),
-        float(frames.x[row]),
-        int(frames.lines[row]),
-        float(frames.t[max(row - 1, 0)]),
-        frames.interval,
-        size,
-        sd,
-        probability,
-        share,
-        frames.columns([pattern])[:, 0] * wide,
-    )
 
 
 def _scan(
@@ -354,18 +333,17 @@ def _scan(
     logs = np.full(len(patterns), -np.inf)
     sizes = np.zeros(len(patterns))
     most = np.full(len(patterns), -np.inf)
-    whole, start = np.array([pattern.whole for pattern in patterns]), 0
-    for lean, projection in zip(families, seen_by, strict=True):
-        components = slice(start, start + lean.amplitude.size)
-        start = components.stop
+    whole = np.array([pattern.whole for pattern in patterns])
+    components = deviation.each(np.arange(linear.weights.size))
+    for lean, projection, (_, own) in zip(families, seen_by, components, strict=True):
         seen, turned, coordinates = projection.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
             1.0 / lean.variances() - white[:, None],
             white,
-            linear.weights[components],
-            linear.steps[components],
-            linear.covariances[components],
+            linear.weights[own],
+            linear.steps[own],
+            linear.covariances[own],
             strict=True,
         ):
             if weight == 0.0:

@@ -27,7 +27,7 @@ from estim.deviation.force import OWN, Response, Track, force_shapes, shared_for
 from estim.deviation.generic import stated_is_conservative
 from estim.deviation.grid import SCALES, Grid, prior_grid
 from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
-from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import Mixture, keep_probable
 from estim.deviation.noise import Stated, StatedErrors, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
@@ -161,13 +161,13 @@ class Stack:
         """The posterior of parameters and `columns`; precision, pull : (n_par, n_par), (n_par,) of
         all that is known beside.
         """
-        n = self.columns.shape[1]
-        return linearise(
+        return linearise_beside(
             self.deviation,
             self.residuals,
-            np.column_stack([self.jacobian, self.columns]),
-            precision=block_diag(precision, np.eye(n)),
-            pull=np.append(pull, np.zeros(n)),
+            self.jacobian,
+            self.columns,
+            precision=precision,
+            pull=pull,
         )
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from estim.arrays import FloatArray
@@ -217,9 +218,6 @@ def linearise(
     precision : (n_par, n_par) inverse covariance of the prior, rows of zeros where it is flat.
     pull : (n_par,) prior mean - p0.
     stated : whether the size of the noise was stated, and is not to be narrowed.
-
-    Small linear systematic effects (a push at release) may stand in further columns of `jacobian`,
-    with their own precision.
     """
     n_obs, n_par = jacobian.shape
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
@@ -279,6 +277,28 @@ def linearise(
         log_evidence=float(total + constant),
         residuals=residuals,
         jacobian=jacobian,
+    )
+
+
+def linearise_beside(
+    deviation: Deviation,
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    columns: FloatArray,
+    *,
+    precision: FloatArray,
+    pull: FloatArray,
+) -> Linearised:
+    """The same with small linear systematic effects, `columns` (n_obs, n_column), each of unit size
+    beforehand: parameters behind the others.
+    """
+    n = columns.shape[1]
+    return linearise(
+        deviation,
+        residuals,
+        np.column_stack([jacobian, columns]),
+        precision=block_diag(precision, np.eye(n)),
+        pull=np.append(pull, np.zeros(n)),
     )
 
 
