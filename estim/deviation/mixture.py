@@ -40,30 +40,15 @@ class Mixture:
 
     deviation : the components that are kept, in bases of the directions that matter.
     columns : (n_obs, n_column) H, whitened.
-    terms : what every draw needs, one for each family.
-    lost : posterior probability of what was left out, under the linearised posterior: no
-        probability that follows is off by more.
     """
 
     deviation: Deviation
     columns: FloatArray
-    terms: tuple[Terms, ...]
-    lost: float
 
-    def with_columns(self, columns: FloatArray) -> Mixture:
-        """The same components beside other small systematic effects, columns (n_obs, n_column),
-        whitened.
-        """
-        return Mixture(
-            self.deviation,
-            columns,
-            tuple(terms_of(family, columns) for family in self.deviation.families),
-            self.lost,
-        )
-
-    @property
-    def n_component(self) -> int:
-        return sum(family.amplitude.size for family in self.deviation.families)
+    @cached_property
+    def terms(self) -> tuple[Terms, ...]:
+        """What every draw needs, one for each family."""
+        return tuple(terms_of(family, self.columns) for family in self.deviation.families)
 
     @cached_property
     def together(self) -> tuple[FloatArray, Terms]:
@@ -324,7 +309,7 @@ def keep_probable(
     linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
-    probability `lost` together.
+    probability `lost` together, and no probability that follows is off by more.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
         systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
@@ -341,13 +326,7 @@ def keep_probable(
         if chosen.any()
     ]
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
-    reduced = Deviation(deviation.root, tuple(families))
-    return Mixture(
-        reduced,
-        shifts,
-        tuple(terms_of(family, shifts) for family in families),
-        float(linearised.weights[dropped].sum()),
-    )
+    return Mixture(Deviation(deviation.root, tuple(families)), shifts)
 
 
 def merged(family: Family) -> Family:

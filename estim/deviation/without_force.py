@@ -13,6 +13,7 @@ Runs that would share a force share the size of their noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -128,5 +129,5 @@ def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: fl
     size = np.ones(errors.mixture.columns.shape[1])
     size[:n_run] = factor
     residuals = errors.raw(named)
-    moved = errors.mixture.with_columns(errors.mixture.columns * size)
+    moved = replace(errors.mixture, columns=errors.mixture.columns * size)
     return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))
