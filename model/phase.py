@@ -66,19 +66,18 @@ def speed(
     x : (n_obs,) m from the point of release.
     phi, theta0 : rad.  release_energy, forces : as in `energy_ratio`.
     """
-    return np.asarray(
-        body.radius
-        * angular_rate(
-            np.asarray(x) / body.radius,
-            body,
-            phi=phi,
-            theta0=theta0,
-            rolling_resistance=rolling_resistance,
-            g=g,
-            release_energy=release_energy,
-            forces=forces,
-        )
+    turned = np.asarray(x) / body.radius
+    ratio = energy_ratio(
+        turned,
+        body,
+        phi=phi,
+        theta0=theta0,
+        rolling_resistance=rolling_resistance,
+        release_energy=release_energy,
+        forces=forces,
+        g=g,
     )
+    return np.sqrt(np.maximum(2.0 * np.asarray(g) * body.radius * ratio, 0.0))
 
 
 def angular_rate(
@@ -286,14 +285,21 @@ def squared_speed_derivatives(
     """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
     derivatives in every parameter at fixed x.
     """
-    radius = np.asarray(body.radius)
+    radius, g = np.asarray(body.radius), np.asarray(g)
     angle = np.asarray(x) / radius
-    square, slope, gradient = squared_rate_derivatives(
-        angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
-    )
-    gradient = {name: radius**2 * d for name, d in gradient.items()}
-    gradient["radius"] += 2.0 * radius * square - radius * angle * slope
-    return radius**2 * square, radius * slope, gradient
+    keywords: dict[str, Any] = {
+        "phi": phi,
+        "theta0": theta0,
+        "rolling_resistance": rolling_resistance,
+    }
+    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
+    gradient = {
+        name: 2.0 * g * radius * d
+        for name, d in energy_ratio_gradient(angle, body, **keywords).items()
+    }
+    gradient["g"] = 2.0 * radius * ratio
+    gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
+    return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
 
 
 def squared_rate_derivatives(
