@@ -176,11 +176,7 @@ def end_of_rolling(
     }
     place |= {"release_energy": release_energy, "forces": forces}
     ramp = np.atleast_2d(np.asarray(ramp_end, dtype=float) / np.asarray(body.radius))
-    turn = np.atleast_2d(
-        turning_angle(body, **place, far=float(np.max(ramp)))
-        if forces or release_energy is not None
-        else _turning(body, place)
-    )
+    turn = np.atleast_2d(turning_angle(body, **place, far=float(np.max(ramp))))
     mu = np.atleast_2d(np.asarray(mu, dtype=float))
     last, turn, ramp, mu = np.broadcast_arrays(np.minimum(turn, ramp), turn, ramp, mu)
 
@@ -207,9 +203,3 @@ def end_of_rolling(
         ends, np.where(hops, End.HOPS, End.SLIPS), np.where(turn <= ramp, End.TURNS, End.RAMP)
     )
     return np.where(ends, high, last), why
-
-
-def _turning(body: Body, place: dict[str, Any]) -> FloatArray:
-    return turning_angle(
-        body, **{name: place[name] for name in ("phi", "theta0", "rolling_resistance")}
-    )

@@ -35,14 +35,8 @@ def kinetic_energy(
     """T/M, J/kg, of the body at `x` (m from release) with speed `v` (m/s) of the axle; translation
     and rotation.
     """
-    if forces is not None:
-        return (
-            0.5
-            * np.square(v)
-            * inertia(np.asarray(x) / body.radius, body, phi=phi, theta0=theta0, forces=forces)
-        )
-    theta = np.asarray(theta0) + np.asarray(x) / body.radius
-    return 0.5 * np.square(v) * (1.0 + body.inertia_ratio + 2.0 * body.gamma * np.cos(theta + phi))
+    angle, acting = np.asarray(x) / body.radius, forces or Forces()
+    return 0.5 * np.square(v) * inertia(angle, body, phi=phi, theta0=theta0, forces=acting)
 
 
 def potential_energy(
@@ -55,13 +49,7 @@ def potential_energy(
     forces: Forces | None = None,
 ) -> FloatArray:
     """V/M, J/kg, of the body at `x` (m from release); the paper's zero of height."""
-    theta = np.asarray(theta0) + np.asarray(x) / body.radius
-    if forces is None:
-        height = theta * np.sin(phi)
-    else:
-        bend = np.asarray(forces.phi_slope) * body.radius
-        height = (
-            np.asarray(theta0) * np.sin(phi)
-            + ramp_height(np.asarray(x) / body.radius, phi=phi, bend=bend)[0]
-        )
-    return np.asarray(g) * body.radius * (height + body.gamma * np.cos(theta))
+    angle, bend = np.asarray(x) / body.radius, (forces or Forces()).phi_slope
+    climbed = ramp_height(angle, phi=phi, bend=np.asarray(bend) * body.radius)[0]
+    height = np.asarray(theta0) * np.sin(phi) + climbed
+    return np.asarray(g) * body.radius * (height + body.gamma * np.cos(np.asarray(theta0) + angle))

@@ -273,28 +273,6 @@ def energy_ratio_gradient(
     return gradient
 
 
-def speed_derivatives(
-    x: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Speed (m/s), its slope dv/dx (1/s), and its derivatives in every parameter at fixed x: name
-    -> array.
-
-    From v^2 = F(x): dv/dx = F'/(2 v), dv/dp = (dF/dp)/(2 v).  All derivatives are 0 where v = 0:
-    there the formula is clipped and a gradient would be that of another motion.
-    """
-    return root_derivatives(
-        *squared_speed_derivatives(
-            x, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
-        )
-    )
-
-
 def squared_speed_derivatives(
     x: ArrayLike,
     body: Body,
@@ -324,25 +302,6 @@ def squared_speed_derivatives(
     return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
 
 
-def angular_rate_derivatives(
-    angle: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """Angular rate (rad/s), its slope in the angle (1/s), and its derivatives in every parameter at
-    fixed angle.
-    """
-    return root_derivatives(
-        *squared_rate_derivatives(
-            angle, body, phi=phi, theta0=theta0, rolling_resistance=rolling_resistance, g=g
-        )
-    )
-
-
 def squared_rate_derivatives(
     angle: ArrayLike,
     body: Body,
@@ -352,7 +311,9 @@ def squared_rate_derivatives(
     rolling_resistance: ArrayLike = 0.0,
     g: ArrayLike = STANDARD_GRAVITY,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """The same of the square of the angular rate, rad^2/s^2."""
+    """theta'^2 = 2 g W/(D R) (rad^2/s^2), its slope in the angle and its derivatives in every
+    parameter at fixed angle.
+    """
     scale = 2.0 * np.asarray(g) / body.radius
     keywords: dict[str, Any] = {
         "phi": phi,

@@ -31,7 +31,7 @@ FLAT = np.zeros((3, 3))
 def frames(matrix: np.ndarray | None = None, *, in_sequence: bool = True) -> Frames:
     matrix = np.eye(N) if matrix is None else matrix
     sparse = Differences(np.tile(np.arange(N), (len(matrix), 1)), matrix, N)
-    return Frames(T, 3.0 * T + T**2, np.arange(N) + 2, sparse, 3.0 + 2.0 * T, SD, in_sequence)
+    return Frames(sparse, 3.0 + 2.0 * T, SD, in_sequence, T, 3.0 * T + T**2, np.arange(N) + 2)
 
 
 def scanned(y: np.ndarray, known: Frames | None = None) -> BadFrames:
@@ -105,7 +105,7 @@ def test_a_step_a_frame_and_a_clock_are_named_with_their_sizes() -> None:
     (frame,) = scanned(errors(2) + np.where(index == 15, 9.0 * SD, 0.0)).jumps
     assert (frame.kind, frame.row) == ("frame", 15)
     lost = np.where(index >= 12, 0.1 * (3.0 + 2.0 * T), 0.0) * 10.0
-    fast = Frames(T, T, index, Differences.of_single(N), 10.0 * (3.0 + 2.0 * T), SD, True)
+    fast = Frames(Differences.of_single(N), 10.0 * (3.0 + 2.0 * T), SD, True, T, T, index)
     (clock,) = scanned(errors(4) + lost, fast).jumps
     assert (clock.kind, clock.row) == ("clock", 12)
     assert clock.size / clock.interval == pytest.approx(1.0, abs=3.0 * clock.sd / clock.interval)

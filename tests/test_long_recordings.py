@@ -14,7 +14,7 @@ import pytest
 from estim import fit_curve, load_campaign
 from estim.campaign.forced import trajectory_of
 from estim.checks.goodness import Goodness
-from estim.deviation import BadFrames, FreeStart, bad_frames, pose_force, trajectory
+from estim.deviation import BadFrames, FreeStart, bad_frames, pose_forces, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
 from estim.fitting import screen
@@ -80,7 +80,15 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     named = problem.named(values)
     free = FreeStart(run.noise, followed, BadFrames()).likelihood(run.points, named)
     bad = bad_frames(run, followed, problem, values, known=BadFrames())
-    posed = pose_force(run, followed, problem, values, without=np.ones(problem.n_par), bad=bad)
+    posed = pose_forces(
+        {"long": (run,)},
+        {"long": followed},
+        problem,
+        values,
+        without=np.ones(problem.n_par),
+        bad={"long": bad},
+        alone={},
+    )
     return problem, named, free, posed, bad
 
 
@@ -167,8 +175,8 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     for one, other in (
         (free, whole_free),
         (
-            posed.noise.likelihood(run.points, named),
-            whole_posed.noise.likelihood(run.points, named),
+            posed.noises["long"].likelihood(run.points, named),
+            whole_posed.noises["long"].likelihood(run.points, named),
         ),
     ):
         off = close * run.n_obs**0.5  # of a sum of squares of residuals that are of the order of 1
@@ -199,9 +207,9 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     assert [(jump.kind, jump.row) for jump in bad.jumps] == [("frame", 150)]
     np.testing.assert_allclose(bad.jumps[0].size, whole_bad.jumps[0].size, rtol=1e-8)
     np.testing.assert_allclose(
-        posed.found.force.mean,
-        whole_posed.found.force.mean,
-        atol=1e-8 * np.max(np.abs(whole_posed.found.force.mean)),
+        posed.found[0].force.mean,
+        whole_posed.found[0].force.mean,
+        atol=1e-8 * np.max(np.abs(whole_posed.found[0].force.mean)),
     )
 
 

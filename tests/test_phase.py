@@ -24,10 +24,11 @@ from model import (
 )
 from model.phase import (
     STANDARD_GRAVITY,
-    angular_rate_derivatives,
     energy_ratio,
     energy_ratio_derivatives,
-    speed_derivatives,
+    root_derivatives,
+    squared_rate_derivatives,
+    squared_speed_derivatives,
     time_derivative,
 )
 
@@ -38,6 +39,14 @@ ANY = Body(
     radius=0.21, gamma=0.23, kappa=0.6, rho=0.8, trailing_fraction=0.1, particle_gyration=0.12
 )
 ANY_RUN = {"phi": 0.07, "theta0": 1.1, "rolling_resistance": 0.02, "g": 9.7}
+
+
+def speed_derivatives(x, body, **run):
+    return root_derivatives(*squared_speed_derivatives(x, body, **run))
+
+
+def angular_rate_derivatives(angle, body, **run):
+    return root_derivatives(*squared_rate_derivatives(angle, body, **run))
 
 
 # special cases that others have written down

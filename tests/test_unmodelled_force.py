@@ -306,7 +306,7 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
         raise InputError("must be > 0 along the track", field="speed")
 
     white = fitted(body(tmp_path, shared=OFF))
-    monkeypatch.setattr(forced, "pose_force", at_rest)
+    monkeypatch.setattr(forced, "pose_forces", at_rest)
     fit = fitted(body(tmp_path))
     assert fit.forces == ()
     assert np.array_equal(fit.values, white.values)

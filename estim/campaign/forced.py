@@ -24,13 +24,10 @@ from estim.deviation import (
     FORCE_SCALE,
     BadFrames,
     FreeStart,
-    JointlyPosed,
-    Posed,
     Rows,
     Trajectory,
     bad_frames,
     by_itself,
-    pose_force,
     pose_forces,
 )
 from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
@@ -225,21 +222,15 @@ def fit_with_forces(
     try:
         free, bad = _free_fit(white, courses, rng=rng)
         without = np.sqrt(np.diag(white.cov))
-        posed: Posed | JointlyPosed
-        if len(problem.runs) > 1:
-            posed = pose_forces(
-                sharing_runs(problem.runs, levels, KEY),
-                courses,
-                problem,
-                free.values,
-                without=without,
-                alone=_alone(free),
-            )
-        else:
-            (run,) = problem.runs
-            posed = pose_force(
-                run, courses[run.name], problem, free.values, without=without, bad=bad[run.name]
-            )
+        posed = pose_forces(
+            sharing_runs(problem.runs, levels, KEY),
+            courses,
+            problem,
+            free.values,
+            without=without,
+            bad=bad,
+            alone=_alone(free) if len(problem.runs) > 1 else {},
+        )
     except InputError as error:
         return _without_force(white, {name: levels[name] for name in courses}, error.rule)
     runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
@@ -252,11 +243,10 @@ def fit_with_forces(
     # of the many starts, of which the best led here
     message = white.message if fit.success else fit.message
     forces = posed.inferred_at(fit.values - free.values)
-    parts = posed.parts if isinstance(posed, JointlyPosed) else None
     return replace(
         fit,
         forces=forces,
-        parts=parts,
+        parts=posed.parts,
         symmetry=white.symmetry,
         n_start=white.n_start,
         n_same=white.n_same,

@@ -8,10 +8,10 @@ from estim.deviation.completed import Completed
 from estim.deviation.trajectory import Trajectory, Rows
 from estim.deviation.expected import ForceSize, expected_root, force_sizes
 from estim.deviation.grid import FORCE_SCALE, SCALES, START_SD
-from estim.deviation.joint import JointlyPosed, NormalParts, by_itself, pose_forces
-from estim.deviation.bad_frame_search import BadFrames, Jump
+from estim.deviation.joint import NormalParts, bad_frames, by_itself, pose_forces
+from estim.deviation.bad_frame_search import BadFrames, Jump, Pattern, Shifts
 from estim.deviation.discrepancy import DeviationSize, FoundDeviation, pose_deviation, presence
 from estim.deviation.noise import FreeStart
 from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
-from estim.deviation.posing import FoundForce, Posed, bad_frames, pose_force
+from estim.deviation.posing import FoundForce
 from estim.deviation.repetition import MixtureErrors, replicas

@@ -37,9 +37,9 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation
-from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import compact
-from estim.problem import Differences, Points
+from estim.problem import Differences, Points, Root
 
 PRIOR = 0.25  # probability that a recording has a bad frame
 MOST = 6  # in one recording; beyond, it is not a matter of single frames
@@ -52,60 +52,6 @@ _WIDE = 30.0  # times what was found: sd of a size that is left to the data
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
-    """What was read of a run, row by row, and what a shift of a reading does to its points.
-
-    t : (n_row,) s, nan where unknown.
-    x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
-    matrix : A (n_obs, n_row).
-    velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
-    sd : of a typical reading.
-    in_sequence : whether readings follow each other, so that a shift can stay.
-    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None
-        where abscissas are not what is shifted.
-    """
-
-    t: FloatArray
-    x: FloatArray
-    lines: NDArray[np.int64]
-    matrix: Differences
-    velocity: FloatArray
-    sd: float
-    in_sequence: bool
-    at: NDArray[np.int64] | None = None
-    slope: FloatArray | None = None
-
-    @property
-    def interval(self) -> float:
-        """s, between readings; nan where times are unknown."""
-        return float(np.median(np.diff(self.t)))
-
-    def columns(self, patterns: Sequence[Pattern]) -> FloatArray:
-        """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
-        rows = np.arange(self.t.size)
-        whole = {"frame": np.ones(rows.size), "step": np.ones(rows.size), "clock": self.velocity}
-        shifts = [
-            whole[pattern.kind]
-            * ((rows == pattern.row) if pattern.kind == "frame" else (rows >= pattern.row))
-            for pattern in patterns
-        ]
-        return self.matrix @ np.array(shifts).T
-
-    def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
-        """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
-        each = self.matrix.back(columns)  # of a shift of one reading
-        later, moved = (
-            np.cumsum(one[::-1], axis=0)[::-1] for one in (each, self.velocity[:, None] * each)
-        )
-        kinds = {"frame": each, "step": later, "clock": moved}
-        products = np.empty((len(patterns), columns.shape[1]))
-        for kind, values in kinds.items():
-            mine = np.array([one.kind == kind for one in patterns], dtype=bool)
-            products[mine] = values[[one.row for one in patterns if one.kind == kind]]
-        return products
-
-
-@dataclass(frozen=True, eq=False)
 class Pattern:
     """A bad frame that may be: row k of the readings, and its kind."""
 
@@ -114,6 +60,92 @@ class Pattern:
     # that sizes are counted in: what moves the readings by one standard deviation, or a frame
     unit: float
     whole: bool = False  # whether the size is a number of frames
+
+
+@dataclass(frozen=True, eq=False)
+class Shifts:
+    """What a shift of a reading does to the points of a run.
+
+    matrix : A (n_obs, n_row).
+    velocity : (n_row,) of the fit, unit of a reading per s; zeros where time is not what was read.
+    sd : of a typical reading.
+    in_sequence : whether readings follow each other, so that a shift can stay.
+    """
+
+    matrix: Differences
+    velocity: FloatArray
+    sd: float
+    in_sequence: bool
+
+    @property
+    def interval(self) -> float:
+        """s, between readings; nan where times are unknown."""
+        return float("nan")
+
+    def patterns(self) -> tuple[Pattern, ...]:
+        """Those that do something to the points, each once: a step at the first or last frame is
+        that frame alone.
+        """
+        used = np.flatnonzero(self.matrix.used)
+        inside = used[2:-1] if self.in_sequence else used[:0]
+        moving = np.flatnonzero(self.velocity)
+        patterns = [Pattern(int(row), "frame", self.sd) for row in used]
+        patterns += [Pattern(int(row), "step", self.sd) for row in inside]
+        patterns += [
+            Pattern(int(row), "clock", self.interval, whole=True)
+            for row in inside
+            if moving.size and row <= moving[-1]
+        ]
+        return tuple(patterns)
+
+    def columns(self, patterns: Sequence[Pattern]) -> FloatArray:
+        """(n_obs, n) what patterns of size 1 (m, rad or s) do to the points."""
+        return self.matrix @ np.column_stack([self.shift(pattern) for pattern in patterns])
+
+    def shift(self, pattern: Pattern | Jump) -> FloatArray:
+        """(n_row,) what a pattern of size 1 does to the readings."""
+        rows = np.arange(self.matrix.n_row)
+        there = rows == pattern.row if pattern.kind == "frame" else rows >= pattern.row
+        return np.where(there, self.velocity if pattern.kind == "clock" else 1.0, 0.0)
+
+    def felt(self, patterns: Sequence[Pattern], columns: FloatArray) -> FloatArray:
+        """(n_pattern, n) h^T C for every pattern h of size 1 and the columns C (n_obs, n)."""
+        each = self.matrix.back(columns)  # of a shift of one reading
+        later, moved = (
+            np.cumsum(rows[::-1], axis=0)[::-1] for rows in (each, self.velocity[:, None] * each)
+        )
+        kinds = {"frame": each, "step": later, "clock": moved}
+        return np.array([kinds[pattern.kind][pattern.row] for pattern in patterns])
+
+    def squares(self, root: Root, patterns: Sequence[Pattern]) -> FloatArray:
+        """(n_pattern,) squares of the points of each pattern of size 1, whitened by `root`."""
+        chunk = max(1, _AT_ONCE // root.n_obs)
+        parts = []
+        for start in range(0, len(patterns), chunk):
+            whitened = root.whiten(self.columns(patterns[start : start + chunk]).T)
+            parts.append(np.einsum("ki,ki->k", whitened, whitened))
+        return np.concatenate(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Frames(Shifts):
+    """What was read of a run, row by row.
+
+    t : (n_row,) s, nan where unknown.
+    x : (n_row,) position or abscissa, for names.  lines : (n_row,) of the file, 0 where unknown.
+    at : (n_obs,) row of the abscissa of each point, and slope (n_obs,) of the curve there; None
+        where abscissas are not what is shifted.
+    """
+
+    t: FloatArray
+    x: FloatArray
+    lines: NDArray[np.int64]
+    at: NDArray[np.int64] | None = None
+    slope: FloatArray | None = None
+
+    @property
+    def interval(self) -> float:
+        return float(np.median(np.diff(self.t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +230,7 @@ def find_bad_frames(
     known : found about another point of linearisation; those that now come out smaller than 2.5 of
         their sds are dropped.
     """
-    patterns = _patterns(frames)
+    patterns = frames.patterns()
     taken = 0.0 if frames.at is None else 1.0  # whether the points are those without what was known
     before = {(jump.kind, jump.row): jump for jump in known.jumps}
     selected = [
@@ -208,27 +240,21 @@ def find_bad_frames(
     ]
     n_par = jacobian.shape[1]
     crowd, units = False, np.array([pattern.unit for pattern in patterns])
-    square = _squares(deviation, frames, patterns) * units**2
+    square = frames.squares(deviation.root, patterns) * units**2
     while True:
         columns = (
             frames.columns([shape for shape, *_ in selected]) * [wide for _, wide, *_ in selected]
             if selected
             else np.zeros((residuals.size, 0))
         )
-        n = len(selected)
-        whole = np.block([[precision, np.zeros((n_par, n))], [np.zeros((n, n_par)), np.eye(n)]])
-        linear = linearise(
-            deviation,
-            residuals,
-            np.hstack([jacobian, columns]),
-            precision=whole,
-            pull=np.r_[pull, np.zeros(n)],
+        linear = linearise_beside(
+            deviation, residuals, jacobian, columns, precision=precision, pull=pull
         )
         logs, sizes = _scan(linear, frames, patterns, units, square)
         total = float(np.logaddexp.reduce(logs))
         if total <= 0.0:
             break
-        if n >= MOST:
+        if len(selected) >= MOST:
             crowd = True
             break
         best = int(np.argmax(logs))
@@ -246,13 +272,26 @@ def find_bad_frames(
     mean, sds = linear.mean[n_par:], np.sqrt(np.diag(linear.covariance)[n_par:])
     jumps = []
     for i, (pattern, wide, probability, share) in enumerate(selected):
-        jump = before.get((pattern.kind, pattern.row))
-        size = float(mean[i]) * wide + (
-            taken * jump.size if jump is not None and jump.kind in _SHIFTED else 0.0
-        )
-        if abs(size) > _STILL * float(sds[i]) * wide:
+        row, jump = pattern.row, before.get((pattern.kind, pattern.row))
+        sd, size = float(sds[i]) * wide, float(mean[i]) * wide
+        if jump is not None and jump.kind in _SHIFTED:
+            size += taken * jump.size
+        if abs(size) > _STILL * sd:
             jumps.append(
-                _named(frames, pattern, wide, size, float(sds[i]) * wide, probability, share)
+                Jump(
+                    pattern.kind,
+                    row,
+                    float(frames.t[row]),
+                    float(frames.x[row]),
+                    int(frames.lines[row]),
+                    float(frames.t[max(row - 1, 0)]),
+                    frames.interval,
+                    size,
+                    sd,
+                    probability,
+                    share,
+                    frames.columns([pattern])[:, 0] * wide,
+                )
             )
     jumps.sort(key=lambda jump: jump.row)
     return BadFrames(tuple(jumps), crowd, *_shifts(frames, jumps))
@@ -262,66 +301,12 @@ def _shifts(frames: Frames, jumps: Sequence[Jump]) -> tuple[FloatArray | None, F
     """Of x and y of the points by the readings that are shifted."""
     if frames.at is None or frames.slope is None or not jumps:
         return None, None
-    rows = np.arange(frames.t.size)
-    shift = np.zeros(rows.size)
+    shift = np.zeros(frames.t.size)
     for jump in jumps:
         if jump.kind in _SHIFTED:
-            shift += jump.size * (rows >= jump.row if jump.kind == "step" else rows == jump.row)
+            shift += jump.size * frames.shift(jump)
     there = shift[frames.at]
     return there, frames.matrix @ shift + frames.slope * there
-
-
-def _named(
-    frames: Frames,
-    pattern: Pattern,
-    wide: float,
-    size: float,
-    sd: float,
-    probability: float,
-    share: float,
-) -> Jump:
-    row = pattern.row
-    return Jump(
-        pattern.kind,
-        row,
-        float(frames.t[row]),
-        float(frames.x[row]),
-        int(frames.lines[row]),
-        float(frames.t[max(row - 1, 0)]),
-        frames.interval,
-        size,
-        sd,
-        probability,
-        share,
-        frames.columns([pattern])[:, 0] * wide,
-    )
-
-
-def _patterns(frames: Frames) -> tuple[Pattern, ...]:
-    """Those that do something to the points, each once: a step at the first or last frame is that
-    frame alone.
-    """
-    used = np.flatnonzero(frames.matrix.used)
-    inside = used[2:-1] if frames.in_sequence else used[:0]
-    moving = np.flatnonzero(frames.velocity)
-    patterns = [Pattern(int(row), "frame", frames.sd) for row in used]
-    patterns += [Pattern(int(row), "step", frames.sd) for row in inside]
-    patterns += [
-        Pattern(int(row), "clock", frames.interval, whole=True)
-        for row in inside
-        if moving.size and row <= moving[-1]
-    ]
-    return tuple(patterns)
-
-
-def _squares(deviation: Deviation, frames: Frames, patterns: Sequence[Pattern]) -> FloatArray:
-    """(n_pattern,) squares of the whitened points of each pattern of size 1."""
-    chunk = max(1, _AT_ONCE // deviation.n_obs)
-    parts = []
-    for start in range(0, len(patterns), chunk):
-        whitened = deviation.whiten(frames.columns(patterns[start : start + chunk]).T)
-        parts.append(np.einsum("ki,ki->k", whitened, whitened))
-    return np.concatenate(parts)
 
 
 def _scan(
@@ -348,18 +333,17 @@ def _scan(
     logs = np.full(len(patterns), -np.inf)
     sizes = np.zeros(len(patterns))
     most = np.full(len(patterns), -np.inf)
-    whole, start = np.array([pattern.whole for pattern in patterns]), 0
-    for lean, projection in zip(families, seen_by, strict=True):
-        components = slice(start, start + lean.amplitude.size)
-        start = components.stop
+    whole = np.array([pattern.whole for pattern in patterns])
+    components = deviation.each(np.arange(linear.weights.size))
+    for lean, projection, (_, own) in zip(families, seen_by, components, strict=True):
         seen, turned, coordinates = projection.T, lean.basis.T @ j, lean.basis.T @ r
         white = 1.0 / np.square(lean.scale)
         for gain, flat, weight, step, cov in zip(
             1.0 / lean.variances() - white[:, None],
             white,
-            linear.weights[components],
-            linear.steps[components],
-            linear.covariances[components],
+            linear.weights[own],
+            linear.steps[own],
+            linear.covariances[own],
             strict=True,
         ):
             if weight == 0.0:

@@ -19,7 +19,7 @@ from estim.deviation.components import Family
 from estim.deviation.force import force_kernel, work_along
 from estim.deviation.grid import START_SD
 from estim.deviation.kernels import without_mean
-from estim.deviation.mixture import Mixture
+from estim.deviation.mixture import Mixture, inverse_times
 from estim.deviation.residuals import Residuals
 from estim.deviation.trajectory import Along
 from estim.problem import Motion, Named, Points
@@ -48,21 +48,15 @@ class Completed:
         One error for all places of a draw, so that bands are smooth.
         """
         residuals = self.formed.at(self.points, named)
-        logs = self.mixture.log_components(residuals)
-        # a component with its probability
-        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-        energy, scale = np.zeros((chosen.size, x.size)), np.ones(chosen.size)
-        errors = rng.standard_normal((chosen.size, 1))
-        z = self.mixture.deviation.whiten(residuals)
-        start = 0
-        for family in self.mixture.deviation.families:
-            unit = _Unit.of(self, family, x)
-            for k in range(family.amplitude.size):
-                rows = np.flatnonzero(chosen == start + k)
-                if rows.size:
-                    mean, sd = unit.given(self.mixture.columns, family, k, z[rows])
-                    energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
-            start += family.amplitude.size
+        mixture = self.mixture
+        energy, scale = np.zeros((len(residuals), x.size)), np.ones(len(residuals))
+        drawn = list(mixture.drawn(residuals, rng))
+        errors = rng.standard_normal((len(residuals), 1))
+        z = mixture.deviation.whiten(residuals)
+        units = {family.length: _Unit.of(self, family, x) for family, *_ in drawn}
+        for family, k, rows in drawn:
+            mean, sd = units[family.length].given(mixture, family, k, z[rows])
+            energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
         arguments = self.points.bind(named)
         metres = np.asarray(self.motion.metres(arguments))
         lift = (
@@ -100,26 +94,14 @@ class _Unit:
         )
 
     def given(
-        self, columns: FloatArray, family: Family, k: int, z: FloatArray
+        self, mixture: Mixture, family: Family, k: int, z: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Mean (n_draw, n_x) and standard deviation (n_x,) of the energy for whitened residuals z
         (n_draw, n_obs), under component k.
         """
-        white, strength = 1.0 / family.scale[k] ** 2, family.amplitude[k] ** 2
-        gain = 1.0 / (family.scale[k] ** 2 + strength * family.spectrum) - white
-
-        def solved(rows: FloatArray) -> FloatArray:
-            """Rows (n, n_obs) times the inverse of C_k."""
-            return white * rows + ((rows @ family.basis) * gain) @ family.basis.T
-
+        strength = family.amplitude[k] ** 2
         along = strength * self.force + self.push
-        answer, pushed = solved(along), solved(columns.T)
-        answer -= (answer @ columns) @ np.linalg.solve(
-            np.eye(columns.shape[1]) + columns.T @ pushed.T, pushed
-        )
-        variance = (
-            strength * self.force_variance
-            + self.push_variance
-            - np.einsum("ij,ij->i", answer, along)
-        )
+        answer = inverse_times(along, mixture.causes(family, k), float(family.scale[k] ** 2))
+        variance = strength * self.force_variance + self.push_variance
+        variance -= np.einsum("ij,ij->i", answer, along)
         return z @ answer.T, np.sqrt(np.maximum(variance, 0.0))

@@ -12,7 +12,9 @@ and evaluates draws.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,14 +74,11 @@ class Family:
 
     def chosen(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> Family:
         """The family with some of its components alone."""
-        return Family(
-            self.kind,
-            self.length,
-            self.basis,
-            self.spectrum,
-            self.amplitude[keep],
-            self.scale[keep],
-            self.log_prior[keep],
+        return replace(
+            self,
+            amplitude=self.amplitude[keep],
+            scale=self.scale[keep],
+            log_prior=self.log_prior[keep],
         )
 
 
@@ -109,6 +108,11 @@ class Deviation:
         observations.
         """
         return self.root.turned_back(rows)
+
+    def each(self, values: NDArray[Any]) -> Iterator[tuple[Family, NDArray[Any]]]:
+        """Every family with its part of what all components have, `values` (n_component, ...)."""
+        ends = np.cumsum([family.amplitude.size for family in self.families])
+        return zip(self.families, np.split(values, ends[:-1]), strict=True)
 
     def column(self, name: str) -> FloatArray:
         """(n_component,) `amplitude`, `scale` or `log_prior` of all components in the order of the

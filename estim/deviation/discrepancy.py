@@ -39,11 +39,12 @@ from estim.deviation.posing import (
     growth_over,
     information_of_run,
     likelihood_information,
+    likely_root,
     linear_groups,
 )
 from estim.deviation.residual_part import ResidualPart, see_deviation
 from estim.deviation.residuals import Residuals
-from estim.problem import Discrepancy, Observations, Problem, Root, Wording
+from estim.problem import Discrepancy, Observations, Problem, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
 _PROBABILITIES = (0.68, 0.95)
@@ -147,17 +148,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     lacks = run.lacks
     assert lacks is not None, "asked for runs that may lack something"
     covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
-    prior = _prior(problem, values)
-    precision, pull = as_prior(
-        [
-            prior,
-            *(
-                information_of_run(other, problem, values)
-                for other in problem.runs
-                if other is not run
-            ),
-        ]
-    )
+    precision, pull = _beside(run, problem, values)
     scales = _scales(lacks, covariance, residuals)
     deviation = _components(run, lacks, covariance, scales)
     without = _sds(deviation.whiten(jacobian.T), precision)
@@ -165,7 +156,11 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
     )
     noise = WithDeviation(
-        run.noise, keep_probable(linear), _likely_root(linear, lacks), Residuals(shift), lacks
+        run.noise,
+        keep_probable(linear),
+        likely_root(linear, stated=lacks.stated),
+        Residuals(shift),
+        lacks,
     )
     means, covs = linear_groups(linear, problem.n_par)
     extents = {
@@ -191,7 +186,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         mean=values + linear.mean,
         cov=linear.covariance,
         about=values,
-        told=likelihood_information(linear, prior),
+        told=likelihood_information(linear, _prior(problem, values)),
         intervals=_intervals(linear, problem, values),
         means=values + means,
         covs=covs,
@@ -204,16 +199,7 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     beforehand; linear about `values` (n_par,).
     """
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
-    precision, pull = as_prior(
-        [
-            _prior(problem, values),
-            *(
-                information_of_run(other, problem, values)
-                for other in problem.runs
-                if other is not run
-            ),
-        ]
-    )
+    precision, pull = _beside(run, problem, values)
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
@@ -289,21 +275,20 @@ def _scales(lacks: Discrepancy, covariance: FloatArray, residuals: FloatArray) -
     return scales | ({TIME: max(seen, _TIMES_NOISE * typical)} if lacks.along is not None else {})
 
 
+def _beside(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
+    """Precision and pull of what priors and other runs say."""
+    others = [other for other in problem.runs if other is not run]
+    return as_prior(
+        [_prior(problem, values), *(information_of_run(o, problem, values) for o in others)]
+    )
+
+
 def _prior(problem: Problem, values: FloatArray) -> TrialInformation:
     """What the priors say at `values`."""
     priors = list(zip(problem.parameters, values, strict=True))
     slope = np.array([p.prior.residual_slope(float(v)) for p, v in priors])
     off = np.array([p.prior.residual(float(v)) for p, v in priors])
     return np.diag(slope**2), -slope * off
-
-
-def _likely_root(linear: Linearised, lacks: Discrepancy) -> Root:
-    """Of the most probable covariance; in units of the stated noise at least, where it was
-    stated.
-    """
-    return linear.best_root(
-        size=min(float(linear.scales[linear.best]), 1.0) if lacks.stated else 1.0
-    )
 
 
 def _size(linear: Linearised, kind: str, scale: float, long: float) -> DeviationSize:

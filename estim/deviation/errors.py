@@ -17,7 +17,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import Residuals
-from estim.problem import Ends, Likelihood, Linear, Named, Points, Root, StackedPoints
+from estim.problem import Likelihood, Linear, Named, Points, Root, StackedPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,10 +82,6 @@ class MixtureErrors(Likelihood):
         return np.asarray(
             self.mixture.likely(self.raw(named)[0]).whiten(-self.gradient(named, names).T).T
         )
-
-    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        root = self.information_root(named, names)
-        return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Linear:
         return Linear(

@@ -20,8 +20,8 @@ from scipy.linalg import block_diag, solve_triangular
 from estim.arrays import FloatArray
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
+from estim.deviation.joint import Tracked
 from estim.deviation.kernels import without_mean
-from estim.deviation.noise import formed_about
 from estim.deviation.residuals import stacked
 from estim.deviation.trajectory import Trajectory
 from estim.problem import Observations, Posterior, Problem, StackedPoints
@@ -73,41 +73,26 @@ def expected_root(
     Raises InputError where a body hardly moves somewhere along its track.
     """
     named = problem.named(values)
-    about = [
-        formed_about(courses[run.name], run.noise, run.points, named, scale=1.0) for run in runs
-    ]
-    alongs = [
-        courses[run.name].along(run.points, named, run.noise, about=formed.speed)
-        for run, (formed, _) in zip(runs, about, strict=True)
-    ]
-    track = max((along.track for along in alongs), key=lambda one: one.length)
-    several = len(runs) > 1
-    responses = [
-        along.response.carried(along.track, track) if several else along.response
-        for along in alongs
-    ]
+    points = StackedPoints(tuple(run.points for run in runs))
+    tracked, several = Tracked.of(runs, points, courses, named, scale=1.0), len(runs) > 1
+    track, responses = tracked.track, tracked.responses
     lever = Response.stacked(responses).force
     between = size.between() if several else np.zeros(size.lengths.size)
-    covariance = size.noise * block_diag(*(errors.covariance for _, errors in about))
+    covariance = size.noise * block_diag(*(errors.covariance for errors in tracked.stated))
     for length, shared, apart in zip(size.lengths, size.shared, between, strict=True):
-        kernel = force_kernel(track, float(length), radius=alongs[0].radian)
+        kernel = force_kernel(track, float(length), radius=tracked.alongs[0].radian)
         covariance += shared * lever @ without_mean(kernel, track.weights) @ lever.T
         covariance += apart * block_diag(*(one.force @ kernel @ one.force.T for one in responses))
-    pushes = block_diag(*(along.push[:, None] for along in alongs))
-    lower = np.linalg.cholesky(covariance + pushes @ pushes.T)
-    gradient = stacked([formed for formed, _ in about]).gradient(
-        StackedPoints(tuple(run.points for run in runs)), named, problem.names
-    )
+    lower = np.linalg.cholesky(covariance + tracked.pushes @ tracked.pushes.T)
+    gradient = stacked(tracked.formed).gradient(points, named, problem.names)
     return np.asarray(solve_triangular(lower, gradient, lower=True))
 
 
 def _size(likelihood: MixtureErrors, residuals: FloatArray, *, several: bool) -> ForceSize:
-    share, start = likelihood.mixture.shares(residuals), 0
+    mixture = likelihood.mixture
     ratios = {own_kind(ratio): ratio for ratio in OWN} if several else {FORCE: 0.0}
     noise, shared, own = 0.0, dict[float, float](), dict[float, float]()
-    for family in likelihood.mixture.deviation.families:
-        weights = share[start : start + family.amplitude.size]
-        start += weights.size
+    for family, weights in mixture.deviation.each(mixture.shares(residuals)):
         noise += float(weights @ np.square(family.scale))
         square = float(weights @ np.square(family.amplitude))
         shared[family.length] = shared.get(family.length, 0.0) + square

@@ -167,30 +167,19 @@ def force_priors(along: Track, *, radius: float | None = None) -> tuple[ForcePri
     kinds of each: the same force on both ways (a ramp that is not flat), another one on the way
     back (dirt, which changes its sign, beside it), and a moment once and twice per turn alone.
     """
-    priors = []
+    priors, ways = [], {FORCE: 1.0} if along.back is None else _WAYS
+    kinds = 0.0 if along.back is None else np.log(3.0)
     for length, log_prior in zip(*track_lengths(along.length), strict=True):
         kernel = force_kernel(along, float(length), radius=radius)
         elsewhere = sd_of_mean(kernel, along.weights)
-        if along.back is None:
-            priors.append(
-                ForcePrior(
-                    FORCE,
-                    float(length),
-                    float(log_prior),
-                    without_mean(kernel, along.weights),
-                    elsewhere,
-                )
+        for kind, alike in ways.items():
+            covariance = (
+                without_mean(kernel, along.weights)
+                if along.back is None
+                else _on_both_ways(along, kernel, alike)
             )
-            continue
-        for kind, alike in _WAYS.items():
             priors.append(
-                ForcePrior(
-                    kind,
-                    float(length),
-                    float(log_prior - np.log(3.0)),
-                    _on_both_ways(along, kernel, alike),
-                    elsewhere,
-                )
+                ForcePrior(kind, float(length), float(log_prior - kinds), covariance, elsewhere)
             )
     if along.back is not None:
         apart, turn = distances(along.nodes), radius or along.length

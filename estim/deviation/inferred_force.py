@@ -4,7 +4,7 @@ distance, and what it means for c_rr elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,13 +66,13 @@ def find_force(
     families = linearised.deviation.families
     every = {(prior.kind, prior.length): prior for prior in force_priors(along, radius=radius)}
     priors = [every.get((f.kind, f.length)) or every[FORCE, f.length] for f in families]
-    seen = _seen(linearised, response, [prior.covariance for prior in priors])
+    seen = _see_force(linearised, response, [prior.covariance for prior in priors])
     sizes = [
         (f.amplitude * prior.elsewhere) ** 2 for f, prior in zip(families, priors, strict=True)
     ]
     elsewhere = float(seen.weights @ np.concatenate(sizes)[seen.kept])
     mean, sd = seen.mean_and_sd()
-    quantiles, n = mixture_quantiles(seen.weights, seen.means, seen.sds, BAND), along.nodes.size
+    quantiles, n = seen.quantiles(), along.nodes.size
     return Force(
         x=along.nodes,
         mean=mean[:n],
@@ -116,7 +116,7 @@ def find_own_force(
     """
     families = linearised.deviation.families
     kernels = {f.length: force_kernel(along, f.length, radius=radius) for f in families}
-    seen = _seen(
+    seen = _see_force(
         linearised,
         response,
         [ratio**2 * kernels[f.length] for f, ratio in zip(families, ratios, strict=True)],
@@ -127,13 +127,13 @@ def find_own_force(
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
-    """A force at the nodes given each of the probable components, with the parameters p integrated
-    out.
+class Seen:
+    """A deviation at some places given each of the probable components, with the parameters p
+    integrated out.
 
-    f | k ~ N(a^2 K L^T C^-1 (r - J p), a^2 K - a^4 K L^T C^-1 L K)
+    f | k ~ N(a^2 S^T C^-1 (r - J p), a^2 K - a^4 S^T C^-1 S)
 
-    kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_node).
+    kept : (n_kept,) components.  weights : (n_kept,) of sum 1.  means, sds : (n_kept, n_place).
     """
 
     kept: NDArray[np.int64]
@@ -142,44 +142,47 @@ class _Seen:
     sds: FloatArray
 
     def mean_and_sd(self) -> tuple[FloatArray, FloatArray]:
-        """(n_node,) of the mixture."""
+        """(n_place,) of the mixture."""
         mean = self.weights @ self.means
         return mean, np.sqrt(
             np.maximum(self.weights @ (np.square(self.sds) + np.square(self.means - mean)), 0.0)
         )
 
+    def quantiles(self) -> FloatArray:
+        """(5, n_place) at BAND."""
+        return mixture_quantiles(self.weights, self.means, self.sds, BAND)
 
-def _seen(linearised: Linearised, response: Response, kernels: Sequence[FloatArray]) -> _Seen:
+
+def see(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> Seen:
+    """priors : of each family, for unit amplitude, S (n_place, n_obs), the covariance of places and
+    points, and the variances (n_place,) of the places.
+    """
+    deviation, means, sds = linear.deviation, [], []
+    r, j = deviation.whiten(linear.residuals), deviation.whiten(linear.jacobian.T)
+    components = linear.probable(1.0 - _LOST)
+    members = deviation.each(np.arange(linear.weights.size))
+    for (family, every), (along, variance) in zip(members, priors, strict=True):
+        place = np.flatnonzero(np.isin(every, components))
+        here = every[place]
+        seen = deviation.whiten(along) @ family.basis  # (n_place, n_dir)
+        precision = 1.0 / family.variances()[place]
+        square = np.square(family.amplitude[place])[:, None]
+        off, turned = (r - linear.steps[here] @ j) @ family.basis, j @ family.basis
+        means.append(square * ((off * precision) @ seen.T))
+        moved = square[:, :, None] * np.einsum(
+            "id,kd,pd->kip", seen, precision, turned, optimize=True
+        )
+        spread = square * variance - np.square(square) * (precision @ np.square(seen).T)
+        spread += np.einsum(
+            "kip,kpq,kiq->ki", moved, linear.covariances[here], moved, optimize=True
+        )
+        sds.append(np.sqrt(np.maximum(spread, 0.0)))
+    weights = linear.weights[components]
+    return Seen(components, weights / weights.sum(), np.vstack(means), np.vstack(sds))
+
+
+def _see_force(linear: Linearised, response: Response, kernels: Sequence[FloatArray]) -> Seen:
     """kernels : covariance (n_node, n_node) of the force for unit amplitude, one for each
     family.
     """
-    deviation = linearised.deviation
-    r, j = deviation.whiten(linearised.residuals), deviation.whiten(linearised.jacobian.T).T
-    lever = deviation.whiten(response.force.T).T
-    order = np.argsort(linearised.weights)[::-1]
-    components = np.sort(
-        order[: 1 + int(np.searchsorted(np.cumsum(linearised.weights[order]), 1.0 - _LOST))]
-    )
-    means, sds, start = [], [], 0
-    for family, kernel in zip(deviation.families, kernels, strict=True):
-        here = components[(components >= start) & (components < start + family.amplitude.size)]
-        if here.size:
-            reach = (kernel @ lever.T) @ family.basis
-            seen = family.basis.T @ r
-            turned = family.basis.T @ j
-        for k in here:
-            square = family.amplitude[k - start] ** 2
-            variance = family.scale[k - start] ** 2 + square * family.spectrum
-            gain = square * reach / variance  # (n_node, n_dir)
-            parameters = gain @ turned
-            spread = square * np.diag(kernel) - np.einsum("ij,ij->i", gain * variance, gain)
-            spread += np.einsum("ip,pq,iq->i", parameters, linearised.covariances[k], parameters)
-            means.append(gain @ (seen - turned @ linearised.steps[k]))
-            sds.append(np.sqrt(np.maximum(spread, 0.0)))
-        start += family.amplitude.size
-    return _Seen(
-        components,
-        linearised.weights[components] / linearised.weights[components].sum(),
-        np.array(means),
-        np.array(sds),
-    )
+    return see(linear, [(kernel @ response.force.T, np.diag(kernel)) for kernel in kernels])

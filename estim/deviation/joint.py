@@ -12,22 +12,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
-from estim.deviation.bad_frame_search import BadFrames
-from estim.deviation.components import Deviation, diagonalise
+from estim.deviation.bad_frame_search import BadFrames, find_bad_frames
+from estim.deviation.completed import Completed
+from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.force import OWN, Response, Track, force_shapes, shared_force_shapes
 from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import SCALES, prior_grid
+from estim.deviation.grid import SCALES, Grid, prior_grid
 from estim.deviation.inferred_force import OwnForce, find_force, find_own_force
-from estim.deviation.linearised import Linearised, linearise
+from estim.deviation.linearised import Linearised, linearise_beside
 from estim.deviation.mixture import Mixture, keep_probable
-from estim.deviation.noise import Stated, WithForce, formed_about
+from estim.deviation.noise import Stated, StatedErrors, WithForce, formed_about
 from estim.deviation.normal_parts import NormalParts as NormalParts
 from estim.deviation.normal_parts import normal_parts
 from estim.deviation.posing import (
@@ -42,7 +44,7 @@ from estim.deviation.posing import (
     priors_at,
     summed,
 )
-from estim.deviation.residuals import Residuals, stacked
+from estim.deviation.residuals import Residuals, points_about, stacked
 from estim.deviation.trajectory import Along, Trajectory
 from estim.problem import (
     Likelihood,
@@ -56,6 +58,9 @@ from estim.problem import (
     Wording,
     stacked_root,
 )
+
+# where frames are judged the noise may be any larger than stated
+_ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +110,13 @@ class Sharing(Stated):
 
 
 @dataclass(frozen=True, eq=False)
-class JointlyPosed:
+class Posed:
     """noises : run -> its noise with the force.  shared : what ties runs together.  found : one
     force a group.
 
     step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white
         fit, linearised.
-    parts : the same posterior as normal distributions.
+    parts : the same posterior as normal distributions; None for a run alone.
     """
 
     noises: Mapping[str, Noise]
@@ -119,7 +124,7 @@ class JointlyPosed:
     found: tuple[FoundForce, ...]
     step: FloatArray
     cov: FloatArray
-    parts: NormalParts
+    parts: NormalParts | None
 
     def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
@@ -128,38 +133,106 @@ class JointlyPosed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Linearised:
-    """A group of runs, linear about a white fit.
+class Stack:
+    """Runs that have one likelihood, linear about values of the parameters.
 
-    track : the longest.
-    responses : of each run, on its nodes.  pushes : (n_obs, n_run) what one sd of each energy at
-        release does.
+    bad : frames of a run alone.  points : without their shifts.
+    root : of the stated covariance.  shapes, grid : of what may be beside it.
+    columns : (n_obs, n_column) further errors, each of unit size: the energy at release of each
+        run, if it is free, then bad frames.
     """
 
-    label: str
     runs: tuple[Observations, ...]
-    alongs: tuple[Along, ...]
-    track: Track
-    responses: tuple[Response, ...]
-    deviation: Deviation
+    bad: BadFrames
+    points: StackedPoints
+    root: Root
+    shapes: tuple[Shape, ...]
+    grid: Grid
     residuals: FloatArray
     jacobian: FloatArray
-    pushes: FloatArray
+    columns: FloatArray
     formed: Residuals
 
+    @cached_property
+    def deviation(self) -> Deviation:
+        return diagonalise(self.root, self.shapes, self.grid)
+
     def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
-        """The posterior of parameters and starts; precision, pull : (n_par, n_par), (n_par,) of all
-        that is known beside.
+        """The posterior of parameters and `columns`; precision, pull : (n_par, n_par), (n_par,) of
+        all that is known beside.
         """
-        columns, n = np.column_stack([self.jacobian, self.pushes]), len(self.runs)
-        every = block_diag(precision, np.eye(n))  # each start in its own sds
-        return linearise(
+        return linearise_beside(
             self.deviation,
             self.residuals,
-            columns,
-            precision=every,
-            pull=np.append(pull, np.zeros(n)),
+            self.jacobian,
+            self.columns,
+            precision=precision,
+            pull=pull,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """Stacks of runs, each beside all that the others and the priors say.
+
+    linear : the posterior of each.  besides : what it was linearised with.
+    known : what priors and runs say that stand in no stack.  data : what all runs say.
+    """
+
+    linear: tuple[Linearised, ...]
+    besides: tuple[TrialInformation, ...]
+    known: TrialInformation
+    data: TrialInformation
+
+    @classmethod
+    def of(cls, stacks: Sequence[Stack], problem: Problem, values: FloatArray) -> Beside:
+        precision, pull = priors_at(problem, values)
+        prior = precision, precision @ pull
+        inside = {run.name for stack in stacks for run in stack.runs}
+        others = [
+            information_of_run(run, problem, values)
+            for run in problem.runs
+            if run.name not in inside
+        ]
+        information = [
+            likelihood_information(stack.beside(precision, pull), prior) for stack in stacks
+        ]
+        besides = tuple(
+            summed([prior, *others, *information[:i], *information[i + 1 :]])
+            for i in range(len(stacks))
+        )
+        linear = tuple(
+            stack.beside(*as_prior([beside])) for stack, beside in zip(stacks, besides, strict=True)
+        )
+        return cls(linear, besides, summed([prior, *others]), summed([*others, *information]))
+
+
+def noises_of(
+    stacks: Sequence[Stack], linear: Sequence[Linearised], alone: type[WithForce]
+) -> tuple[dict[str, Noise], tuple[Together, ...]]:
+    """Run -> its noise, `alone` where it shares nothing, and what ties runs together."""
+    noises: dict[str, Noise] = {}
+    shared = []
+    for stack, posterior in zip(stacks, linear, strict=True):
+        mixture = keep_probable(posterior, columns=stack.columns)
+        likely = likely_root(posterior, stack.columns)
+        names = tuple(run.name for run in stack.runs)
+        if len(names) == 1:
+            noise = stack.runs[0].noise
+            noises[names[0]] = alone(noise, mixture, likely, stack.formed, bad=stack.bad)
+            continue
+        shared.append(Together(names, mixture, likely, stack.formed))
+        for run in stack.runs:
+            noises[run.name] = Sharing(run.noise, tuple(n for n in names if n != run.name))
+    return noises, tuple(shared)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Forced(Stack):
+    """label : what the runs have in common.  tracked : what a force does to them."""
+
+    label: str
+    tracked: Tracked
 
 
 def pose_forces(
@@ -169,126 +242,172 @@ def pose_forces(
     values: FloatArray,
     *,
     without: FloatArray,
+    bad: Mapping[str, BadFrames],
     alone: Mapping[str, FloatArray],
-) -> JointlyPosed:
+) -> Posed:
     """The forces of `groups` of runs, linear about `values` (n_par,), those of a white fit with
     free starts.
 
     groups : what the runs of a group have in common -> its runs, which share a force where there
         are several.  Other runs lack nothing.
     without : (n_par,) standard deviations with the stated noise alone and exact starts.
-    alone : run -> (n_par,) where a white fit of this run by itself ends.  Raises InputError where a
-        body hardly moves somewhere along its track.
+    bad : run -> frames whose shifts are unknown too, of a run that shares nothing.
+    alone : run -> (n_par,) where a white fit of this run by itself ends; of runs fit together.
+        Raises InputError where a body hardly moves somewhere along its track.
     """
-    first = [
-        _prepared(label, tuple(runs), courses, problem, values) for label, runs in groups.items()
-    ]
-    lacking = [  # now that the forces are known, the speeds are
-        _prepared(group.label, group.runs, courses, problem, values, speeds=speeds)
-        for group, speeds in zip(first, _speeds(first, problem, values), strict=True)
-    ]
-    precision, pull = priors_at(problem, values, n_start=0)
-    prior = precision, precision @ pull
-    forced = {run.name for group in lacking for run in group.runs}
-    complete = [
-        information_of_run(run, problem, values) for run in problem.runs if run.name not in forced
-    ]
-    information = [
-        likelihood_information(group.beside(precision, pull), prior) for group in lacking
-    ]
-    each = [
-        tuple(_told_alone(run, courses, problem, values, alone[run.name]) for run in group.runs)
-        for group in lacking
-    ]
-    besides = [
-        summed([prior, *complete, *information[:i], *information[i + 1 :]])
-        for i in range(len(lacking))
-    ]
-    linear = [
-        group.beside(*as_prior([beside])) for group, beside in zip(lacking, besides, strict=True)
-    ]
-    noises: dict[str, Noise] = {}
-    for group, posterior in zip(lacking, linear, strict=True):
-        noises |= _noises(group, posterior)
-    shared = tuple(
-        _together(group, posterior)
-        for group, posterior in zip(lacking, linear, strict=True)
-        if len(group.runs) > 1
-    )
-    data = summed([*complete, *information])
-    forces = tuple(
-        replace(_found(group, posterior, values, without, problem, data), alone=by_run)
-        for group, posterior, by_run in zip(lacking, linear, each, strict=True)
-    )
-    n = problem.n_par
-    parts = normal_parts(
-        list(zip(linear, besides, strict=True)), summed([prior, *complete]), values
-    )
-    return JointlyPosed(
-        noises, shared, forces, linear[0].mean[:n], linear[0].covariance[:n, :n], parts
-    )
-
-
-def _speeds(
-    lacking: Sequence[_Linearised], problem: Problem, values: FloatArray
-) -> list[tuple[FloatArray, ...]]:
-    """Of each run of each group (n_obs,), as far as its data and the priors tell."""
-    prior, inferred = priors_at(problem, values, n_start=0), []
-    for group in lacking:
-        read = (
-            np.concatenate([run.y for run in group.runs])
-            - group.formed.shift
-            - group.beside(*prior).errors()
+    prior, lacking = priors_at(problem, values), []
+    for label, members in groups.items():
+        runs = tuple(members)
+        group = _forced(label, runs, courses, problem, values, bad)
+        if group.formed.speed is not None:  # now that the force is known, the speeds are
+            read = group.points.y - group.formed.shift - group.beside(*prior).errors()
+            speeds = np.split(read, np.cumsum([run.n_obs for run in runs])[:-1])
+            group = _forced(label, runs, courses, problem, values, bad, speeds=speeds)
+        lacking.append(group)
+    posterior = Beside.of(lacking, problem, values)
+    noises, shared = noises_of(lacking, posterior.linear, WithForce)
+    forces = []
+    for group, linear in zip(lacking, posterior.linear, strict=True):
+        found = _found(group, linear, values, without, problem, posterior.data)
+        each = tuple(
+            _told_alone(run, courses, problem, values, alone[run.name])
+            for run in group.runs
+            if run.name in alone
         )
-        inferred.append(tuple(np.split(read, np.cumsum([run.n_obs for run in group.runs])[:-1])))
-    return inferred
+        completed = None
+        if len(problem.runs) == 1 and not group.runs[0].positions:
+            completed = Completed(
+                group.points.runs[0],
+                group.runs[0].body,
+                keep_probable(linear, columns=group.columns),
+                group.formed,
+                group.tracked.alongs[0],
+            )
+        forces.append(replace(found, alone=each, completed=completed))
+    n, first = problem.n_par, posterior.linear[0]
+    parts = (
+        normal_parts(
+            list(zip(posterior.linear, posterior.besides, strict=True)), posterior.known, values
+        )
+        if len(problem.runs) > 1
+        else None
+    )
+    return Posed(noises, shared, tuple(forces), first.mean[:n], first.covariance[:n, :n], parts)
 
 
-def _prepared(
+def bad_frames(
+    run: Observations, course: Trajectory, problem: Problem, values: FloatArray, *, known: BadFrames
+) -> BadFrames:
+    """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as
+    `pose_forces` does.
+
+    known : what was found about other values: it is kept where it still has a size.
+    """
+    here = _forced(run.name, (run,), {run.name: course}, problem, values, {run.name: known})
+    (about,) = here.points.runs
+    if here.formed.speed is not None:
+        about = points_about(about, here.formed.speed)
+    frames = course.frames(about, problem.named(values), run.noise)
+    if frames is None:
+        return BadFrames()
+    precision, pull = priors_at(problem, values)
+    return find_bad_frames(
+        diagonalise(
+            here.root, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE)
+        ),
+        frames,
+        here.residuals,
+        np.column_stack([here.jacobian, here.columns[:, 0]]),
+        precision=block_diag(precision, 1.0),
+        pull=np.append(pull, 0.0),
+        known=known,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Runs on one track, linear about values of the parameters.
+
+    formed : of each run.  stated : the errors of its readings.
+    track : that of the run that went farthest.  responses : of each run, on its nodes.
+    pushes : (n_obs, n_run) what one sd of each energy at release does.
+    """
+
+    formed: tuple[Residuals, ...]
+    stated: tuple[StatedErrors, ...]
+    alongs: tuple[Along, ...]
+    track: Track
+    responses: tuple[Response, ...]
+    pushes: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        runs: Sequence[Observations],
+        points: StackedPoints,
+        courses: Mapping[str, Trajectory],
+        named: Named,
+        *,
+        scale: float,
+        speeds: Sequence[FloatArray | None] | None = None,
+    ) -> Tracked:
+        """speeds : of each run (n_obs,), where more is known than the curve at `named` says.
+
+        scale : of the prior of the force.
+        """
+        formed, stated, alongs = [], [], []
+        for run, own, speed in zip(runs, points.runs, speeds or [None] * len(runs), strict=True):
+            course = courses[run.name]
+            residuals, errors = formed_about(
+                course, run.noise, own, named, scale=scale, speed=speed
+            )
+            formed.append(residuals)
+            stated.append(errors)
+            alongs.append(course.along(own, named, run.noise, about=residuals.speed))
+        longest = max(alongs, key=lambda along: along.track.length).track
+        responses = [
+            along.response.carried(along.track, longest) if len(runs) > 1 else along.response
+            for along in alongs
+        ]
+        pushes = block_diag(*(along.push[:, None] for along in alongs))
+        return cls(tuple(formed), tuple(stated), tuple(alongs), longest, tuple(responses), pushes)
+
+
+def _forced(
     label: str,
     runs: tuple[Observations, ...],
     courses: Mapping[str, Trajectory],
     problem: Problem,
     values: FloatArray,
+    bad: Mapping[str, BadFrames],
     *,
     speeds: Sequence[FloatArray | None] | None = None,
-) -> _Linearised:
-    named, speeds = problem.named(values), [None] * len(runs) if speeds is None else speeds
-    about = [
-        formed_about(courses[run.name], run.noise, run.points, named, scale=run.force, speed=speed)
-        for run, speed in zip(runs, speeds, strict=True)
-    ]
-    each, stated = zip(*about, strict=True)
-    alongs = tuple(
-        courses[run.name].along(run.points, named, run.noise, about=residuals.speed)
-        for run, residuals in zip(runs, each, strict=True)
-    )
-    longest = max(alongs, key=lambda along: along.track.length).track
-    several = len(runs) > 1
-    responses = tuple(
-        along.response.carried(along.track, longest) if several else along.response
-        for along in alongs
-    )
-    radius = alongs[0].radian
+) -> _Forced:
+    """speeds : of each run (n_obs,), where more is known than the curve at `values` says."""
+    named, several = problem.named(values), len(runs) > 1
+    frames = BadFrames() if several else bad.get(runs[0].name, BadFrames())
+    points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
+    tracked = Tracked.of(runs, points, courses, named, scale=runs[0].force, speeds=speeds)
+    radius = tracked.alongs[0].radian
     shapes = (
-        shared_force_shapes(longest, responses, radius=radius)
+        shared_force_shapes(tracked.track, tracked.responses, radius=radius)
         if several
-        else force_shapes(longest, responses[0], radius=radius)
+        else force_shapes(tracked.track, tracked.responses[0], radius=radius)
     )
-    points = StackedPoints(tuple(run.points for run in runs))
-    root = stacked_root([errors.root for errors in stated])
-    formed = stacked(each)
-    return _Linearised(
-        label,
+    formed = stacked(tracked.formed)
+    return _Forced(
         runs,
-        alongs,
-        longest,
-        responses,
-        diagonalise(root, shapes, prior_grid(runs[0].force)),
-        residuals=formed.at(points, named)[0],
-        jacobian=formed.gradient(points, named, problem.names),
-        pushes=block_diag(*(along.push[:, None] for along in alongs)),
-        formed=formed,
+        frames,
+        points,
+        stacked_root([errors.root for errors in tracked.stated]),
+        shapes,
+        prior_grid(runs[0].force),
+        formed.at(points, named)[0],
+        formed.gradient(points, named, problem.names),
+        np.column_stack([tracked.pushes, frames.columns(points.y.size)]),
+        formed,
+        label=label,
+        tracked=tracked,
     )
 
 
@@ -302,8 +421,8 @@ def _told_alone(
     """What one of several runs says by itself, as in a fit of this run alone, linear about its own
     white fit `there`; for steps from `values`.
     """
-    precision, pull = priors_at(problem, there, n_start=0)
-    linear = _prepared(run.name, (by_itself(run, problem),), courses, problem, there).beside(
+    precision, pull = priors_at(problem, there)
+    linear = _forced(run.name, (by_itself(run, problem),), courses, problem, there, {}).beside(
         precision, pull
     )
     information, score = likelihood_information(linear, (precision, precision @ pull))
@@ -328,42 +447,17 @@ def by_itself(run: Observations, problem: Problem) -> Observations:
     )
 
 
-def _noises(group: _Linearised, linear: Linearised) -> dict[str, Noise]:
-    if len(group.runs) == 1:
-        (run,) = group.runs
-        mixture = keep_probable(linear, columns=group.pushes)
-        return {
-            run.name: WithForce(
-                run.noise, mixture, likely_root(linear, group.pushes), group.formed, bad=BadFrames()
-            )
-        }
-    names = [run.name for run in group.runs]
-    return {
-        run.name: Sharing(run.noise, tuple(name for name in names if name != run.name))
-        for run in group.runs
-    }
-
-
-def _together(group: _Linearised, linear: Linearised) -> Together:
-    names = tuple(run.name for run in group.runs)
-    return Together(
-        names,
-        keep_probable(linear, columns=group.pushes),
-        likely_root(linear, group.pushes),
-        group.formed,
-    )
-
-
 def _found(
-    group: _Linearised,
+    group: _Forced,
     linear: Linearised,
     values: FloatArray,
     without: FloatArray,
     problem: Problem,
     told: TrialInformation,
 ) -> FoundForce:
-    run, along, several = group.runs[0], group.alongs[0], len(group.runs) > 1
-    force = find_force(linear, group.track, Response.stacked(group.responses), radius=along.radian)
+    run, tracked = group.runs[0], group.tracked
+    along, lever = tracked.alongs[0], Response.stacked(tracked.responses)
+    force = find_force(linear, tracked.track, lever, radius=along.radian)
     means, covs = linear_groups(linear, problem.n_par)
     used = frozenset[str]().union(*(run.parameters for run in group.runs))
     growth = {
@@ -386,28 +480,28 @@ def _found(
         told=told,
         means=values + means,
         covs=covs,
-        bad=BadFrames(),
+        bad=group.bad,
         reading_unit=run.x_unit if run.noise.made_of_positions else run.y_unit,
         step=run.noise.size.step,
         runs=tuple(run.name for run in group.runs),
-        own=_own(group, linear) if several else (),
+        own=_own(group, linear) if len(group.runs) > 1 else (),
     )
 
 
-def _own(group: _Linearised, linear: Linearised) -> tuple[OwnForce, ...]:
+def _own(group: _Forced, linear: Linearised) -> tuple[OwnForce, ...]:
     # the order of `shared_force_shapes`
     ratios = OWN * (len(linear.deviation.families) // len(OWN))
     forces = []
-    for i, (run, along) in enumerate(zip(group.runs, group.alongs, strict=True)):
+    for i, (run, along) in enumerate(zip(group.runs, group.tracked.alongs, strict=True)):
         alone = [
             response if i == k else Response(0.0 * response.force, 0.0 * response.start)
-            for k, response in enumerate(group.responses)
+            for k, response in enumerate(group.tracked.responses)
         ]
-        end = group.track.start + along.track.length
+        end = group.tracked.track.start + along.track.length
         forces.append(
             find_own_force(
                 linear,
-                group.track,
+                group.tracked.track,
                 Response.stacked(alone),
                 run=run.name,
                 end=end,

@@ -18,10 +18,11 @@ is, but p is inferred with s = 1 beside it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from estim.arrays import FloatArray
@@ -64,29 +65,34 @@ class Linearised:
     @property
     def covariance(self) -> FloatArray:
         """(n_par, n_par) within components and between them."""
-        off = self.steps - self.mean
-        return np.asarray(
-            np.einsum("k,kij->ij", self.weights, self.covariances)
-            + (self.weights[:, None] * off).T @ off
+        return self.moments(np.arange(self.weights.size))[2]
+
+    def moments(self, chosen: NDArray[np.int64]) -> tuple[float, FloatArray, FloatArray]:
+        """Probability, mean (n_par,) and covariance (n_par, n_par) of some components together."""
+        probability = float(self.weights[chosen].sum())
+        shares = self.weights[chosen] / probability
+        mean = shares @ self.steps[chosen]
+        off = self.steps[chosen] - mean
+        return (
+            probability,
+            mean,
+            np.einsum("k,kij->ij", shares, self.covariances[chosen])
+            + (shares[:, None] * off).T @ off,
         )
+
+    def first(self, n_par: int) -> Linearised:
+        """Of the first parameters alone, whatever the others."""
+        covariances = self.covariances[:, :n_par, :n_par]
+        return replace(self, steps=self.steps[:, :n_par], covariances=covariances)
+
+    def from_narrow_to_wide(self) -> NDArray[np.int64]:
+        """The components by the volume of their covariances."""
+        return np.argsort(np.linalg.slogdet(self.covariances)[1])
 
     @property
     def best(self) -> int:
         """The most probable component."""
         return int(np.argmax(self.weights))
-
-    @property
-    def growth(self) -> FloatArray:
-        """(n_par,) how many times larger each standard deviation is than with the stated noise
-        alone; nan where the prior has no spike.
-        """
-        alone = (self.deviation.column("amplitude") == 0.0) & (
-            self.deviation.column("scale") == 1.0
-        )
-        if not alone.any():
-            return np.full(self.steps.shape[1], np.nan)
-        white = self.covariances[int(np.argmax(alone))]
-        return np.asarray(np.sqrt(np.diag(self.covariance) / np.diag(white)))
 
     @property
     def p_deviation(self) -> float:
@@ -143,6 +149,14 @@ class Linearised:
             for p in (0.16, 0.5, 0.84)
         )
         return low, middle, high
+
+    def probable(self, share: float) -> NDArray[np.int64]:
+        """The most probable components, which hold this share of the probability, in their
+        order.
+        """
+        order = np.argsort(self.weights)[::-1]
+        enough = 1 + int(np.searchsorted(np.cumsum(self.weights[order]), share))
+        return np.sort(order[:enough])
 
     def errors(self) -> FloatArray:
         """(n_obs,) what of the residuals is error of the readings, on average under the best
@@ -204,9 +218,6 @@ def linearise(
     precision : (n_par, n_par) inverse covariance of the prior, rows of zeros where it is flat.
     pull : (n_par,) prior mean - p0.
     stated : whether the size of the noise was stated, and is not to be narrowed.
-
-    Small linear systematic effects (a push at release) may stand in further columns of `jacobian`,
-    with their own precision.
     """
     n_obs, n_par = jacobian.shape
     r, j = deviation.whiten(residuals), deviation.whiten(jacobian.T).T
@@ -246,17 +257,7 @@ def linearise(
         steps.append(step[serves])
         covariances.append(covariance[serves])
         carried = family.log_prior + log_likelihood - log_likelihood[serves]
-        families.append(
-            Family(
-                family.kind,
-                family.length,
-                family.basis,
-                family.spectrum,
-                family.amplitude,
-                family.scale[serves],
-                carried,
-            )
-        )
+        families.append(replace(family, scale=family.scale[serves], log_prior=carried))
     eigenvalues = np.linalg.eigvalsh(precision)
     constant = (
         0.5 * float(np.sum(np.log(eigenvalues[eigenvalues > 0.0])))
@@ -276,6 +277,28 @@ def linearise(
         log_evidence=float(total + constant),
         residuals=residuals,
         jacobian=jacobian,
+    )
+
+
+def linearise_beside(
+    deviation: Deviation,
+    residuals: FloatArray,
+    jacobian: FloatArray,
+    columns: FloatArray,
+    *,
+    precision: FloatArray,
+    pull: FloatArray,
+) -> Linearised:
+    """The same with small linear systematic effects, `columns` (n_obs, n_column), each of unit size
+    beforehand: parameters behind the others.
+    """
+    n = columns.shape[1]
+    return linearise(
+        deviation,
+        residuals,
+        np.column_stack([jacobian, columns]),
+        precision=block_diag(precision, np.eye(n)),
+        pull=np.append(pull, np.zeros(n)),
     )
 
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
 from estim.arrays import FloatArray
@@ -39,30 +40,15 @@ class Mixture:
 
     deviation : the components that are kept, in bases of the directions that matter.
     columns : (n_obs, n_column) H, whitened.
-    terms : what every draw needs, one for each family.
-    lost : posterior probability of what was left out, under the linearised posterior: no
-        probability that follows is off by more.
     """
 
     deviation: Deviation
     columns: FloatArray
-    terms: tuple[Terms, ...]
-    lost: float
 
-    def with_columns(self, columns: FloatArray) -> Mixture:
-        """The same components beside other small systematic effects, columns (n_obs, n_column),
-        whitened.
-        """
-        return Mixture(
-            self.deviation,
-            columns,
-            tuple(terms_of(family, columns) for family in self.deviation.families),
-            self.lost,
-        )
-
-    @property
-    def n_component(self) -> int:
-        return sum(family.amplitude.size for family in self.deviation.families)
+    @cached_property
+    def terms(self) -> tuple[Terms, ...]:
+        """What every draw needs, one for each family."""
+        return tuple(terms_of(family, self.columns) for family in self.deviation.families)
 
     @cached_property
     def together(self) -> tuple[FloatArray, Terms]:
@@ -88,18 +74,9 @@ class Mixture:
         """The log likelihood where all residuals are 0."""
         return float(self.log_likelihood(np.zeros((1, self.deviation.n_obs)))[0])
 
-    def log_likelihood(
-        self,
-        residuals: FloatArray,
-        *,
-        relative: FloatArray | None = None,
-        weight: Weight | None = None,
-    ) -> FloatArray:
+    def log_likelihood(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
         """(n_draw,) of residuals (n_draw, n_obs), data minus curve.  weight : of the draws, where
         it is not that of the fit.
-
-        relative : (n_draw,) factor of the stated noise in each draw, where its size is a sampled
-            parameter; 5 to 80 times slower.
         """
         residuals = np.atleast_2d(residuals)
         total = np.empty(residuals.shape[0])
@@ -107,7 +84,6 @@ class Mixture:
             chunk = slice(start, start + _CHUNK)
             logs = self.log_components(
                 residuals[chunk],
-                relative=None if relative is None else relative[chunk],
                 weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
             )
             highest = np.max(logs, axis=1, keepdims=True)
@@ -115,50 +91,54 @@ class Mixture:
             total[chunk] = highest[:, 0] + np.log(np.sum(logs, axis=1))
         return total
 
-    def log_components(
-        self,
-        residuals: FloatArray,
-        *,
-        relative: FloatArray | None = None,
-        weight: Weight | None = None,
-    ) -> FloatArray:
+    def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
         """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
         z = self.deviation.whiten(np.atleast_2d(residuals))
         square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
         basis, terms = self.together
         seen = z @ basis
-        if relative is None and z.shape[0] <= _FEW:
-            return (
-                terms.log_density(square, seen, along, weight)
-                - self.deviation.root.log_volume
-                - 0.5 * z.shape[1] * np.log(2.0 * np.pi)
-            )
-        parts, start = [], 0
-        for family, own_terms in zip(self.deviation.families, self.terms, strict=True):
-            coordinates = seen[:, start : start + family.spectrum.size]
-            start += family.spectrum.size
-            if relative is None:
-                parts.append(own_terms.log_density(square, coordinates, along, weight))
-            else:
-                parts.append(
-                    _rescaled(
-                        family,
-                        self.columns,
-                        square,
-                        coordinates,
-                        along,
-                        np.asarray(relative, dtype=float),
+        if z.shape[0] <= _FEW:
+            logs = terms.log_density(square, seen, along, weight)
+        else:
+            ends = np.cumsum([family.spectrum.size for family in self.deviation.families])
+            logs = np.hstack(
+                [
+                    own_terms.log_density(square, coordinates, along, weight)
+                    for own_terms, coordinates in zip(
+                        self.terms, np.split(seen, ends[:-1], axis=1), strict=True
                     )
-                )
-        logs = np.hstack(parts)
+                ]
+            )
         logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
         return logs
+
+    def drawn(
+        self, residuals: FloatArray, rng: np.random.Generator
+    ) -> Iterator[tuple[Family, int, NDArray[np.int64]]]:
+        """Each component, a place in its family, with those of the residuals (n_draw, n_obs) that
+        drew it, by its probability there.
+        """
+        logs = self.log_components(residuals)
+        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
+        for family, members in self.deviation.each(np.arange(logs.shape[1])):
+            for k, member in enumerate(members):
+                rows = np.flatnonzero(chosen == member)
+                if rows.size:
+                    yield family, k, rows
 
     def shares(self, residuals: FloatArray) -> FloatArray:
         """(n_component,) probability of each component at residuals (n_obs,)."""
         logs = self.log_components(residuals)[0]
         return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
+
+    @cached_property
+    def _span(self) -> tuple[FloatArray, FloatArray]:
+        """(n_obs, n) orthonormal columns, in which everything but white noise lies, and bases and H
+        in these.
+        """
+        span, lying = np.linalg.qr(np.hstack([self.together[0], self.columns]))
+        return span, lying
 
     def precision(self, residuals: FloatArray) -> Precision:
         """Q with d log L/dr = -Q r at residuals (n_obs,), of whitened observations.
@@ -166,69 +146,25 @@ class Mixture:
         Least squares weighted by Q, taken anew at its own result until nothing moves, ends at a
         maximum of the likelihood.
         """
-        white = 0.0
-        span = np.linalg.qr(np.hstack([self.together[0], self.columns]))[0]
-        core, columns = np.zeros((span.shape[1], span.shape[1])), span.T @ self.columns
-        for family, weights, flat, gain in self._felt(residuals):
-            basis = span.T @ family.basis
-            core += (basis * (weights @ gain)) @ basis.T
-            white += float(weights @ flat)
-            if columns.shape[1]:
-                pushed = flat[:, None, None] * columns + basis @ (
-                    gain[:, :, None] * (basis.T @ columns)
-                )
-                information = np.eye(columns.shape[1]) + np.einsum("ni,knj->kij", columns, pushed)
-                # (k, i, m)
-                turned = np.linalg.solve(
-                    information, (weights[:, None, None] * pushed).transpose(0, 2, 1)
-                )
-                core -= np.tensordot(pushed, turned, axes=([0, 2], [0, 1]))
-        return Precision(white, span, core)
+        (span, lying), terms, share = self._span, self.together[1], self.shares(residuals)
+        own = np.append(-2.0 * terms.gain[:-2] @ share, np.zeros(self.columns.shape[1]))
+        explained = lying @ np.vstack([terms.cross, terms.cross_white])
+        core = (lying * own) @ lying.T
+        core -= (explained * np.repeat(share, self.columns.shape[1])) @ explained.T
+        return Precision(float(-2.0 * terms.gain[-2] @ share), span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
-        """(n_obs,) Q r of the same Q at residuals (n_obs,), which is not made for it."""
-        z = self.deviation.whiten(residuals)
-        along = z @ self.columns
-        whole = self.columns.T @ self.columns
-        pull = np.zeros(residuals.size)
-        for family, weights, white, gain in self._felt(residuals):
-            seen, lying = z @ family.basis, family.basis.T @ self.columns
-            shifts = np.zeros((weights.size, self.columns.shape[1]))
-            if self.columns.shape[1]:
-                information = (
-                    np.eye(self.columns.shape[1])
-                    + white[:, None, None] * whole
-                    + np.einsum("mi,km,mj->kij", lying, gain, lying)
-                )
-                explained = white[:, None] * along + (gain * seen) @ lying
-                shifts = np.linalg.solve(information, explained[..., None])[..., 0]
-            weighted = weights[:, None] * gain * (seen - shifts @ lying.T)
-            pull += (
-                (weights @ white) * z
-                + family.basis @ np.sum(weighted, axis=0)
-                - self.columns @ ((weights * white) @ shifts)
-            )
-        return self.deviation.turned_back(pull)
-
-    def _felt(
-        self, residuals: FloatArray
-    ) -> Iterator[tuple[Family, FloatArray, FloatArray, FloatArray]]:
-        """Of each family the components that count at residuals (n_obs,): shares, white precisions
-        (k,), what directions add to these (k, n_dir).
+        """(n_obs,) Q r of the same Q at residuals (n_obs,), in the unit of the observations: minus
+        the slope of `Terms.log_density`.
         """
-        share, start = self.shares(residuals), 0
-        for family in self.deviation.families:
-            weights = share[start : start + family.amplitude.size]
-            start += weights.size
-            significant = weights > _FELT
-            if significant.any():
-                white = 1.0 / np.square(family.scale[significant])
-                yield (
-                    family,
-                    weights[significant],
-                    white,
-                    1.0 / family.variances()[significant] - white[:, None],
-                )
+        basis, terms = self.together
+        z, share = self.deviation.whiten(residuals), self.shares(residuals)
+        seen, along = z @ basis, z @ self.columns
+        explained = seen @ terms.cross + along @ terms.cross_white
+        explained *= np.repeat(share, self.columns.shape[1])
+        slope = 2.0 * (terms.gain[-2] @ share) * z + self.columns @ (terms.cross_white @ explained)
+        slope += basis @ (2.0 * seen * (terms.gain[:-2] @ share) + terms.cross @ explained)
+        return -self.deviation.turned_back(slope)
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
@@ -245,10 +181,12 @@ class Mixture:
 
     def weighed(self, rows: FloatArray, residuals: FloatArray) -> FloatArray:
         """Rows (n, n_obs) of whitened observations times the inverse of their covariance."""
-        causes, white = self._causes(residuals)
-        known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
-        turned = solve_triangular(known, causes.T, lower=True)
-        return np.asarray((rows - (rows @ turned.T) @ turned) / white)
+        return inverse_times(rows, *self._causes(residuals))
+
+    def causes(self, family: Family, k: int) -> FloatArray:
+        """(n_obs, n_cause) what a deviation of component k does to whitened observations, and H."""
+        lifted = family.amplitude[k] * np.sqrt(family.spectrum)
+        return np.hstack([lifted * family.basis, self.columns])
 
     def _causes(self, residuals: FloatArray) -> tuple[FloatArray, float]:
         """H and what the deviation does, (n_obs, n_cause), and the variance of the noise,
@@ -264,11 +202,11 @@ class Mixture:
         """What they are made of, but for H: directions (n_obs, n_dir), the variances (n_dir,) that
         the deviation has there, and that of the noise.
         """
-        share, start, lifted = self.shares(residuals), 0, []
-        for family in self.deviation.families:
-            weights = share[start : start + family.amplitude.size]
-            start += weights.size
-            lifted.append((weights @ np.square(family.amplitude)) * family.spectrum)
+        share = self.shares(residuals)
+        lifted = [
+            (weights @ np.square(family.amplitude)) * family.spectrum
+            for family, weights in self.deviation.each(share)
+        ]
         return (
             self.together[0],
             np.concatenate(lifted),
@@ -325,49 +263,16 @@ class Mixture:
     def _pointwise(
         self, residuals: FloatArray, given: tuple[tuple[_Given, ...], ...]
     ) -> FloatArray:
-        """Sums of exponentials relative to the largest component; where one overflows, by
-        logarithms.
-        """
         logs = self.log_components(residuals)
-        highest = np.max(logs, axis=1, keepdims=True)
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)
-        total, start = np.zeros(z.shape), 0
-        with np.errstate(over="ignore"):
-            for family, each in zip(self.deviation.families, given, strict=True):
-                seen = np.hstack([z @ family.basis, along])
-                for k, component in enumerate(each, start):
-                    part = component.square(back, seen)
-                    part += logs[:, k, None] - highest
-                    part -= component.log
-                    total += np.exp(part, out=part)
-                start += len(each)
-        without = np.log(total) + highest
-        far = np.flatnonzero(~np.all(np.isfinite(without), axis=1))
-        if far.size:
-            without[far] = self._without(logs[far], z[far], along[far], back[far], given)
-        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
-
-    def _without(
-        self,
-        logs: FloatArray,
-        z: FloatArray,
-        along: FloatArray,
-        back: FloatArray,
-        given: tuple[tuple[_Given, ...], ...],
-    ) -> FloatArray:
-        """(n_draw, n_obs) log sum_k w_k N_k(r)/N_k(r_i | others)."""
-        without, start = np.full(z.shape, -np.inf), 0
-        for family, each in zip(self.deviation.families, given, strict=True):
+        without = np.full(z.shape, -np.inf)
+        for (family, own_logs), each in zip(self.deviation.each(logs.T), given, strict=True):
             seen = np.hstack([z @ family.basis, along])
-            for k, component in enumerate(each, start):
-                np.logaddexp(
-                    without,
-                    component.square(back, seen) + logs[:, k, None] - component.log,
-                    out=without,
-                )
-            start += len(each)
-        return without
+            for component, log in zip(each, own_logs, strict=True):
+                part = component.square(back, seen) + log[:, None] - component.log
+                np.logaddexp(without, part, out=without)
+        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
 
 
 @dataclass(frozen=True, eq=False)
@@ -393,11 +298,18 @@ class _Given:
         return np.asarray(np.square(scaled, out=scaled))
 
 
+def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatArray:
+    """Rows (n, n_obs) times the inverse of white I + H H^T for `causes` H (n_obs, n_cause)."""
+    known = np.linalg.cholesky(white * np.eye(causes.shape[1]) + causes.T @ causes)
+    turned = solve_triangular(known, causes.T, lower=True)
+    return np.asarray((rows - (rows @ turned.T) @ turned) / white)
+
+
 def keep_probable(
     linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
-    probability `lost` together.
+    probability `lost` together, and no probability that follows is off by more.
 
     columns : (n_obs, n_column) shifts of the observations by one standard deviation of each small
         systematic effect; None for none.  Give them to `linearise` as well (columns of the Jacobian
@@ -408,20 +320,13 @@ def keep_probable(
     dropped = order[np.cumsum(linearised.weights[order]) <= lost]
     keep = np.ones(order.size, dtype=bool)
     keep[dropped] = False
-    families, start = [], 0
-    for family in deviation.families:
-        chosen = keep[start : start + family.amplitude.size]
-        start += chosen.size
-        if chosen.any():
-            families.append(compact(merged(family.chosen(chosen))))
+    families = [
+        compact(merged(family.chosen(chosen)))
+        for family, chosen in deviation.each(keep)
+        if chosen.any()
+    ]
     shifts = np.zeros((n_obs, 0)) if columns is None else deviation.whiten(columns.T).T
-    reduced = Deviation(deviation.root, tuple(families))
-    return Mixture(
-        reduced,
-        shifts,
-        tuple(terms_of(family, shifts) for family in families),
-        float(linearised.weights[dropped].sum()),
-    )
+    return Mixture(Deviation(deviation.root, tuple(families)), shifts)
 
 
 def merged(family: Family) -> Family:
@@ -431,15 +336,7 @@ def merged(family: Family) -> Family:
     )
     log_prior = np.full(len(values), -np.inf)
     np.logaddexp.at(log_prior, place.ravel(), family.log_prior)
-    return Family(
-        family.kind,
-        family.length,
-        family.basis,
-        family.spectrum,
-        values[:, 0],
-        values[:, 1],
-        log_prior,
-    )
+    return replace(family, amplitude=values[:, 0], scale=values[:, 1], log_prior=log_prior)
 
 
 def compact(family: Family) -> Family:
@@ -449,52 +346,4 @@ def compact(family: Family) -> Family:
     beyond = np.cumsum(lifted[order][::-1])[::-1]  # of each direction and all weaker ones
     used = order[: int(np.sum(beyond > _ROUGHNESS))]
     basis = np.ascontiguousarray(family.basis[:, used])
-    return Family(
-        family.kind,
-        family.length,
-        basis,
-        family.spectrum[used],
-        family.amplitude,
-        family.scale,
-        family.log_prior,
-    )
-
-
-def _rescaled(
-    family: Family,
-    columns: FloatArray,
-    square: FloatArray,
-    seen: FloatArray,
-    along: FloatArray,
-    relative: FloatArray,
-) -> FloatArray:
-    """(n_draw, n_component) log densities where the noise of each draw has its own factor
-    (n_draw,).
-    """
-    turned, n_column = family.basis.T @ columns, columns.shape[1]
-    pairs = (turned[:, :, None] * turned[:, None, :]).reshape(family.spectrum.size, n_column**2)
-    whole = columns.T @ columns
-    each = []
-    for amplitude, scale, log_prior in zip(
-        family.amplitude, family.scale, family.log_prior, strict=True
-    ):
-        white = np.square(relative * scale)
-        variance = white[:, None] + amplitude**2 * family.spectrum
-        gain = 1.0 / variance - 1.0 / white[:, None]
-        misfit = square / white + np.sum(gain * np.square(seen), axis=1)
-        volume = np.sum(np.log(variance), axis=1) + (
-            columns.shape[0] - family.spectrum.size
-        ) * np.log(white)
-        if n_column:
-            information = (
-                np.eye(n_column)
-                + whole / white[:, None, None]
-                + (gain @ pairs).reshape(-1, n_column, n_column)
-            )
-            explained = along / white[:, None] + (gain * seen) @ turned
-            misfit -= np.einsum(
-                "ij,ij->i", explained, np.linalg.solve(information, explained[..., None])[..., 0]
-            )
-            volume += np.linalg.slogdet(information)[1]
-        each.append(log_prior - 0.5 * misfit - 0.5 * volume)
-    return np.array(each).T
+    return replace(family, basis=basis, spectrum=family.spectrum[used])

@@ -18,7 +18,6 @@ from estim.deviation.mixture import Mixture
 from estim.deviation.residuals import LEAST_SPEED, Inertia, Residuals, points_about
 from estim.deviation.trajectory import Trajectory
 from estim.problem import (
-    Counted,
     Differences,
     GaussianErrors,
     Likelihood,
@@ -37,25 +36,9 @@ _REST = 1e-3  # of the largest speed: slower is at rest
 
 @dataclass(frozen=True, eq=False)
 class Stated(Noise):
-    """What is asked of the noise that was stated."""
+    """What is asked of the noise that was stated, `base`: normal errors about exact abscissas."""
 
     base: Noise
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return self.base.parameters
-
-    @property
-    def outlier_parameters(self) -> tuple[str, ...]:
-        return self.base.outlier_parameters
-
-    @property
-    def robust(self) -> bool:
-        return self.base.robust
-
-    @property
-    def counted(self) -> Counted | None:
-        return self.base.counted
 
     @property
     def size(self) -> Size:
@@ -67,19 +50,6 @@ class Stated(Noise):
 
     def of_positions(self, points: Points, named: Named) -> Differences | None:
         return self.base.of_positions(points, named)
-
-    def x_gain(self) -> FloatArray:
-        return self.base.x_gain()
-
-    def true_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return self.base.true_x(x, gain, named, rng)
-
-    def read_x(
-        self, x: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
-    ) -> FloatArray:
-        return self.base.read_x(x, gain, named, rng)
 
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
@@ -93,9 +63,6 @@ class Stated(Noise):
 
     def reading_gain(self) -> FloatArray:
         return self.base.reading_gain()
-
-    def outlier_share(self, named: Named) -> float:
-        return self.base.outlier_share(named)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)

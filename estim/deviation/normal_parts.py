@@ -62,29 +62,14 @@ def _parts(linear: Linearised, n_par: int) -> list[tuple[float, FloatArray, Floa
     """Probability, step and covariance of the first parameters: without the force, and with it in a
     few groups.
     """
-    steps, covs = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
-    order = np.argsort(np.linalg.slogdet(covs)[1])
-    absent = linear.deviation.column("amplitude")[order] == 0.0
+    own = linear.first(n_par)
+    order = own.from_narrow_to_wide()
+    absent = own.deviation.column("amplitude")[order] == 0.0
     there = order[~absent]
-    below = np.cumsum(linear.weights[there])
-    parts = []
-    for group in (
-        order[absent],
-        *np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE)),
-    ):
-        probability = float(linear.weights[group].sum())
-        if probability > 0.0:
-            shares = linear.weights[group] / probability
-            mean = shares @ steps[group]
-            off = steps[group] - mean
-            parts.append(
-                (
-                    probability,
-                    mean,
-                    np.einsum("k,kij->ij", shares, covs[group]) + (shares[:, None] * off).T @ off,
-                )
-            )
-    return parts
+    below = np.cumsum(own.weights[there])
+    wide = np.split(there, np.searchsorted(below, below[-1] * np.arange(1, _WIDE) / _WIDE))
+    groups = (order[absent], *wide)
+    return [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
 
 
 def _inverse(information: FloatArray) -> FloatArray:

@@ -8,25 +8,16 @@ held: what a chain samples under.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
-from estim.deviation.bad_frame_search import BadFrames, find_bad_frames
+from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.completed import Completed
-from estim.deviation.components import Shape, diagonalise
-from estim.deviation.force import force_shapes
-from estim.deviation.generic import stated_is_conservative
-from estim.deviation.grid import SCALES, prior_grid
-from estim.deviation.inferred_force import Force, OwnForce, find_force
-from estim.deviation.linearised import Linearised, linearise
-from estim.deviation.mixture import keep_probable
-from estim.deviation.noise import StatedErrors, WithForce, formed_about
-from estim.deviation.residuals import Residuals, points_about
-from estim.deviation.trajectory import Along, Trajectory
-from estim.problem import Observations, Points, Prior, Problem, Root
+from estim.deviation.inferred_force import Force, OwnForce
+from estim.deviation.linearised import Linearised
+from estim.problem import Observations, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
 # where frames are judged the noise may be any larger than stated
@@ -93,176 +84,6 @@ class FoundForce:
     completed: Completed | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """noise : of the run, with the force.  step, cov : (n_par,), (n_par, n_par) where the posterior
-    then is, from the white fit, linearised.
-    """
-
-    noise: WithForce
-    found: FoundForce
-    step: FloatArray
-    cov: FloatArray
-
-    shared = ()
-
-    @property
-    def noises(self) -> Mapping[str, WithForce]:
-        return {self.found.run: self.noise}
-
-    def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
-        """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
-        return (
-            replace(
-                self.found,
-                moved=float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov)))),
-            ),
-        )
-
-
-def pose_force(
-    run: Observations,
-    course: Trajectory,
-    problem: Problem,
-    values: FloatArray,
-    *,
-    without: FloatArray,
-    bad: BadFrames,
-) -> Posed:
-    """The force of `run`, linear about `values` (n_par,), those of a fit with white errors and a
-    free start.
-
-    without : (n_par,) standard deviations with the stated noise alone and an exact start.
-    bad : frames whose shifts are unknown too.  Raises InputError where the body hardly moves
-        somewhere along the track.
-    """
-    here = _linear(run, course, problem, values, bad)
-    linear, columns = _weighed(run, here, bad)
-    if here.formed.speed is not None:  # now that the force is known, the speeds are
-        speed = here.points.y - here.formed.shift - linear.errors()
-        here = _linear(run, course, problem, values, bad, speed=speed)
-        linear, columns = _weighed(run, here, bad)
-    n = problem.n_par
-    mixture = keep_probable(linear, columns=columns)
-    noise = WithForce(run.noise, mixture, likely_root(linear, columns), here.formed, bad=bad)
-    force = find_force(linear, here.along.track, here.along.response, radius=here.along.radian)
-    means, covs = linear_groups(linear, n)
-    prior = here.precision[:n, :n]
-    unit = run.y_unit if run.positions else run.x_unit
-    summary = FoundForce(
-        run=run.name,
-        unit=unit,
-        scale=run.force,
-        force=force,
-        noise=linear.size("scale"),
-        larger=linear.p_noise(float(np.nextafter(1.0, 2.0))),
-        too_large=linear.p_noise(max(SCALES)),
-        conservative=stated_is_conservative(linear),
-        growth=growth_over(problem, linear, without),
-        upright=here.along.upright,
-        about=values,
-        told=likelihood_information(linear, (prior, prior @ here.pull[:n])),
-        means=values + means,
-        covs=covs,
-        bad=bad,
-        reading_unit=unit if run.positions or run.noise.made_of_positions else run.y_unit,
-        step=run.noise.size.step,
-        runs=(run.name,),
-        completed=None
-        if run.positions
-        else Completed(here.points, run.body, mixture, here.formed, here.along),
-    )
-    return Posed(noise, summary, linear.mean[:n], linear.covariance[:n, :n])
-
-
-def _weighed(run: Observations, here: _Linear, bad: BadFrames) -> tuple[Linearised, FloatArray]:
-    """How probable each force is, and what a push and the shifts of bad frames do to the points
-    (n_obs, n_column).
-    """
-    deviation = diagonalise(here.stated.root, here.shapes, prior_grid(run.force))
-    columns = np.column_stack([here.along.push, bad.columns(run.n_obs)])
-    extra = columns.shape[1] - 1
-    precision, pull = block_diag(here.precision, np.eye(extra)), np.r_[here.pull, np.zeros(extra)]
-    jacobian = np.column_stack([here.jacobian, columns[:, 1:]])
-    return linearise(deviation, here.residuals, jacobian, precision=precision, pull=pull), columns
-
-
-def bad_frames(
-    run: Observations, course: Trajectory, problem: Problem, values: FloatArray, *, known: BadFrames
-) -> BadFrames:
-    """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as
-    `pose_force` does.
-
-    known : what was found about other values: it is kept where it still has a size.
-    """
-    here = _linear(run, course, problem, values, known)
-    about = (
-        here.points if here.formed.speed is None else points_about(here.points, here.formed.speed)
-    )
-    frames = course.frames(about, here.named, run.noise)
-    if frames is None:
-        return BadFrames()
-    deviation = diagonalise(
-        here.stated.root, here.shapes, prior_grid(run.force, scales=_ANY_SCALE, n_amplitude=_COARSE)
-    )
-    return find_bad_frames(
-        deviation,
-        frames,
-        here.residuals,
-        here.jacobian,
-        precision=here.precision,
-        pull=here.pull,
-        known=known,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Linear:
-    """A run, linear about values of its parameters; the energy at release is the last column of
-    jacobian, precision and pull.
-    """
-
-    points: Points
-    named: Mapping[str, FloatArray]
-    along: Along
-    stated: StatedErrors
-    formed: Residuals
-    shapes: tuple[Shape, ...]
-    residuals: FloatArray
-    jacobian: FloatArray
-    precision: FloatArray
-    pull: FloatArray
-
-
-def _linear(
-    run: Observations,
-    course: Trajectory,
-    problem: Problem,
-    values: FloatArray,
-    bad: BadFrames,
-    *,
-    speed: FloatArray | None = None,
-) -> _Linear:
-    """speed : (n_obs,) where more is known of the speeds than the curve at `values` says."""
-    named, points = problem.named(values), bad.moved(run.points)
-    formed, stated = formed_about(course, run.noise, points, named, scale=run.force, speed=speed)
-    along = course.along(points, named, run.noise, about=formed.speed)
-    residuals = formed.at(points, named)[0]
-    jacobian = np.column_stack([formed.gradient(points, named, problem.names), along.push])
-    shapes = force_shapes(along.track, along.response, radius=along.radian)
-    return _Linear(
-        points,
-        named,
-        along,
-        stated,
-        formed,
-        shapes,
-        residuals,
-        jacobian,
-        *priors_at(problem, values),
-    )
-
-
 def information_of_run(run: Observations, problem: Problem, values: FloatArray) -> TrialInformation:
     """What a run says whose noise is known."""
     named = problem.named(values)
@@ -324,33 +145,18 @@ def linear_groups(linear: Linearised, n_par: int) -> tuple[FloatArray, FloatArra
     """Steps (n, n_par) and covariances (n, n_par, n_par) of the components in a few groups, from
     narrow to wide; of the first parameters.
     """
-    steps, covariances = linear.steps[:, :n_par], linear.covariances[:, :n_par, :n_par]
-    order = np.argsort(np.linalg.slogdet(covariances)[1])
-    below = np.cumsum(linear.weights[order])
-    means, covs = [], []
-    for group in np.split(order, np.searchsorted(below, _PARTS)):
-        weights = linear.weights[group]
-        if weights.sum() > 0.0:
-            weights = weights / weights.sum()
-            mean = weights @ steps[group]
-            off = steps[group] - mean
-            means.append(mean)
-            covs.append(
-                np.einsum("k,kij->ij", weights, covariances[group])
-                + (weights[:, None] * off).T @ off
-            )
-    return np.array(means), np.array(covs)
+    own = linear.first(n_par)
+    order = own.from_narrow_to_wide()
+    groups = np.split(order, np.searchsorted(np.cumsum(own.weights[order]), _PARTS))
+    parts = [own.moments(group) for group in groups if own.weights[group].sum() > 0.0]
+    return np.array([mean for _, mean, _ in parts]), np.array([cov for _, _, cov in parts])
 
 
-def priors_at(
-    problem: Problem, values: FloatArray, *, n_start: int = 1
-) -> tuple[FloatArray, FloatArray]:
-    """Precision (n, n) and pull (n,) of the priors at `values`, n = n_par + n_start: the energies
-    at release last, in their own sds.
-    """
-    priors = list(zip(problem.parameters, values, strict=True))
-    slope = np.array([_bounded(p.prior, float(v))[0] for p, v in priors] + [1.0] * n_start)
-    off = np.array([_bounded(p.prior, float(v))[1] for p, v in priors] + [0.0] * n_start)
+def priors_at(problem: Problem, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Precision (n_par, n_par) and pull (n_par,) of the priors at `values`."""
+    slope, off = np.array(
+        [_bounded(p.prior, float(v)) for p, v in zip(problem.parameters, values, strict=True)]
+    ).T
     return np.diag(slope**2), -np.divide(off, slope, out=np.zeros_like(off), where=slope != 0.0)
 
 
@@ -364,8 +170,11 @@ def _bounded(prior: Prior, value: float) -> tuple[float, float]:
     return 1.0 / prior.sd, (value - prior.centre) / prior.sd
 
 
-def likely_root(linear: Linearised, columns: FloatArray) -> Root:
-    """Of the most probable covariance and that of push and bad frames, in units of the stated noise
-    at least.
+def likely_root(
+    linear: Linearised, columns: FloatArray | None = None, *, stated: bool = True
+) -> Root:
+    """Of the most probable covariance and that of `columns` (push and bad frames), in units of the
+    stated noise at least, where it was stated.
     """
-    return linear.best_root(columns, size=min(float(linear.scales[linear.best]), 1.0))
+    size = min(float(linear.scales[linear.best]), 1.0) if stated else 1.0
+    return linear.best_root(columns, size=size)

@@ -23,23 +23,14 @@ from estim.problem import Named
 def replicas(errors: MixtureErrors, named: Named, *, rng: np.random.Generator) -> FloatArray:
     """(n_draw, n_obs) ordinates measured again, one set for each draw in the columns of `named`."""
     mixture, residuals = errors.mixture, errors.raw(named)
-    logs = mixture.log_components(residuals)
-    chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-    z, again, start = mixture.deviation.whiten(residuals), np.empty_like(residuals), 0
-    for family in mixture.deviation.families:
-        for k in range(family.amplitude.size):
-            rows = np.flatnonzero(chosen == start + k)
-            if rows.size == 0:
-                continue
-            scale = float(family.scale[k])
-            causes = np.hstack(
-                [family.amplitude[k] * np.sqrt(family.spectrum) * family.basis, mixture.columns]
-            )
-            latent = rng.standard_normal((rows.size, causes.shape[1]))
-            off = z[rows] - latent @ causes.T - scale * rng.standard_normal((rows.size, z.shape[1]))
-            latent += np.linalg.solve(
-                causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T
-            ).T
-            again[rows] = latent @ causes.T + scale * rng.standard_normal((rows.size, z.shape[1]))
-        start += family.amplitude.size
+    z, again = mixture.deviation.whiten(residuals), np.empty_like(residuals)
+    for family, k, rows in mixture.drawn(residuals, rng):
+        scale = float(family.scale[k])
+        causes = mixture.causes(family, k)
+        latent = rng.standard_normal((rows.size, causes.shape[1]))
+        off = z[rows] - latent @ causes.T - scale * rng.standard_normal((rows.size, z.shape[1]))
+        latent += np.linalg.solve(
+            causes.T @ causes + scale**2 * np.eye(causes.shape[1]), (off @ causes).T
+        ).T
+        again[rows] = latent @ causes.T + scale * rng.standard_normal((rows.size, z.shape[1]))
     return errors.formed.readings(errors.points, named, mixture.deviation.root.coloured(again))

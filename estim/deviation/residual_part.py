@@ -19,12 +19,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.deviation.components import Family
 from estim.deviation.generic import DEVIATION
-from estim.deviation.inferred_force import BAND
+from estim.deviation.inferred_force import see
 from estim.deviation.kernels import distances, exponential, matern32
-from estim.deviation.linearised import Linearised, mixture_quantiles
+from estim.deviation.linearised import Linearised
 from estim.problem import Observations
-
-_LOST = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,47 +56,19 @@ def see_deviation(
     """What shows of the deviation of `run` under the posterior `linear`.  scales : kind -> unit of
     its amplitudes.
     """
-    deviation = linear.deviation
-    j = deviation.whiten(linear.jacobian.T)  # (n_par, n_obs) whitened
-    rest = _rest(deviation.whiten(np.eye(run.n_obs)), j, linear.jacobian)
-    r = deviation.whiten(linear.residuals)
-    order = np.argsort(linear.weights)[::-1]
-    components = order[: 1 + int(np.searchsorted(np.cumsum(linear.weights[order]), 1.0 - _LOST))]
-    lacks = run.lacks
+    whiten, lacks = linear.deviation.whiten, run.lacks
     assert lacks is not None, "asked of runs that may lack something"
-    means = np.zeros((linear.weights.size, run.n_obs))
-    sds = np.zeros((linear.weights.size, run.n_obs))
-    first = 0
-    for family in deviation.families:
-        members = components[(components >= first) & (components < first + family.amplitude.size)]
-        place, first = members - first, first + family.amplitude.size
-        along = run.x if family.kind == DEVIATION or lacks.along is None else lacks.along
-        kernel, prior = _seen(family, along, scales, rest)
-        seen = deviation.whiten(kernel) @ family.basis  # (n_obs, n_dir)
-        precision = 1.0 / family.variances()[place]
-        square = np.square(family.amplitude[place])[:, None]
-        off, turned = (r - linear.steps[members] @ j) @ family.basis, j @ family.basis
-        means[members] = square * ((off * precision) @ seen.T)
-        moved = square[:, :, None] * np.einsum(
-            "id,kd,pd->kip", seen, precision, turned, optimize=True
-        )
-        spread = square * prior - np.square(square) * (precision @ np.square(seen).T)
-        sds[members] = np.sqrt(
-            np.maximum(
-                spread
-                + np.einsum(
-                    "kip,kpq,kiq->ki", moved, linear.covariances[members], moved, optimize=True
-                ),
-                0.0,
-            )
-        )
-    means, sds = means[components], sds[components]
-    weights = linear.weights[components] / linear.weights[components].sum()
+    rest = _rest(whiten(np.eye(run.n_obs)), whiten(linear.jacobian.T), linear.jacobian)
+    along = run.x if lacks.along is None else lacks.along
+    seen = see(
+        linear,
+        (
+            _prior(family, run.x if family.kind == DEVIATION else along, scales, rest)
+            for family in linear.deviation.families
+        ),
+    )
     return ResidualPart(
-        run.x,
-        mixture_quantiles(weights, means, sds, BAND),
-        np.asarray(weights @ means),
-        rest @ linear.residuals,
+        run.x, seen.quantiles(), np.asarray(seen.weights @ seen.means), rest @ linear.residuals
     )
 
 
@@ -109,7 +79,7 @@ def _rest(whitener: FloatArray, j: FloatArray, jacobian: FloatArray) -> FloatArr
     )
 
 
-def _seen(
+def _prior(
     family: Family, along: FloatArray, scales: Mapping[str, float], rest: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """M K (n_obs, n_obs) and the diagonal of M K M^T (n_obs,) for unit amplitude."""

@@ -116,11 +116,11 @@ class Residuals:
         """
         if not self.inertias:
             return None
-        runs = points.runs if isinstance(points, StackedPoints) else (points,)
         ratios = [
-            inertia.ratio(run.bind(named)) for inertia, run in zip(self.inertias, runs, strict=True)
+            inertia.ratio(run.bind(named))
+            for inertia, run in zip(self.inertias, points.runs, strict=True)
         ]
-        return Weight(np.mean(np.broadcast_arrays(*ratios), axis=0), self.scale, len(runs))
+        return Weight(np.mean(np.broadcast_arrays(*ratios), axis=0), self.scale, len(points.runs))
 
     def at(self, points: AnyPoints, named: Named) -> FloatArray:
         """(n_draw, n_obs)."""

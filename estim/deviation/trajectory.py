@@ -119,19 +119,12 @@ class Trajectory:
             return None
         here = _Here(self.motion, points, points.bind(named))
         matrix, reading = noise.of_positions(points, named), _reading(noise, named)
+        t, lines = self.rows.t, self.rows.lines
         if matrix is not None and self.positions is not None:
             slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
             velocity = here.speed(self._settled(here, noise, named))
             return Frames(
-                self.rows.t,
-                self.positions,
-                self.rows.lines,
-                matrix,
-                velocity,
-                reading,
-                True,
-                self.rows.kept,
-                slope,
+                matrix, velocity, reading, True, t, self.positions, lines, self.rows.kept, slope
             )
         sd = float(
             np.hypot(
@@ -141,10 +134,9 @@ class Trajectory:
         alone = Differences.of_single(points.x.size)
         if isinstance(points.curve, PositionCurve):
             velocity = here.row(points.curve.state(points.x, here.arguments)[1], points.x.size)
-            return Frames(self.rows.t, points.y, self.rows.lines, alone, velocity, sd, True)
-        return Frames(
-            self.rows.t, points.x, self.rows.lines, alone, np.zeros(points.x.size), sd, False
-        )
+            return Frames(alone, velocity, sd, True, t, points.y, lines)
+        still = np.zeros(points.x.size)
+        return Frames(alone, still, sd, False, t, points.x, lines)
 
 
 def _reading(noise: Noise, named: Named) -> float:

@@ -13,27 +13,17 @@ Runs that would share a force share the size of their noise.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.bad_frame_search import BadFrames
-from estim.deviation.components import Deviation, Shape, diagonalise
+from estim.deviation.components import Shape
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
-from estim.deviation.joint import Sharing, Together
-from estim.deviation.linearised import Linearised, linearise
-from estim.deviation.mixture import keep_probable
+from estim.deviation.joint import Beside, Stack, Together, noises_of
 from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
-from estim.deviation.posing import (
-    as_prior,
-    information_of_run,
-    likelihood_information,
-    likely_root,
-    priors_at,
-)
 from estim.deviation.residuals import Residuals, stacked
 from estim.deviation.trajectory import Trajectory
 from estim.problem import (
@@ -55,29 +45,6 @@ class Roomy(WithForce):
         return self.base.describe(x_unit=x_unit, y_unit=y_unit, words=words)
 
 
-@dataclass(frozen=True, eq=False)
-class _Stacked:
-    """Runs that have one size of the noise, linear about values of the parameters.  columns :
-    (n_obs, n_jump) of bad frames.
-    """
-
-    runs: tuple[Observations, ...]
-    bad: BadFrames
-    deviation: Deviation
-    residuals: FloatArray
-    jacobian: FloatArray
-    columns: FloatArray
-    formed: Residuals
-
-    def beside(self, precision: FloatArray, pull: FloatArray) -> Linearised:
-        n = self.columns.shape[1]
-        every = block_diag(precision, np.eye(n)) if n else precision
-        jacobian = np.column_stack([self.jacobian, self.columns])
-        return linearise(
-            self.deviation, self.residuals, jacobian, precision=every, pull=np.r_[pull, np.zeros(n)]
-        )
-
-
 def pose_without_force(
     groups: Sequence[Sequence[Observations]],
     courses: Mapping[str, Trajectory],
@@ -92,33 +59,8 @@ def pose_without_force(
     groups : runs that would share a force.
     bad : run -> its bad frames, of runs that are fit alone.
     """
-    groups_stacked = [_stack(tuple(runs), courses, problem, values, bad) for runs in groups]
-    precision, pull = priors_at(problem, values, n_start=0)
-    prior = precision, precision @ pull
-    posed = {run.name for group in groups_stacked for run in group.runs}
-    others = [
-        information_of_run(run, problem, values) for run in problem.runs if run.name not in posed
-    ]
-    information = [
-        likelihood_information(group.beside(precision, pull), prior) for group in groups_stacked
-    ]
-    noises: dict[str, Noise] = {}
-    shared = []
-    for i, group in enumerate(groups_stacked):
-        linear = group.beside(*as_prior([prior, *others, *information[:i], *information[i + 1 :]]))
-        mixture = keep_probable(linear, columns=group.columns)
-        white = likely_root(linear, group.columns)
-        names = tuple(run.name for run in group.runs)
-        if len(names) == 1:
-            (run,) = group.runs
-            noises[run.name] = Roomy(run.noise, mixture, white, group.formed, bad=group.bad)
-            continue
-        noises |= {
-            run.name: Sharing(run.noise, tuple(name for name in names if name != run.name))
-            for run in group.runs
-        }
-        shared.append(Together(names, mixture, white, group.formed))
-    return noises, tuple(shared)
+    stacks = [_stack(tuple(runs), courses, problem, values, bad) for runs in groups]
+    return noises_of(stacks, Beside.of(stacks, problem, values).linear, Roomy)
 
 
 def _stack(
@@ -127,24 +69,25 @@ def _stack(
     problem: Problem,
     values: FloatArray,
     bad: Mapping[str, BadFrames],
-) -> _Stacked:
+) -> Stack:
     named = problem.named(values)
     frames = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
-    n = points.y.size
     about = [
-        _formed(courses.get(run.name), run.noise, one, named)
-        for run, one in zip(runs, points.runs, strict=True)
+        _formed(courses.get(run.name), run.noise, own, named)
+        for run, own in zip(runs, points.runs, strict=True)
     ]
-    formed, stated = stacked([of_run for of_run, _ in about]), [errors for _, errors in about]
-    nothing = Shape("none", 1.0, np.zeros((n, 1)), 0.0)
-    return _Stacked(
+    formed = stacked([residuals for residuals, _ in about])
+    return Stack(
         runs,
         frames,
-        diagonalise(stacked_root([one.root for one in stated]), (nothing,), noise_grid()),
+        points,
+        stacked_root([errors.root for _, errors in about]),
+        (Shape("none", 1.0, np.zeros((points.y.size, 1)), 0.0),),
+        noise_grid(),
         formed.at(points, named)[0],
         formed.gradient(points, named, problem.names),
-        frames.columns(n),
+        frames.columns(points.y.size),
         formed,
     )
 
@@ -186,5 +129,5 @@ def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: fl
     size = np.ones(errors.mixture.columns.shape[1])
     size[:n_run] = factor
     residuals = errors.raw(named)
-    moved = errors.mixture.with_columns(errors.mixture.columns * size)
+    moved = replace(errors.mixture, columns=errors.mixture.columns * size)
     return np.asarray(moved.log_likelihood(residuals) - errors.mixture.log_likelihood(residuals))

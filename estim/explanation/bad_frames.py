@@ -15,7 +15,7 @@ moved) is blamed on a reading far from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -24,12 +24,12 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import Notation, phrase
+from estim.deviation import Pattern, Shifts
 from estim.explanation.candidates import Cause
 from estim.fitting import Fit
 from estim.problem import Curve, Differences, Flat, LocalCurve, Parameter, Problem, Root, SpeedCurve
 
 _ARGUMENT = "error_of_reading"
-_AT_ONCE = 2_000_000  # numbers of points and readings
 _SEEN = 1e-3  # of its size, what the fit leaves of the error of a reading; less cannot be seen
 
 
@@ -91,57 +91,38 @@ def frame_causes(base: Fit) -> tuple[Cause, ...]:
     for i, (run, root, jacobian, z) in enumerate(parts):
         moved = run.noise.of_positions(run.points, named)
         matrix = Differences.of_single(run.n_obs) if moved is None else moved
-        each = matrix.back(root.turned_back(np.column_stack([jacobian, z]).T).T)
         in_sequence = run.positions or run.noise.made_of_positions
-        patterns = (
-            (False, each),
-            *([(True, np.cumsum(each[::-1], axis=0)[::-1])] if in_sequence else []),
-        )
-        for stays, back in patterns:
-            place, pattern, n_place = _best(matrix, root, back, inverse, stays=stays)
-            causes.append(_cause(problem, i, place, pattern, len(patterns) * n_place, stays=stays))
+        shifts = Shifts(matrix, np.zeros(matrix.n_row), 1.0, in_sequence)
+        kinds = ("frame", "step") if in_sequence else ("frame",)
+        for kind in kinds:
+            patterns = [pattern for pattern in shifts.patterns() if pattern.kind == kind]
+            if not patterns:
+                continue
+            row, column, n_tried = _best(shifts, patterns, root, jacobian, z, inverse)
+            causes.append(
+                _cause(problem, i, row, column, len(kinds) * n_tried, stays=kind == "step")
+            )
     return tuple(causes)
 
 
 def _best(
-    matrix: Differences, root: Root, back: FloatArray, inverse: FloatArray, *, stays: bool
+    shifts: Shifts,
+    patterns: Sequence[Pattern],
+    root: Root,
+    jacobian: FloatArray,
+    z: FloatArray,
+    inverse: FloatArray,
 ) -> tuple[int, FloatArray, int]:
     """The reading by whose shift chi-squared falls most, what that does to the points (n_obs,), and
     how many readings were tried.
-
-    back : (n_row, n_par + 1) each pattern times the whitened derivatives and residuals.
-    stays : whether all later readings are shifted too.
     """
-    size, along, pulled = _squares(root, matrix, stays), back[:, :-1].T, back[:, -1]
-    remainder = size - np.einsum("pk,pq,qk->k", along, inverse, along)
+    back = shifts.felt(patterns, root.turned_back(np.column_stack([jacobian, z]).T).T)
+    size, along, pulled = shifts.squares(root, patterns), back[:, :-1], back[:, -1]
+    remainder = size - np.einsum("kp,pq,kq->k", along, inverse, along)
     determined = remainder > _SEEN * np.max(size)
-    if stays:  # a shift from the first readings on, or of the last alone, is that of one reading
-        used = np.flatnonzero(matrix.used)
-        determined &= np.isin(np.arange(matrix.n_row), used[2:-1])
     fall = np.where(determined, pulled**2 / np.where(determined, remainder, 1.0), 0.0)
-    frame = int(np.argmax(fall))
-    return (
-        frame,
-        (matrix @ _shifts(matrix.n_row, frame, frame + 1, stays))[:, 0],
-        int(np.sum(determined)),
-    )
-
-
-def _shifts(n_row: int, first: int, end: int, stays: bool) -> FloatArray:
-    """(n_row, end - first) readings that are shifted by 1: one each, or all from one on."""
-    rows, start = np.arange(n_row)[:, None], np.arange(first, end)
-    return np.asarray(rows >= start if stays else rows == start, dtype=float)
-
-
-def _squares(root: Root, matrix: Differences, stays: bool) -> FloatArray:
-    """(n_row,) squares of what a shift does to the whitened points."""
-    block = max(1, _AT_ONCE // root.n_obs)
-    starts = range(0, matrix.n_row, block)
-    parts = [
-        matrix @ _shifts(matrix.n_row, start, min(start + block, matrix.n_row), stays)
-        for start in starts
-    ]
-    return np.concatenate([np.sum(root.whiten(part.T) ** 2, axis=1) for part in parts])
+    best = patterns[int(np.argmax(fall))]
+    return best.row, shifts.columns([best])[:, 0], int(np.sum(determined))
 
 
 def _cause(

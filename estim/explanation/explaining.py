@@ -256,7 +256,7 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
     if any(
         run.noise.robust
         or run.noise.x_gain().any()
-        or not run.noise.size.reading_variance(_ones(plain)).any()
+        or not run.noise.size.reading_variance(dict.fromkeys(plain.names, 1.0)).any()
         for run in plain.runs
     ):
         return
@@ -273,10 +273,6 @@ def _alike(suspects: Suspects) -> Iterable[Cause]:
             suspects.room,
             scanned=Scanned("correlation", correlation),
         )
-
-
-def _ones(plain: Problem) -> dict[str, float]:
-    return dict.fromkeys(plain.names, 1.0)
 
 
 def _pushed_below(cause: Cause, base: Fit) -> bool:

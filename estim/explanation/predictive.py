@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Label, Notation, p_digits, phrase
 from estim.deviation import MixtureErrors, replicas
-from estim.problem import Likelihood, Named, Observations, Points, Posterior, StackedPoints
+from estim.problem import Likelihood, Named, Observations, Points, Posterior, n_draws
 
 P_NOT_BROUGHT_BACK = 0.01
 N_DRAW, _FEW = 1000, 100  # draws; those of a noise of which every draw has another covariance
@@ -90,7 +90,8 @@ def predictive_checks(
         if drawn is None:
             continue
         again, used = drawn
-        points = _points(likelihood, group.runs)
+        # as the likelihood has them: without the shifts of bad frames
+        points = likelihood.points.runs
         for run, run_points, y in zip(
             group.runs,
             points,
@@ -99,17 +100,6 @@ def predictive_checks(
         ):
             checks[run.name] = _of_run(run, run_points, y, run_points.bind(problem.named(used)))
     return tuple(check for run in problem.runs for check in checks.get(run.name, ()))
-
-
-def _points(likelihood: Likelihood, runs: tuple[Observations, ...]) -> tuple[Points, ...]:
-    """The points of each run as the likelihood has them: without the shifts of bad frames."""
-    if isinstance(likelihood, MixtureErrors):
-        return (
-            likelihood.points.runs
-            if isinstance(likelihood.points, StackedPoints)
-            else (likelihood.points,)
-        )
-    return tuple(run.points for run in runs)
 
 
 def _again(
@@ -123,8 +113,8 @@ def _again(
     """
     if isinstance(likelihood, MixtureErrors):
         return replicas(likelihood, named(draws), rng=rng), draws
-    normal, points = likelihood.normal, getattr(likelihood, "points", None)
-    if normal is None or points is None:
+    normal, points = likelihood.normal, likelihood.points
+    if normal is None:
         return None
     few = draws[:: max(1, draws.shape[0] // _FEW)]
     curve = np.broadcast_to(points.value(named(few)), (few.shape[0], points.y.size))
@@ -248,10 +238,8 @@ def _energy(
     run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
 ) -> tuple[FloatArray, FloatArray]:
     kinetic, potential = run.body.energies(x, v, arguments)
-    n_set = max(
-        (np.shape(value)[0] for value in arguments.values() if np.ndim(value) == 2), default=1
-    )
-    shape = (max(n_set, *(np.atleast_2d(part).shape[0] for part in (x, v))), x.shape[-1])
+    n_set = max(n_draws(arguments), *(np.atleast_2d(part).shape[0] for part in (x, v)))
+    shape = n_set, x.shape[-1]
     return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
 
 

@@ -6,22 +6,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from estim.common import Finding, Kind, Label, split_level
-from estim.explanation.explaining import FOUND, Candidate, Explanation
+from estim.common import Finding, Kind, split_level
+from estim.explanation.explaining import FOUND, Candidate, Estimated, Explanation
 from estim.fitting import chi2_p
-
-
-@dataclass(frozen=True)
-class Mean:
-    """The weighted mean of a number over runs, with its standard deviation; SI units."""
-
-    value: float
-    sd: float
-    label: Label
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +21,7 @@ class CauseOfRuns:
 
     found_in : the runs that show it by themselves.
     n_run : of how many.  gain : the sum of all.
-    means : of its numbers.
+    means : of its numbers, weighted.
     p : probability of values that differ as much if all runs have the same; nan where no two can be
         compared.
     """
@@ -40,7 +31,7 @@ class CauseOfRuns:
     found_in: tuple[str, ...]
     n_run: int
     gain: float
-    means: tuple[Mean, ...]
+    means: tuple[Estimated, ...]
     p: float
 
 
@@ -69,7 +60,7 @@ def across_runs(explanations: Sequence[Explanation]) -> tuple[CauseOfRuns, ...]:
     return tuple(sorted(causes, key=lambda cause: -cause.gain))
 
 
-def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]:
+def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Estimated, ...], float]:
     means, chi2, dof = [], 0.0, 0
     for numbers in zip(*(item.numbers for item in candidates), strict=True):
         informative = [item for item in numbers if item.sd > 0.0]  # nan: on an edge
@@ -78,7 +69,8 @@ def _together(candidates: Sequence[Candidate]) -> tuple[tuple[Mean, ...], float]
         values = np.array([item.value for item in informative])
         weights = np.array([item.sd for item in informative]) ** -2.0
         mean = float(np.sum(weights * values) / np.sum(weights))
-        means.append(Mean(mean, float(np.sum(weights) ** -0.5), numbers[0].label))
+        sd = float(np.sum(weights) ** -0.5)
+        means.append(replace(numbers[0], value=mean, sd=sd))
         chi2, dof = chi2 + float(np.sum(weights * (values - mean) ** 2)), dof + len(informative) - 1
     return tuple(means), chi2_p(chi2, dof) if dof > 0 else math.nan
 

@@ -20,7 +20,6 @@ from estim.problem.curve import (
 from estim.problem.events import BINOMIAL, POISSON, Counted, Counts, Events, Law, counted_words
 from estim.problem.differences import Differences
 from estim.problem.likelihood import (
-    Ends,
     Likelihood,
     Noise,
     NormalErrors,

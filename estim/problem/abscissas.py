@@ -107,6 +107,12 @@ class Predictive:
     variance: FloatArray
     log_weight: FloatArray
 
+    def of(self, part: slice = slice(None)) -> Predictive:
+        """Those of some points, of one draw, for many y of each: (n_part, 1, n_component)."""
+        return Predictive(
+            *(array[0][part][:, None] for array in (self.mean, self.variance, self.log_weight))
+        )
+
     def terms(
         self, y: FloatArray, tails: Tails, named: Mapping[str, ArrayLike]
     ) -> tuple[FloatArray, FloatArray]:

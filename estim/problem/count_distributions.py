@@ -89,12 +89,7 @@ class Poisson:
     def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
         from scipy.special import pdtr
 
-        reach = 9.0 * np.sqrt(mean) + 20.0
-        y = np.unique(
-            np.floor(
-                np.linspace(max(0.0, mean - reach), mean + reach, min(2 * int(reach) + 2, 4000))
-            )
-        )
+        y = _around(mean, np.sqrt(mean), math.inf)
         return y, pdtr(y, mean)
 
 
@@ -134,16 +129,7 @@ class Binomial:
     def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
         from scipy.special import betainc
 
-        middle, reach = size * mean, 9.0 * np.sqrt(size * mean * (1.0 - mean)) + 20.0
-        hits = np.unique(
-            np.floor(
-                np.linspace(
-                    max(0.0, middle - reach),
-                    min(size, middle + reach),
-                    min(2 * int(reach) + 2, 4000),
-                )
-            )
-        )
+        hits = _around(size * mean, np.sqrt(size * mean * (1.0 - mean)), size)
         return hits / size, np.where(
             hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0
         )
@@ -178,6 +164,13 @@ def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArra
             np.sign(y - mean)
             * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0)))
         )
+
+
+def _around(mean: float, sd: float, most: float) -> FloatArray:
+    """Whole numbers up to `most`, all but impossible ones left out; of very many some."""
+    reach = 9.0 * sd + 20.0
+    ends = max(0.0, mean - reach), min(most, mean + reach)
+    return np.unique(np.floor(np.linspace(*ends, min(2 * int(reach) + 2, 4000))))
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:

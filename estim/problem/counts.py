@@ -21,7 +21,7 @@ from estim.arrays import FloatArray
 from estim.common import phrase
 from estim.problem.count_distributions import Counted, Law, deviance_residual
 from estim.problem.curve import POINTS, Wording
-from estim.problem.likelihood import Ends, Likelihood, Noise, Points
+from estim.problem.likelihood import Likelihood, Noise, Points
 from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size
 
@@ -64,10 +64,6 @@ class CountErrors(Likelihood):
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return self._slopes(named, names)
-
-    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        root = self.information_root(named, names)
-        return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
         mean = self._mean(named)[0]

@@ -13,7 +13,7 @@ likelihood of the times given their number.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
@@ -127,7 +127,7 @@ class EventErrors(CountErrors):
         self, times: FloatArray, named: Named, names: Sequence[str]
     ) -> tuple[FloatArray, FloatArray]:
         local = self._rates.local_rate(times, self.points.bind(named))
-        there = Points(self.points.curve, times, times, self.points.arguments)
+        there = replace(self.points, x=times)
         return np.broadcast_to(local.value, (1, times.size))[0], there.gradients(local, names, 1)[0]
 
     def _by_cell(self, of_events: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ their covariance has the term's effect in it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -203,10 +203,11 @@ class LatentErrors(Likelihood):
         y = _quantiles(density, tails, named, e)
         of_mean, of_variance = self._slopes(named, names)
         of_mean, of_variance = of_mean[..., : len(names)], of_variance[..., : len(names)]
-        z = (y[..., None] - density.mean[0][:, None]) / np.sqrt(density.variance[0][:, None])
-        share = np.exp(density.log_weight[0] - summed(density.log_weight[0])[..., None])[:, None]
+        points = density.of()
+        sd = np.sqrt(points.variance)
+        z = (y[..., None] - points.mean) / sd
+        share = np.exp(points.log_weight - summed(points.log_weight)[..., None])
         height = share * np.exp(tails.log_density(z, deepened(tails, named)))
-        sd = np.sqrt(density.variance[0][:, None])
         moved = -(height / sd) @ of_mean - (0.5 * height * z / sd**2) @ of_variance
         return (
             e,
@@ -247,9 +248,7 @@ class LatentErrors(Likelihood):
             value = np.atleast_2d(
                 self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
             )
-        unsorted = np.empty((value.shape[0], order.size))
-        unsorted[:, order] = value
-        return unsorted.reshape(-1, *nodes.shape[1:])
+        return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:])
 
     def _own_variance(self, named: Named) -> FloatArray:
         """(n, n_obs) variance of y at a given abscissa."""
@@ -297,24 +296,17 @@ class LatentErrors(Likelihood):
         then in the two common displacements.
         """
         abscissas = self._abscissas(named)
-        flat = abscissas.nodes[0].ravel()
+        flat, shape = abscissas.nodes[0].ravel(), abscissas.nodes.shape[1:]
         order = np.argsort(flat, kind="stable")
+        at_nodes, back = replace(self.points, x=flat[order]), np.argsort(order)
         with np.errstate(all="ignore"):
-            local = self.points.curve.local(flat[order], self.points.bind(named))
-        back = np.empty_like(order)
-        back[order] = np.arange(order.size)
-        gradients = np.zeros((flat.size, len(names) + 2))
-        for argument, source in self.points.arguments.items():
-            if isinstance(source, str):
-                gradients[:, names.index(source)] += np.broadcast_to(
-                    local.gradient[argument], (1, flat.size)
-                )[0][back]
-        shape = abscissas.nodes.shape[1:]
+            local = self.points.curve.local(at_nodes.x, self.points.bind(named))
         values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
-        gradients = gradients.reshape(*shape, -1)
-        gradients[..., len(names) :] = (
+        common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         )
+        of_curve = at_nodes.gradients(local, names, 1)[0][back].reshape(*shape, -1)
+        gradients = np.concatenate([of_curve, common], axis=-1)
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)
         of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[0][:, None, :]
@@ -331,10 +323,7 @@ class LatentErrors(Likelihood):
         """(n_part, n, n_par + 2) derivatives of log L_i at y (n_part, n) for the points of
         `part`.
         """
-        tails, whole = self.tails, self._predictive(named)
-        density = Predictive(
-            *(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight))
-        )
+        tails, density = self.tails, self._predictive(named).of(part)
         z, terms = density.terms(y, tails, named)
         share = _shares(terms)
         pull = np.multiply(*tails.deviance_residual(z, deepened(tails, named)))
@@ -346,16 +335,12 @@ class LatentErrors(Likelihood):
         for name, (low, high, distance) in ends.items():
             if name in self.size.parameters:
                 continue
-            below, above = (self._log_density_at(y, values, part) for values in (low, high))
+            below, above = (
+                self._predictive(values).of(part).log_density(y, tails, values)
+                for values in (low, high)
+            )
             scores[..., names.index(name)] = (above - below) / distance
         return scores
-
-    def _log_density_at(self, y: FloatArray, named: Named, part: slice) -> FloatArray:
-        whole = self._predictive(named)
-        density = Predictive(
-            *(array[0][part][:, None] for array in (whole.mean, whole.variance, whole.log_weight))
-        )
-        return density.log_density(y, self.tails, named)
 
     def _by_blocks(self, named: Named, compute: Callable[[Named], FloatArray]) -> FloatArray:
         columns = {name: np.asarray(value) for name, value in named.items()}
@@ -429,11 +414,8 @@ def _quantiles(density: Predictive, tails: Tails, named: Named, e: FloatArray) -
     high = np.max(np.where(possible, density.mean[0] + reach * sd, -np.inf), axis=-1)[
         :, None
     ] * np.ones(e.size)
-    spread = Predictive(
-        *(array[0][:, None] for array in (density.mean, density.variance, density.log_weight))
-    )
     for _ in range(50):
         middle = 0.5 * (low + high)
-        above = spread.normal_score(middle, tails, named) > e
+        above = density.of().normal_score(middle, tails, named) > e
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     return 0.5 * (low + high)

@@ -45,6 +45,11 @@ class Points:
     y: FloatArray
     arguments: Mapping[str, str | float]
 
+    @property
+    def runs(self) -> tuple[Points, ...]:
+        """Those of each run: of this one alone."""
+        return (self,)
+
     def bind(self, named: Named) -> dict[str, ArrayLike]:
         """Arguments of the curve for parameter values."""
         return {
@@ -173,7 +178,7 @@ class Likelihood(ABC):
     """The likelihood of one run, or of several that share what their curves lack.
 
     Of draws `named` holds columns (n_draw, 1), else single values; `names` are all parameters of
-    the problem.  Five members make a likelihood; what follows from them is said once, and again
+    the problem.  Four members make a likelihood; what follows from them is said once, and again
     only where it is not as simple.
     """
 
@@ -201,10 +206,6 @@ class Likelihood(ABC):
         """(n_obs, n_par) derivatives of `residuals` in the parameters of the curve, 0 in all
         others.
         """
-
-    @abstractmethod
-    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
-        """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`."""
 
     @abstractmethod
     def sd(self, named: Named) -> FloatArray:
@@ -261,6 +262,13 @@ class Likelihood(ABC):
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         """J (n, n_par) with J^T J the Fisher information about the curve, the noise held."""
         return self.jacobian(named, names)
+
+    def information(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
+        """(n_par, n_par) Fisher information about all parameters; of the noise those in `ends`,
+        which has none here.
+        """
+        root = self.information_root(named, names)
+        return np.asarray(root.T @ root)
 
     def whitened(self, named: Named, names: Sequence[str]) -> Whitened:
         """The residuals for tests."""

@@ -60,14 +60,7 @@ class Root(Protocol):
 
 def covariance_of(root: Root) -> FloatArray:
     """C (n_obs, n_obs), for few points."""
-    return (
-        np.asarray(root.lower @ root.lower.T)
-        if isinstance(root, Dense)
-        else _squared(root.coloured(np.eye(root.n_obs)))
-    )
-
-
-def _squared(rows: FloatArray) -> FloatArray:
+    rows = root.coloured(np.eye(root.n_obs))
     return np.asarray(rows.T @ rows)
 
 

@@ -183,14 +183,11 @@ def folded(
 def no_symmetry(problem: Problem) -> Symmetry:
     """Nothing but the identity."""
     n_par = problem.n_par
-    low = np.array([p.prior.low for p in problem.parameters])
-    high = np.array([p.prior.high for p in problem.parameters])
     return Symmetry(
         np.eye(n_par)[None, :, :],
         np.zeros((1, n_par)),
         np.full(n_par, np.inf),
-        low,
-        high,
+        *problem.support(),
         np.ones(n_par),
     )
 

@@ -16,10 +16,11 @@ Each works on standardised residuals z = (y - f)/sd, point by point.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,22 +33,25 @@ _LOG_ROOT_2PI = 0.5 * math.log(2.0 * math.pi)
 _FAR = 3.0  # a Student-t frame counts as an outlier where its own sd is more than this many sigmas
 
 
-class Tails(Protocol):
+class Tails(ABC):
     """A density of z; `values` holds parameters as scalars or (n_draw, 1), results are shaped like
     z.
+
+    robust : whether it leaves room for outliers.
     """
+
+    robust: ClassVar[bool] = True
 
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of its own unknowns."""
+        return ()
 
-    @property
-    def robust(self) -> bool:
-        """Whether it leaves room for outliers."""
-
+    @abstractmethod
     def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """Normalised log density."""
 
+    @abstractmethod
     def deviance_residual(
         self, z: FloatArray, values: Mapping[str, ArrayLike]
     ) -> tuple[FloatArray, FloatArray]:
@@ -55,34 +59,39 @@ class Tails(Protocol):
         minimises.
         """
 
+    @abstractmethod
     def information(self, values: Mapping[str, ArrayLike]) -> tuple[float, float]:
         """Fisher information of one z about its location and about the logarithm of its scale (1
         and 2 if normal).
         """
 
+    @abstractmethod
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """Probability that this frame is an outlier, given z."""
 
     def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
         """The share of outliers where that is one of its own unknowns, otherwise nan."""
+        return math.nan
 
+    @abstractmethod
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         """z mapped to a standard normal variable through its distribution function."""
 
+    @abstractmethod
     def draw(
         self, rng: np.random.Generator, size: int, values: Mapping[str, ArrayLike]
     ) -> FloatArray:
         """(size,) random z."""
 
+    @abstractmethod
     def describe(self) -> str:
         """A few words, "" if normal."""
 
 
 @dataclass(frozen=True)
-class Gaussian:
+class Gaussian(Tails):
     """Normal errors."""
 
-    parameters = ()
     robust = False
 
     def log_density(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
@@ -99,9 +108,6 @@ class Gaussian:
     def outlier_probability(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return np.zeros_like(z)
 
-    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
-        return math.nan
-
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return z
 
@@ -115,15 +121,12 @@ class Gaussian:
 
 
 @dataclass(frozen=True)
-class StudentT:
+class StudentT(Tails):
     """Student's t with `nu` degrees of freedom; sigma is its scale, its standard deviation
     sqrt(nu/(nu-2)) larger.
     """
 
     nu: float = 4.0
-
-    parameters = ()
-    robust = True
 
     @cached_property
     def _log_norm(self) -> float:
@@ -155,9 +158,6 @@ class StudentT:
 
         return gammainc(0.5 * (self.nu + 1.0), 0.5 * (self.nu + z**2) / _FAR**2)
 
-    def outlier_share(self, values: Mapping[str, ArrayLike]) -> float:
-        return math.nan
-
     def normal_score(self, z: FloatArray, values: Mapping[str, ArrayLike]) -> FloatArray:
         return -np.sign(z) * normal_quantile(np.maximum(student_tail(np.abs(z), self.nu), 1e-300))
 
@@ -173,15 +173,13 @@ class StudentT:
 
 
 @dataclass(frozen=True)
-class Mixture:
+class Mixture(Tails):
     """(1 - fraction) normal + fraction normal of exp(log_width) times the standard deviation; both
     names of parameters.
     """
 
     fraction: str
     log_width: str
-
-    robust = True
 
     @property
     def parameters(self) -> tuple[str, ...]:
