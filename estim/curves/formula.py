@@ -105,7 +105,7 @@ class Formula:
         """The same formula with its parameter `variable` as the abscissa, for one that does not use
         x.
         """
-        tree = _Renamed(variable).visit(copy.deepcopy(self.tree))
+        tree = Renamed(variable, "x").visit(copy.deepcopy(self.tree))
         return Formula(
             self.text, tuple(name for name in self.names if name != variable), tree, variable
         )
@@ -134,14 +134,16 @@ class Formula:
         )
 
 
-class _Renamed(ast.NodeTransformer):
-    """A name becomes x."""
+class Renamed(ast.NodeTransformer):
+    """One name in place of another."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, new: str) -> None:
+        self.name, self.new = name, new
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
-        return ast.copy_location(ast.Name("x", ast.Load()), node) if node.id == self.name else node
+        if node.id != self.name:
+            return node
+        return ast.copy_location(ast.Name(self.new, ast.Load()), node)
 
 
 def read_formula(text: object, *, field: str = "expression") -> Formula:

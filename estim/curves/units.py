@@ -27,7 +27,7 @@ from estim.curves.dimensions import (
     is_pure_in_angle,
     pure_angles,
 )
-from estim.curves.formula import Formula
+from estim.curves.formula import Formula, Renamed
 
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _LONGEST = 20  # characters of a unit that is told of a parameter
@@ -164,7 +164,7 @@ def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
         and same_unit(axes.y_unit, "rad") is False
         and (arc := arc_among_terms(curve.tree)) is not None
     ):
-        written = ast.unparse(_Called(curve.variable).visit(copy.deepcopy(arc)))
+        written = _as_written(arc, curve.variable)
         cure = (
             f"write degrees({written})"
             if is_in_degrees(axes.y_unit)
@@ -178,9 +178,9 @@ def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
     for function, angle, power in angles_of(curve):
         unit = axes.x_unit if power[0] else axes.y_unit
         if is_angle(unit) and same_unit(unit, "rad") is False and _turns_nothing(angle):
-            written = _Called(curve.variable).visit(copy.deepcopy(angle))
+            written = _as_written(angle, curve.variable)
             cure = (
-                f"write {function}(radians({ast.unparse(written)}))"
+                f"write {function}(radians({written}))"
                 if is_in_degrees(unit)
                 else "write the column in radians"
             )
@@ -191,14 +191,14 @@ def refuse_degrees(curve: object, axes: AxisNames, field: str) -> None:
             )
 
 
-class _Called(ast.NodeTransformer):
-    """x becomes the name that the formula has for it, and a power is written as such."""
+def _as_written(part: ast.expr, variable: str) -> str:
+    """Part of a formula as its user would write it, with the name that x has there."""
+    renamed = Renamed("x", variable).visit(copy.deepcopy(part))
+    return ast.unparse(_Written().visit(renamed))
 
-    def __init__(self, variable: str) -> None:
-        self.variable = variable
 
-    def visit_Name(self, node: ast.Name) -> ast.Name:
-        return ast.Name(self.variable, ast.Load()) if node.id == "x" else node
+class _Written(ast.NodeTransformer):
+    """Whole numbers without a point, and a power written as such."""
 
     def visit_Constant(self, node: ast.Constant) -> ast.Constant:
         whole = isinstance(node.value, float) and node.value.is_integer()
