@@ -12,6 +12,7 @@ import pytest
 from joint_runs import LINE, problem_of, simulated_campaign
 from scipy import stats
 
+from estim.campaign import load_campaign
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
 from estim.checks.sources import each_without_one
 from estim.common.errors import InputError
@@ -227,6 +228,18 @@ def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generat
     assert found.suspects == ("r3",)
     assert found.rows[3].p_holm < 1e-3
     assert check_disks(tmp_path, rng, [0.187] * 6).agree
+
+
+def test_runs_of_two_bodies_with_forces_agree(project: Path) -> None:
+    """Rounding errors in its information on the other body's parameters were taken for a
+    disagreement of 1e21.
+    """
+    campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
+    problem = campaign.problem(campaign.run_names, usual=True)
+    fit = campaign.fit(problem, rng=np.random.default_rng(0))
+    found = check_consistency(fit)
+    assert found.agree
+    assert found.p_value > 0.01
 
 
 @pytest.mark.statistics

@@ -157,7 +157,9 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
         alone = _fitted(
             information + np.diag(prior), score - information @ moved + pull, shared, nuisance
         )
-        copies.append(Copies((run.name,), *_beyond(alone, stated)))
+        used = np.array([fit.names[i] in run.parameters for i in shared])
+        mine = alone[0] * np.outer(used, used), alone[1] * used  # of the rest it holds rounding
+        copies.append(Copies((run.name,), *_beyond(mine, stated)))
     return tuple(copies)
 
 
@@ -167,6 +169,7 @@ def _beyond(alone: Quadratic, stated: FloatArray) -> Quadratic:
     """
     information, score = alone
     scale = np.sqrt(np.diag(information + stated))
+    scale = np.where(scale > 0.0, scale, 1.0)
     root = (
         np.linalg.cholesky(
             (information + stated) / np.outer(scale, scale) + ALONE * np.eye(score.size)
