@@ -1,8 +1,4 @@
-"""One descent of a search: least squares with the linear parameters solved for at each step, and
-what a Jacobian says.
-
-Variable projection (Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413) with Kaufman's Jacobian.
-"""
+"""Descents of a search, the steps that finish one, and what a Jacobian says."""
 
 from __future__ import annotations
 
@@ -17,65 +13,25 @@ from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
 
 _N_FINISH = 10  # steps by the information that end a search with errors of x
 _NO_STEP = 1e-6  # standard deviations
+# promised fall, of the squares, at which a descent ends; steps by the information finish after the
+# rough one
+_CLOSELY, _ROUGHLY, _MOST_STEPS = 1e-11, 1e-3, 100
+
+End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
 
 
-def descend(search: SeparableSearch, start: FloatArray) -> FloatArray:
-    """Least squares from one point, the linear parameters solved for at each step."""
-    from scipy.optimize import least_squares
-
-    if not search.bent.size:
-        return search.solved(start)
-    bent = search.bent
-    low, high = search.low[bent], search.high[bent]
-    first = _inside(start[bent], low, high)
-    unit = np.where(first != 0.0, np.abs(first), 1.0)
-
-    # least_squares asks for residuals and Jacobian at the same point
-    last: tuple[FloatArray, FloatArray] | None = None
-
-    def filled(shape: FloatArray) -> FloatArray:
-        nonlocal last
-        if last is None or not np.array_equal(last[0], shape):
-            full = start.copy()
-            full[bent] = np.clip(shape * unit, low, high)
-            last = shape.copy(), search.solved(full)
-        return last[1]
-
-    size = math.sqrt(search.chi2(filled(first / unit)))
-    if not 0.0 < size < math.inf:
-        return filled(first / unit)
-
-    def residuals(shape: FloatArray) -> FloatArray:
-        return search.residuals(filled(shape)) / size
-
-    def jacobian(shape: FloatArray) -> FloatArray:
-        columns = search.jacobian(filled(shape))
-        columns[~np.isfinite(columns)] = 0.0
-        turned = columns[:, bent]
-        if search.linear.size:
-            basis, _ = np.linalg.qr(columns[:, search.linear])
-            turned = turned - basis @ (basis.T @ turned)
-        return np.nan_to_num(turned * unit / size, nan=0.0, posinf=0.0, neginf=0.0)
-
-    tolerance = 1e-3 if search.creeps else 1e-11  # steps by the information finish
-    result = least_squares(
-        residuals,
-        first / unit,
-        jac=jacobian,
-        bounds=(low / unit, high / unit),
-        x_scale="jac",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=None,
-        max_nfev=200,
+def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
+    """Where least squares from starts (n, n_par) end, those left out at which the curve is not
+    finite.
+    """
+    points, chi2 = search.squares.descend(
+        starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
     )
-    # nan: no parameter changes the residuals here
-    optimum = filled(result.x if np.all(np.isfinite(result.x)) else first / unit)
-    return (
-        stepped(search, optimum, most=_N_FINISH)[0]
-        if search.creeps and math.isfinite(search.chi2(optimum))
-        else optimum
-    )
+    ends = [
+        stepped(search, point, most=_N_FINISH)[0] if search.creeps else search.solved(point)
+        for point in points[np.isfinite(chi2)]
+    ]
+    return [(values, size) for values in ends if math.isfinite(size := search.chi2(values))]
 
 
 def stepped(
@@ -128,16 +84,6 @@ def stepped(
 
 def all_finite(jacobian: FloatArray, residual: FloatArray) -> bool:
     return bool(np.all(np.isfinite(jacobian)) and np.all(np.isfinite(residual)))
-
-
-def _inside(values: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """`values` moved strictly between the limits."""
-    unit = np.where(values != 0.0, np.minimum(np.abs(values), 1.0), 1.0)
-    inner = [
-        edge + sign * 1e-9 * (unit + np.abs(np.where(np.isfinite(edge), edge, 0.0)))
-        for edge, sign in ((low, 1.0), (high, -1.0))
-    ]
-    return np.clip(values, *inner)
 
 
 def near_bound(

@@ -24,7 +24,14 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, InputError, Kind, phrase
-from estim.fitting.gauss_newton import all_finite, descend, inverse_information, near_bound, stepped
+from estim.fitting.gauss_newton import (
+    End,
+    all_finite,
+    descended,
+    inverse_information,
+    near_bound,
+    stepped,
+)
 from estim.fitting.least_squares import (
     WITHIN_REACH,
     Fit,
@@ -33,13 +40,12 @@ from estim.fitting.least_squares import (
     led_here,
     settled,
 )
-from estim.fitting.screen import chi2_at, far_squares, further_optima, solved_at
+from estim.fitting.screen import far_squares, further_optima
 from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
     PLACE,
     SAME,
-    End,
     chi2_limit,
     choose,
     distance,
@@ -149,16 +155,14 @@ def find_optimum(
 def _found(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
 ) -> Optimum:
-    ends = [descend(search, start)]
     searched = bool(search.bent.size) and n_start > 1
-    if searched:
-        ends += [descend(search, point) for point in _screened(search, start, rng, n_start - 1)]
-    tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
+    starts = [start, *(_screened(search, start, rng, n_start - 1) if searched else ())]
+    tried = descended(search, np.array(starts))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
     if not searched:
-        return _polished(search, best[0], n_start=len(ends), n_same=1)
+        return _polished(search, best[0], n_start=1, n_same=1)
     symmetry = find_symmetry(search.posterior.problem, best[0], search.bent.tolist(), rng)
     best, every = _scanned(search, best, tried, symmetry)
     symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
@@ -225,8 +229,7 @@ def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Op
     for point in (afar.values, *afar.others):
         if all(distance(search, point, other) > _ALIKE for other in starts):
             starts.append(point)
-    ends = [descend(search, point) for point in starts]
-    tried = [(values, chi2) for values in ends if math.isfinite(chi2 := search.chi2(values))]
+    tried = descended(search, np.array(starts))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
@@ -251,7 +254,7 @@ def _scanned(
         optima, before = further_optima(search, best[0], symmetry.period), best
         spread, limit = spread_at(search, best), chi2_limit(search, best)
         fresh: list[FloatArray] = []
-        for point, chi2 in zip(optima, chi2_at(search, optima), strict=True):
+        for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
             if chi2 > 1.5 * limit or len(fresh) == _MOST_DESCENTS:
                 break
             if not any(
@@ -259,11 +262,7 @@ def _scanned(
                 for other in (*fresh, *(end for end, _ in ends))
             ):
                 fresh.append(point)
-        ends += [
-            (values, chi2)
-            for values in (descend(search, point) for point in fresh)
-            if math.isfinite(chi2 := search.chi2(values))
-        ]
+        ends += descended(search, np.array(fresh)) if fresh else []
         best = min(ends, key=lambda end: end[1])
         if not best[1] < before[1] * (1.0 - SAME) - rounding(search):
             break
@@ -323,7 +322,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
         near, limit = [fit.values, *fit.others], chi2_limit(search, here)
         spread = np.sqrt(np.diag(fit.cov))
         fresh: list[FloatArray] = []
-        for point, chi2 in zip(optima, chi2_at(search, optima), strict=True):
+        for point, chi2 in zip(optima, search.chi2_at(optima), strict=True):
             if chi2 > limit or len(fresh) == _MOST_REFITTED:
                 break
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
@@ -448,8 +447,8 @@ def _screened(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n: int
 ) -> list[FloatArray]:
     """The best `n` of many points around the start, no two of them alike."""
-    points = solved_at(search, np.array([_scattered(search, start, rng) for _ in range(_N_SCREEN)]))
-    heights = chi2_at(search, points)
+    scattered = np.array([_scattered(search, start, rng) for _ in range(_N_SCREEN)])
+    points, heights = search.squares.looked_at(scattered)
     chosen: list[FloatArray] = []
     for i in np.argsort(heights, kind="stable"):
         if len(chosen) == n or not math.isfinite(heights[i]):

@@ -23,8 +23,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, later, percentage, phrase
+from estim.descent import End, Start, minima, together
 from estim.distributions import chi2_quantile, student_quantile
-from estim.fitting.descent import End, Start, minima, together
 from estim.fitting.least_squares import Fit
 from estim.fitting.profile_paths import crossing, dips, returns, walk
 from estim.fitting.profile_search import ProfileSearch, search_of

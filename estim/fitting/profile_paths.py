@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting.descent import End, Start, Task
+from estim.descent import End, Start, Task
 from estim.fitting.profile_search import ProfileSearch
 
 _REACH = 40.0  # prior standard deviations beyond which nothing is looked for

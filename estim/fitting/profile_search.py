@@ -3,7 +3,7 @@ call.
 
 Only the log density decides; it is differentiated by differences, so any likelihood will do.  Runs
 that are independent of each other are differentiated each in its own parameters alone.  It is the
-`Hill` of `estim.fitting.descent`.
+`Hill` of `estim.descent`.
 """
 
 from __future__ import annotations
@@ -54,8 +54,7 @@ class ProfileSearch:
     def objective(self, values: FloatArray) -> float:
         return float(self.objectives(values[None, :])[0])
 
-    @property
-    def reach(self) -> FloatArray:
+    def reach(self, points: FloatArray) -> FloatArray:
         """(n_par,) beyond which the curvature at a point says nothing."""
         return _REACH * self.scale
 
@@ -63,11 +62,15 @@ class ProfileSearch:
     def lasting(self) -> bool:
         return True
 
-    def looked_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def looked_at(
+        self, points: FloatArray, which: NDArray[np.int64]
+    ) -> tuple[FloatArray, FloatArray]:
         """The points and their objectives."""
         return points, self.objectives(points)
 
-    def shape(self, points: FloatArray, curved: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    def shape(
+        self, points: FloatArray, which: NDArray[np.int64], curved: NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray]:
         """Slopes of the objective, and the curvatures that the Fisher information expects."""
         units = np.outer(self.scale, self.scale)
         curvatures = np.zeros((*points.shape, self.scale.size))

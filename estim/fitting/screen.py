@@ -14,9 +14,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.descent import solve
 from estim.fitting.separable import SeparableSearch
 
 _N_COARSE = 48  # places at which the speed of change is taken
@@ -26,58 +26,10 @@ _MOST_NUMBERS = 3_000_000  # residuals in all calls for one parameter
 _MOST_DIPS = 40
 _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
-_STEP, _WIDE = 1e-6, 1e-4  # of a parameter's size: for first and for mixed second differences
-_N_STEP = 14
+_WIDE = 1e-4  # of a parameter's size, for mixed second differences
+_SETTLED, _N_STEP = 1e-9, 14
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 _BATCH = 400_000  # residuals in one call
-
-
-def residuals_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """(n_point, n_obs + n_prior) residuals at points (n_point, n_par), priors that pull
-    included.
-    """
-    posterior, problem = search.posterior, search.posterior.problem
-    pulling = [i for i in search.free if problem.parameters[i].prior.informative]
-    rows = max(1, _BATCH // max(1, problem.n_obs))
-    parts = []
-    with np.errstate(all="ignore"):
-        for first in range(0, max(1, points.shape[0]), rows):
-            batch = points[first : first + rows]
-            pulls = [problem.parameters[i].prior.residual(batch[:, i])[:, None] for i in pulling]
-            parts.append(np.hstack([posterior.residuals_at(batch), *pulls]))
-    return np.vstack(parts)
-
-
-def chi2_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """(n_point,) sums of squares, inf where the curve is not finite."""
-    rows = max(1, _BATCH // max(1, search.posterior.problem.n_obs))
-    with np.errstate(all="ignore"):
-        total = np.concatenate(
-            [
-                np.sum(residuals_at(search, points[k : k + rows]) ** 2, axis=1)
-                for k in range(0, max(1, points.shape[0]), rows)
-            ]
-        )
-    return np.where(np.isfinite(total), total, np.inf)
-
-
-def solved_at(search: SeparableSearch, points: FloatArray) -> FloatArray:
-    """`points` (n_point, n_par) with their linear parameters at the least-squares solution, well
-    enough to compare them.
-    """
-    if not search.linear.size:
-        return points
-    most = max(1, _BATCH // search.posterior.problem.n_obs)
-    if search.posterior.problem.many and points.shape[0] > most:
-        return np.vstack(
-            [solved_at(search, points[i : i + most]) for i in range(0, points.shape[0], most)]
-        )
-    base, columns = _tangents(search, points, search.linear, 1.0)
-    with np.errstate(all="ignore"):
-        step = _solve(columns, -base)
-    solution = points.copy()
-    solution[:, search.linear] += np.where(np.isfinite(step), step, 0.0)
-    return solution
 
 
 def further_optima(
@@ -100,7 +52,7 @@ def further_optima(
         over = turned[:, i] > search.high[i]
         turned[over, i] -= period[i] * np.ceil((turned[over, i] - search.high[i]) / period[i])
         turned = turned[turned[:, i] >= search.low[i]]
-        heights = chi2_at(search, turned)
+        heights = search.squares.heights(turned)
         points = turned[np.argsort(heights, kind="stable")[: max(points.shape[0], 4 * _MOST_DIPS)]]
     return descended(search, points)
 
@@ -134,69 +86,15 @@ def far_squares(
         held = replace(search, bent=search.bent[search.bent != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        _, heights = (
-            led_down(held, solved_at(held, points))
-            if held.free.size
-            else (points, chi2_at(search, points))
-        )
+        _, heights = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
         lowest[i] = min(
             (float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf
         )
     return lowest
 
 
-def _size(search: SeparableSearch, points: FloatArray, i: int) -> FloatArray:
-    """What a step of parameter i is measured by."""
-    known = max(
-        abs(float(search.held[i])),
-        1e-3 * search.posterior.problem.parameters[i].prior.sd if _informed(search, i) else 0.0,
-    )
-    return np.maximum(np.abs(points[:, i]), known if known > 0.0 else 1.0)
-
-
 def _informed(search: SeparableSearch, i: int) -> bool:
     return math.isfinite(search.posterior.problem.parameters[i].prior.sd)
-
-
-def _tangents(
-    search: SeparableSearch, points: FloatArray, which: NDArray[np.int64], step: float
-) -> tuple[FloatArray, FloatArray]:
-    """Residuals (n_point, n_res) and their derivatives (n_point, n_res, n_which) by differences of
-    `step` times the size of a parameter.
-    """
-    moved, steps = [points], []
-    for i in which:
-        h = step * _size(search, points, int(i))
-        if math.isfinite(search.high[i]):
-            h = np.where(points[:, i] + h > search.high[i], -h, h)
-        at = points.copy()
-        at[:, i] += h
-        steps.append(at[:, i] - points[:, i])
-        moved.append(at)
-    every = residuals_at(search, np.vstack(moved)).reshape(len(moved), points.shape[0], -1)
-    with np.errstate(all="ignore"):
-        columns = np.stack(
-            [(rows - every[0]) / h[:, None] for rows, h in zip(every[1:], steps, strict=True)],
-            axis=2,
-        )
-    return every[0], columns
-
-
-def _solve(
-    columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12
-) -> FloatArray:
-    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
-    n_col).
-    """
-    columns = np.where(np.isfinite(columns), columns, 0.0)
-    scale = np.sqrt(np.sum(columns**2, axis=1))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    unit = columns / scale[:, None, :]
-    gram = np.swapaxes(unit, 1, 2) @ unit
-    n = gram.shape[1]
-    gram = gram + np.asarray(damping).reshape(-1, 1, 1) * np.eye(n)
-    slope = np.swapaxes(unit, 1, 2) @ np.where(np.isfinite(target), target, 0.0)[:, :, None]
-    return np.asarray(np.linalg.solve(gram, slope)[..., 0] / scale)
 
 
 def _ends(search: SeparableSearch, i: int) -> tuple[float, float]:
@@ -238,17 +136,11 @@ def _dips(search: SeparableSearch, values: FloatArray, i: int) -> FloatArray:
     rows = max(1, _BATCH // max(1, n_obs * (1 + n_par)))
     for first in range(0, places.size, rows):
         batch = slice(first, first + rows)
-        base, columns = (
-            _tangents(search, points[batch], others, _STEP)
-            if others.size
-            else (residuals_at(search, points[batch]), None)
-        )
+        base, columns = search.squares.tangents(points[batch], others, search.squares.step)
         with np.errstate(all="ignore"):
-            residuals = base
-            if columns is not None:
-                step = _solve(columns, -base)
-                residuals = base + (columns @ step[:, :, None])[..., 0]
-                moved[batch, others] += step
+            step = solve(columns, -base)
+            residuals = base + (columns @ step[:, :, None])[..., 0]
+            moved[batch, others] += step
             heights[batch] = np.sum(residuals**2, axis=1)
     heights = np.where(np.isfinite(heights), heights, np.inf)
     padded = np.concatenate([[np.inf], heights, [np.inf]])
@@ -266,18 +158,18 @@ def _bending(
     """
     points = np.repeat(values[None, :], coarse.size, axis=0)
     points[:, i] = coarse
-    step = _WIDE * _size(search, points, i)
+    step = _WIDE * np.maximum(np.abs(coarse), search.squares.size[i])
     beside = points.copy()
     beside[:, i] += np.where(coarse + step > high, -step, step)
-    _, here = _tangents(search, points, search.free, _WIDE)
-    _, there = _tangents(search, beside, search.free, _WIDE)
+    _, here = search.squares.tangents(points, search.free, _WIDE)
+    _, there = search.squares.tangents(beside, search.free, _WIDE)
     rate = np.zeros(coarse.size)
     with np.errstate(all="ignore"):
         change = (there - here) / (beside[:, i] - points[:, i])[:, None, None]
         size = np.sqrt(np.sum(here**2, axis=1))
         for k in range(search.free.size):
             orthogonal = (
-                change[:, :, k] - (here @ _solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
+                change[:, :, k] - (here @ solve(here, change[:, :, k], 1e-9)[:, :, None])[..., 0]
             )
             relative = np.sqrt(np.sum(orthogonal**2, axis=1)) / size[:, k]
             rate = np.fmax(rate, np.where(np.isfinite(relative), relative, 0.0))
@@ -323,33 +215,7 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
     most = max(
         8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
     )
-    at = points[np.argsort(chi2_at(search, points))][:most]
-    at, height = led_down(search, at)
+    at = points[np.argsort(search.squares.heights(points))][:most]
+    at, height = search.squares.descend(at, share=_SETTLED, most=_N_STEP)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
     return at[np.argsort(height)]
-
-
-def led_down(search: SeparableSearch, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """`descended`, each in its place, and their sums of squares (n_point,), inf where the curve is
-    not finite: such a point stays.
-    """
-    at, height = points.copy(), chi2_at(search, points)
-    damping = np.full(height.size, 1e-3)
-    going = np.flatnonzero(np.isfinite(height))
-    for _ in range(_N_STEP):
-        if not going.size:
-            break
-        base, columns = _tangents(search, at[going], search.free, _STEP)
-        step = _solve(columns, -base, damping[going])
-        trial = at[going].copy()
-        trial[:, search.free] += np.where(np.isfinite(step), step, 0.0)
-        trial = np.clip(trial, search.low, search.high)
-        reached = chi2_at(search, trial)
-        better = reached < height[going]
-        settled = better & (reached > height[going] * (1.0 - 1e-9))
-        damping[going] = np.where(
-            better, np.maximum(damping[going] / 10.0, 1e-9), damping[going] * 10.0
-        )
-        at[going[better]], height[going[better]] = trial[better], reached[better]
-        going = going[~settled & (damping[going] < 1e5)]
-    return at, height

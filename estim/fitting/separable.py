@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.descent import Squares
 from estim.problem import EXACT, Posterior, Problem
 
 Indices = NDArray[np.int64]
@@ -25,6 +26,8 @@ _SAFETY = 20.0
 RESOLVED = _SAFETY * EXACT  # `SeparableSearch.resolved` where derivatives are exact
 _TERM_ROUNDING = 1e-15  # relative rounding error of a term of the curve
 _STRAIGHT = 1e-4  # of the largest residual: a first look, with room for rounding
+_STEP = 1e-6  # of a parameter's size, for differences; more where the curve is less precise
+_OF_PRIOR = 1e-3  # of its standard deviation: a parameter with a prior is no smaller
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +62,36 @@ class SeparableSearch:
         return _SAFETY * max(
             getattr(run.curve, "precision", EXACT) for run in self.posterior.problem.runs
         )
+
+    @cached_property
+    def squares(self) -> Squares:
+        """What batched descents go down: residuals of the data and of the priors that pull."""
+        parameters = self.posterior.problem.parameters
+        pulling = [i for i in self.free if parameters[i].prior.informative]
+        of_prior = np.array([p.prior.sd if math.isfinite(p.prior.sd) else 0.0 for p in parameters])
+        size = np.maximum(np.abs(self.held), _OF_PRIOR * of_prior)
+
+        def residuals(points: FloatArray, _which: Indices) -> FloatArray:
+            with np.errstate(all="ignore"):
+                pulls = [parameters[i].prior.residual(points[:, i])[:, None] for i in pulling]
+                return np.hstack([self.posterior.residuals_at(points), *pulls])
+
+        return Squares(
+            residuals,
+            self.low,
+            self.high,
+            np.where(size > 0.0, size, 1.0),
+            self.linear,
+            self.bent,
+            max(_STEP, math.sqrt(self.resolved / _SAFETY)),
+            self.posterior.problem.n_obs + len(pulling),
+        )
+
+    def chi2_at(self, points: FloatArray) -> FloatArray:
+        """(n_point,) sums of squares at points (n_point, n_par), inf where the curve is not
+        finite.
+        """
+        return 2.0 * self.squares.heights(points)
 
     @property
     def creeps(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
-from estim.fitting.gauss_newton import inverse_information
+from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch, rounding
 from estim.problem import Symmetry
@@ -22,8 +22,6 @@ _ALIKE = 0.1  # in log share: solutions of the same weight
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
 _N_BETWEEN = 400  # places at which curves through the same points are told apart
-
-End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
 
 
 def equal_to(search: SeparableSearch, chi2: float) -> float:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.fitting.screen import led_down
 from estim.fitting.separable import SeparableSearch
 from estim.problem import Posterior, Problem
 
 _NEAR = 9.0  # mean square of the whitened residuals
 _SAME = 0.5  # in log density
+_SETTLED, _N_STEP = 1e-9, 14
 
 
 def stands_for(posterior: Posterior, values: FloatArray, led: FloatArray) -> bool:
@@ -54,7 +54,7 @@ def led_together(posterior: Posterior, starts: FloatArray) -> FloatArray:
         dtype=np.int64,
     )
     search = SeparableSearch(posterior, starts[0], low, high, np.zeros(0, dtype=np.int64), free)
-    return led_down(search, starts)[0] if free.size else starts
+    return search.squares.descend(starts, share=_SETTLED, most=_N_STEP)[0]
 
 
 def _square(problem: Problem) -> bool:

@@ -7,14 +7,14 @@ asked once for all points that are on their way.  A limit that a step would cros
 parameter out, and the others make the best of it.
 
 `descend` leads points down.  `together` runs tasks that ask for one descent after the other (a
-walk, whose next point depends on the last).
+walk, whose next point depends on the last).  `Squares` is the hill of least squares.
 
 Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -24,12 +24,15 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 
 Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING, _FACTOR = 1e-3, 1e-9, 1e5, 10.0
 _HELD_ROUNDS = 3
 _TELLING = 2e-4  # of a reach: two slopes closer than that teach nothing of a curvature
 _ACCEPTABLE = 1e-4  # promised fall of a minimum below which no step leads, or not soon
 _MOST_STEPS = 60
+_LONGEST = 1.0  # step of least squares, of a parameter's size
+_NUMBERS = 400_000  # residuals at a time: they stay near the cache
 _INSIDE = 0.99  # of the way to where there is no height: it may be missing at a limit alone
 
 T = TypeVar("T")
@@ -39,9 +42,10 @@ class Hill(Protocol):
     """What descents go down.
 
     low, high : (n_par,) limits.
-    reach : (n_par,) the longest step.  lasting : whether a curvature, which costs more than a
-        slope, is kept on the way, where it learns from every slope (BFGS), until it leads no
-        further down.
+    lasting : whether a curvature, which costs more than a slope, is kept on the way, where it
+        learns from every slope (BFGS), until it leads no further down.
+
+    `which` (n,) says to which of the descents a point belongs.
     """
 
     @property
@@ -51,17 +55,19 @@ class Hill(Protocol):
     def high(self) -> FloatArray: ...
 
     @property
-    def reach(self) -> FloatArray: ...
-
-    @property
     def lasting(self) -> bool: ...
 
-    def looked_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def reach(self, points: FloatArray) -> FloatArray:
+        """The longest step of each parameter at points (n, n_par)."""
+
+    def looked_at(self, points: FloatArray, which: Indices) -> tuple[FloatArray, FloatArray]:
         """Points (n, n_par) with what follows from the other parameters put in, and their heights
         (n,), inf where there is none.
         """
 
-    def shape(self, points: FloatArray, curved: Flags) -> tuple[FloatArray, FloatArray]:
+    def shape(
+        self, points: FloatArray, which: Indices, curved: Flags
+    ) -> tuple[FloatArray, FloatArray]:
         """Slopes (n, n_par) at points, and curvatures (n, n_par, n_par), positive, of which those
         at `curved` (n,) are wanted.
         """
@@ -152,6 +158,133 @@ def descend(
     return descents.points, descents.heights
 
 
+@dataclass(frozen=True, eq=False)
+class Squares:
+    """The `Hill` of least squares: half the sum of the squares of residuals.
+
+    Linear parameters are solved for at every look (variable projection; Golub and Pereyra, SIAM J.
+    Numer. Anal. 10 (1973) 413, with Kaufman's Jacobian).
+
+    residuals : points (n, n_par), and to which descents (n,) they belong -> (n, n_res).
+    low, high : (n_par,) limits.
+    size : (n_par,) by which a parameter is measured that is smaller.
+    linear, bent : which parameters are solved for, and which go down; others stay.
+    step : of differences, of a parameter's size.
+    n_res : residuals of a descent.
+    """
+
+    residuals: Callable[[FloatArray, Indices], FloatArray]
+    low: FloatArray
+    high: FloatArray
+    size: FloatArray
+    linear: Indices
+    bent: Indices
+    step: float
+    n_res: int
+
+    @property
+    def lasting(self) -> bool:
+        return False
+
+    def reach(self, points: FloatArray) -> FloatArray:
+        return _LONGEST * np.maximum(np.abs(points), self.size)
+
+    def heights(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
+        """(n,) inf where the residuals are not finite."""
+        which = np.arange(len(points)) if which is None else which
+        with np.errstate(all="ignore"):
+            half = np.concatenate(
+                [
+                    0.5 * np.sum(self.residuals(points[part], which[part]) ** 2, axis=1)
+                    for part in self._parts(len(points), 1)
+                ]
+            )
+        return np.where(np.isfinite(half), half, np.inf)
+
+    def solved(self, points: FloatArray, which: Indices | None = None) -> FloatArray:
+        """Points (n, n_par) with their linear parameters at the least-squares solution."""
+        which, solution = np.arange(len(points)) if which is None else which, points.copy()
+        for part in self._parts(len(points), self.linear.size) if self.linear.size else ():
+            base, columns = self.tangents(points[part], self.linear, 1.0, which[part])
+            with np.errstate(all="ignore"):
+                step = solve(columns, -base)
+            solution[part, self.linear] += np.where(np.isfinite(step), step, 0.0)
+        return solution
+
+    def looked_at(
+        self, points: FloatArray, which: Indices | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        solved = self.solved(points, which)
+        return solved, self.heights(solved, which)
+
+    def shape(
+        self, points: FloatArray, which: Indices, curved: Flags
+    ) -> tuple[FloatArray, FloatArray]:
+        slopes, curvatures = np.zeros_like(points), np.zeros((*points.shape, points.shape[1]))
+        moving = np.concatenate([self.linear, self.bent])
+        for part in self._parts(len(points), moving.size):
+            base, columns = self.tangents(points[part], moving, self.step, which[part])
+            columns = np.where(np.isfinite(columns), columns, 0.0)
+            bent = columns[:, :, self.linear.size :]
+            if self.linear.size:
+                basis = np.linalg.qr(columns[:, :, : self.linear.size])[0]
+                bent = bent - basis @ (np.swapaxes(basis, 1, 2) @ bent)
+            turned = np.swapaxes(bent, 1, 2)
+            slopes[part, self.bent] = (turned @ base[:, :, None])[..., 0]
+            curvatures[part, self.bent[:, None], self.bent] = turned @ bent
+        return slopes, curvatures
+
+    def tangents(
+        self, points: FloatArray, moving: Indices, step: float, which: Indices | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residuals (n, n_res) at points (n, n_par), and their derivatives (n, n_res, n_moving) by
+        differences of `step` of a parameter's size.
+        """
+        which = np.arange(len(points)) if which is None else which
+        steps = step * np.maximum(np.abs(points[:, moving]), self.size[moving])
+        steps = np.where(points[:, moving] + steps > self.high[moving], -steps, steps)
+        rows = np.repeat(points[None, :, :], 1 + moving.size, axis=0)
+        rows[1 + np.arange(moving.size), :, moving] += steps.T
+        steps = rows[1 + np.arange(moving.size), :, moving].T - points[:, moving]
+        every = self.residuals(
+            rows.reshape(-1, points.shape[1]), np.tile(which, 1 + moving.size)
+        ).reshape(1 + moving.size, len(points), -1)
+        with np.errstate(all="ignore"):
+            return every[0], np.moveaxis(every[1:] - every[0], 0, 2) / steps[:, None, :]
+
+    def descend(
+        self, points: FloatArray, *, share: float, most: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where points (n, n_par) come to lie, each in its place, and the sums of squares there,
+        inf where there is none.
+        """
+        held = np.ones(self.low.size, dtype=bool)
+        held[self.bent] = False
+        ends, heights = descend(self, points, held=held, share=share, most=most)
+        return ends, 2.0 * heights
+
+    def _parts(self, n: int, columns: int) -> list[slice]:
+        rows = max(1, _NUMBERS // max(1, self.n_res * (1 + columns)))
+        return [slice(k, k + rows) for k in range(0, max(1, n), rows)]
+
+
+def solve(
+    columns: FloatArray, target: FloatArray, damping: float | FloatArray = 1e-12
+) -> FloatArray:
+    """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
+    n_col).
+    """
+    columns = np.where(np.isfinite(columns), columns, 0.0)
+    scale = np.sqrt(np.sum(columns**2, axis=1))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    unit = columns / scale[:, None, :]
+    gram = np.swapaxes(unit, 1, 2) @ unit
+    n = gram.shape[1]
+    gram = gram + np.asarray(damping).reshape(-1, 1, 1) * np.eye(n)
+    slope = np.swapaxes(unit, 1, 2) @ np.where(np.isfinite(target), target, 0.0)[:, :, None]
+    return np.asarray(np.linalg.solve(gram, slope)[..., 0] / scale)
+
+
 class _Descents:
     """Descents, a row each: points (n, n_par), heights (n,), inf before the first look, and what
     else is known of each.
@@ -236,11 +369,11 @@ class _Descents:
         now = np.flatnonzero(self.going)
         if not now.size:
             return
-        reached, heights = self.hill.looked_at(trials[now])
+        reached, heights = self.hill.looked_at(trials[now], now)
         lost = np.flatnonzero(~np.isfinite(heights) & np.isfinite(self.heights[now]))
         if lost.size:
             reached[lost], heights[lost] = self.hill.looked_at(
-                self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]]
+                self.points[now[lost]] + _INSIDE * (trials - self.points)[now[lost]], now[lost]
             )
         self._started(now, heights)
         lower = heights < self.heights[now]
@@ -257,7 +390,7 @@ class _Descents:
         stuck = now[(self.damping[now] > _MOST_DAMPING) | (self.steps[now] >= self.most)]
         self.settled[stuck], self.going[stuck] = self.promise[stuck] < _ACCEPTABLE, False
 
-    def _started(self, now: NDArray[np.int64], heights: FloatArray) -> None:
+    def _started(self, now: Indices, heights: FloatArray) -> None:
         """Where there was no height at a first point, look elsewhere, or end."""
         nowhere = now[~np.isfinite(self.heights[now]) & ~np.isfinite(heights)]
         elsewhere = np.all(np.isfinite(self.instead[nowhere]), axis=1)
@@ -265,19 +398,19 @@ class _Descents:
         self.instead[nowhere] = np.nan
         self.going[nowhere[~elsewhere]] = False
 
-    def _surveyed(self, which: NDArray[np.int64]) -> None:
+    def _surveyed(self, which: Indices) -> None:
         """The slopes and curvatures at `which`, those of which end that are promised next to
         nothing.
         """
         if not which.size:
             return
         points, doubted = self.points[which], self.doubted[which]
-        slopes, curvatures = self.hill.shape(points, doubted)
+        slopes, curvatures = self.hill.shape(points, which, doubted)
         learned = _learned(
             self.curvatures[which],
             points - self.known[which],
             slopes - self.slopes[which],
-            _TELLING * self.hill.reach,
+            _TELLING * self.hill.reach(points),
         )
         self.curvatures[which] = np.where(doubted[:, None, None], curvatures, learned)
         self.slopes[which], self.known[which], self.learned[which], self.stale[which] = (
@@ -291,9 +424,7 @@ class _Descents:
         ended = self.promise[which] <= self.least[which] + self.share * np.abs(self.heights[which])
         self.settled[which[ended]], self.going[which[ended]] = True, False
 
-    def _steps(
-        self, which: NDArray[np.int64], damping: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _steps(self, which: Indices, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
         points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
         low, high = self.hill.low - points, self.hill.high - points
@@ -319,9 +450,9 @@ class _Descents:
         with np.errstate(all="ignore"):
             step = (
                 step
-                * np.minimum(1.0, np.nanmin(self.hill.reach / np.abs(step), axis=1, initial=1.0))[
-                    :, None
-                ]
+                * np.minimum(
+                    1.0, np.nanmin(self.hill.reach(points) / np.abs(step), axis=1, initial=1.0)
+                )[:, None]
             )
         return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum(
             "ki,kij,kj->k", step, curvatures, step
