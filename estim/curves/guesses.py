@@ -33,7 +33,7 @@ _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
 _SEARCHES, _MANY = 6, 4
 _FIRST = 6  # places of the first term to go on from
-_STEP = 1e-7  # of differences
+_SETTLED = 1e-8  # promised fall of the squares at which a descent ends
 _AGREE = 1e-3  # of the squares
 
 
@@ -84,12 +84,12 @@ def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatAr
     alone = len(search.blocks) < 2
     ends: list[tuple[FloatArray, float]] = []
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
-        for point in _best_apart(search, points, _GO_DOWN):
-            ends.append(_down(search, point, _ROUGH))
-            best = min(end[1] for end in ends) * (1.0 + _AGREE) + search.rounding
-            if alone and sum(end[1] <= best for end in ends) == _ENOUGH:
-                return min(ends, key=lambda end: end[1])
-    ends += [_down(search, point, _ROUGH) for point in _term_by_term(search, rng)]
+        ends += _down(search, _best_apart(search, points, _GO_DOWN), _ROUGH)
+        ends.sort(key=lambda end: end[1])
+        best = ends[0][1] * (1.0 + _AGREE) + search.rounding if ends else math.nan
+        if alone and sum(end[1] <= best for end in ends) >= _ENOUGH:
+            return ends[0]
+    ends += _down(search, _term_by_term(search, rng), _ROUGH)
     ends.sort(key=lambda end: end[1])
     finished = [_swept(search, end, rng) for end in ends[:_FINISH]]
     return min(finished, key=lambda end: end[1]) if finished else (drawn[0], math.inf)
@@ -151,12 +151,12 @@ def _swept(
         for block in blocks:
             tried = _drawn_for(search, block, end[0], rng)
             end = min(
-                [end, *(_down(search, point, _ROUGH) for point in _best_apart(search, tried, 2))],
+                [end, *_down(search, _best_apart(search, tried, 2), _ROUGH)],
                 key=lambda candidate: candidate[1],
             )
         if not end[1] < before * (1.0 - 0.01 * _AGREE):
             break
-    return _down(search, end[0], _FINE)
+    return _down(search, [end[0]], _FINE)[0]
 
 
 def _positive(search: ProjectedCurve, values: FloatArray, squares: float) -> FloatArray:
@@ -208,43 +208,15 @@ def _best_apart(
     return [points[order[k]] for k in chosen]
 
 
-def _down(search: ProjectedCurve, start: FloatArray, steps: int) -> tuple[FloatArray, float]:
-    """Where a descent in the drawn parameters ends, and the squares there."""
-    from scipy.optimize import least_squares
-
-    low, high = (
-        np.array([getattr(scale, end) for scale in search.scales]) for end in ("low", "high")
-    )
-    typical = np.array([scale.sizes[0][0] for scale in search.scales])
-    first = float(search.squares(start[None, :])[0])
-    size = math.sqrt(first) or 1.0
-
-    def residuals(point: FloatArray) -> FloatArray:
-        scaled = search.left(point[None, :])[0] / size
-        return scaled if np.all(np.isfinite(scaled)) else np.full(scaled.size, 1e3)
-
-    def slopes(point: FloatArray) -> FloatArray:
-        step = _STEP * np.where(point == 0.0, typical, np.abs(point))
-        moved = (
-            search.left(
-                np.vstack([point, point + np.diag(np.where(point + step < high, step, -step))])
-            )
-            / size
-        )
-        result = (moved[1:] - moved[0]) / np.where(point + step < high, step, -step)[:, None]
-        return np.asarray(np.where(np.isfinite(result), result, 0.0).T)
-
-    if not math.isfinite(first) or np.any(start <= low) or np.any(start >= high):
-        return start, first if math.isfinite(first) else math.inf
-    with np.errstate(all="ignore"):
-        result = least_squares(
-            residuals,
-            start,
-            slopes,
-            bounds=(low, high),
-            method="trf",
-            x_scale="jac",
-            max_nfev=steps,
-        )
-    after = float(search.squares(result.x[None, :])[0])
-    return (result.x, after) if after < first else (start, first)
+def _down(
+    search: ProjectedCurve, starts: Sequence[FloatArray], steps: int
+) -> list[tuple[FloatArray, float]]:
+    """Where descents in the drawn parameters end, and the squares there."""
+    if not starts:
+        return []
+    points = np.array(starts)
+    first = search.squares(points)
+    ends, _ = search.hill.descend(points, share=_SETTLED, most=steps)
+    after = search.squares(ends)
+    lower = (after < first)[:, None]
+    return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))

@@ -8,6 +8,7 @@ import ast
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,12 @@ from estim.curves.dimensions import dimensions_of
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
+from estim.descent import Squares
 
 _CHUNK = 200_000  # numbers at a time: they stay in the cache
 _MOST_POINTS = 1000  # of which a search looks
 _PLACES = 50  # at which angles are compared
+_STEP = 1e-7  # of differences
 _FLAT = 1e-9  # share of a column that must be left where those before it are taken out
 
 
@@ -72,6 +75,20 @@ class ProjectedCurve:
     blocks: tuple[tuple[int, ...], ...]
     owned: tuple[set[str], ...]
     turning: tuple[ast.expr, ...]
+
+    @cached_property
+    def hill(self) -> Squares:
+        """What descents in the drawn parameters go down."""
+        return Squares(
+            lambda points, _which: self.left(points),
+            np.array([scale.low for scale in self.scales]),
+            np.array([scale.high for scale in self.scales]),
+            np.array([scale.sizes[0][0] for scale in self.scales]),
+            np.zeros(0, dtype=np.int64),
+            np.arange(len(self.bent)),
+            _STEP,
+            self.x.size,
+        )
 
     @property
     def rounding(self) -> float:
