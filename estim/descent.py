@@ -32,6 +32,7 @@ _TELLING = 2e-4  # of a reach: two slopes closer than that teach nothing of a cu
 _ACCEPTABLE = 1e-4  # promised fall of a minimum below which no step leads, or not soon
 _MOST_STEPS = 60
 _LONGEST = 1.0  # step of least squares, of a parameter's size
+_CLOSING = 0.9  # of its way to a limit
 _NUMBERS = 400_000  # residuals at a time: they stay near the cache
 _INSIDE = 0.99  # of the way to where there is no height: it may be missing at a limit alone
 
@@ -44,6 +45,8 @@ class Hill(Protocol):
     low, high : (n_par,) limits.
     lasting : whether a curvature, which costs more than a slope, is kept on the way, where it
         learns from every slope (BFGS), until it leads no further down.
+    closing : share of the way to a limit that a parameter may go in one step; below 1 it comes near
+        a limit, never onto it, where a height may be level (a width of 0).
 
     `which` (n,) says to which of the descents a point belongs.
     """
@@ -56,6 +59,9 @@ class Hill(Protocol):
 
     @property
     def lasting(self) -> bool: ...
+
+    @property
+    def closing(self) -> float: ...
 
     def reach(self, points: FloatArray) -> FloatArray:
         """The longest step of each parameter at points (n, n_par)."""
@@ -185,6 +191,10 @@ class Squares:
     @property
     def lasting(self) -> bool:
         return False
+
+    @property
+    def closing(self) -> float:
+        return _CLOSING
 
     def reach(self, points: FloatArray) -> FloatArray:
         return _LONGEST * np.maximum(np.abs(points), self.size)
@@ -427,7 +437,9 @@ class _Descents:
     def _steps(self, which: Indices, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
         points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
-        low, high = self.hill.low - points, self.hill.high - points
+        box = self.hill.reach(points) * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
+        low = np.maximum(-box, self.hill.closing * (self.hill.low - points))
+        high = np.minimum(box, self.hill.closing * (self.hill.high - points))
         free = ~self.held[which] & ~(
             ((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0))
         )
@@ -447,13 +459,6 @@ class _Descents:
             if not np.any(beyond):
                 break
             step, free = np.where(self.held[which], 0.0, np.clip(step, low, high)), free & ~beyond
-        with np.errstate(all="ignore"):
-            step = (
-                step
-                * np.minimum(
-                    1.0, np.nanmin(self.hill.reach(points) / np.abs(step), axis=1, initial=1.0)
-                )[:, None]
-            )
         return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum(
             "ki,kij,kj->k", step, curvatures, step
         )

@@ -317,7 +317,7 @@ def test_a_curve_that_has_lost_its_digits_has_not_met_every_point(tmp_path: Path
     # how far the search runs is decided by rounding
     assert found.status in ("not-converged", "not-identified"), found.message
     assert "every point" not in found.message
-    assert re.search("limits|do not determine A and B individually", found.reasons[0])
+    assert re.search("limits|do not determine .* individually", found.reasons[0])
     with pytest.raises(InputError, match="give it limits"):
         by_command(table(tmp_path, x, y), formula, u_y=None, low={})
 

@@ -62,6 +62,10 @@ class ProfileSearch:
     def lasting(self) -> bool:
         return True
 
+    @property
+    def closing(self) -> float:
+        return 1.0
+
     def looked_at(
         self, points: FloatArray, which: NDArray[np.int64]
     ) -> tuple[FloatArray, FloatArray]:
