@@ -8,6 +8,8 @@ from estim.checks.diagnosis import diagnose as diagnose
 from estim.checks.goodness import check_goodness as check_goodness
 from estim.common.errors import EstimError as EstimError
 from estim.common.errors import InputError as InputError
+from estim.curve_fitting.many import ManyFits as ManyFits
+from estim.curve_fitting.many import fit_many as fit_many
 from estim.curve_fitting.result import CurveFit as CurveFit
 from estim.curve_fitting.several import fit_curves as fit_curves
 from estim.curve_fitting.single import fit_curve as fit_curve

@@ -1,0 +1,194 @@
+"""One curve fit to thousands of data sets, each on its own: `fit_many`, for Monte-Carlo studies."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from estim.arrays import FloatArray
+from estim.checks import P_POOR_FIT
+from estim.common import InputError, Status
+from estim.curve_fitting.single import fit_curve
+from estim.descent import Indices, Squares
+from estim.distributions import chi2_tail
+from estim.given_numbers import real_numbers
+
+_SETTLED, _MOST_STEPS = 1e-12, 60
+_CONVERGED = 1e-3  # standard deviations
+_STEP = 1e-6  # of a parameter's size, for differences
+_RESOLVED = 1e-10  # ratio of singular values; differences have no more digits
+_ON_LIMIT = 1e-6  # of a parameter's size
+
+
+@dataclass(frozen=True, eq=False)
+class ManyFits:
+    """One curve fit to many data sets.
+
+    names : parameters that were fit.
+    values, sds : (n_set, n_par), sds nan where a set does not determine the parameter or where it
+        lies on a limit.
+    cov : (n_set, n_par, n_par), 0 for a parameter on a limit.
+    chi2 : (n_set,) sums of squares over u_y, or of y - f where u_y was not stated.
+    dof : points less parameters.
+    p_value : (n_set,) of chi2, nan where u_y was not stated.
+    sigma : (n_set,) standard deviation of y from the residuals, nan where u_y was stated.
+    status : (n_set,) of "ok", "poor-fit" (p < 0.001), "not-identified" and "not-converged".
+    """
+
+    names: tuple[str, ...]
+    values: FloatArray
+    sds: FloatArray
+    cov: FloatArray
+    chi2: FloatArray
+    dof: int
+    p_value: FloatArray
+    sigma: FloatArray
+    status: NDArray[np.str_]
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __str__(self) -> str:
+        counts = Counter(self.status.tolist()).most_common()
+        return f"{len(self)} fits: " + ", ".join(f"{n} {status}" for status, n in counts)
+
+
+def fit_many(
+    curve: str | Callable[..., Any],
+    x: ArrayLike,
+    y: ArrayLike,
+    *,
+    start: Mapping[str, float] | None = None,
+    u_y: ArrayLike | None = None,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    fixed: Mapping[str, float] | None = None,
+) -> ManyFits:
+    """The curve fit to each of many data sets by least squares, all sets at once.
+
+    It is `fit_curve` without its search and its tests: one descent in each set, from the same
+    start, and chi-square.  So it takes a set a tenth of a millisecond, and finds another optimum
+    than the best where the start is far away.  Give a set that matters to `fit_curve`.
+
+    curve : as for `fit_curve`; a function that takes no arrays of parameters is called once for
+        each set, which is slow.
+    x : (n_obs,), or (n_set, n_obs).
+    y : (n_set, n_obs), a data set in each row.
+    start : starting values; those that are missing come from `fit_curve` of the first set.
+    u_y : standard uncertainty of y: a number, (n_obs,) or (n_set, n_obs).  Without it each set's
+        own residuals say how large the errors are.
+    bounds, fixed : as for `fit_curve`.
+
+    Raises InputError where an argument breaks a rule.
+
+    Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431, with a row of the arrays for a set.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.linspace(0.0, 5.0, 30)
+    >>> noise = 0.1 * np.random.default_rng(1).standard_normal((1000, 30))
+    >>> fits = fit_many("a*exp(-x/tau)", x, 3.0 * np.exp(-x / 1.5) + noise, u_y=0.1)
+    >>> print(fits)
+    1000 fits: 1000 ok
+    >>> float(np.mean(np.abs(fits.values[:, 0] - 3.0) < fits.sds[:, 0])).__round__(1)
+    0.7
+    """
+    sets = _rows(y, "y", None)
+    points = _rows(x, "x", sets.shape)
+    errors = np.ones_like(sets) if u_y is None else _rows(u_y, "u_y", sets.shape)
+    first = fit_curve(
+        curve,
+        points[0],
+        sets[0],
+        u_y=None if u_y is None else errors[0],
+        start=start,
+        bounds=bounds,
+        fixed=fixed,
+        n_start=1 if start else None,
+    )
+    run, priors = first.held.problem.runs[0], [p.prior for p in first.held.problem.parameters]
+
+    def residuals(values: FloatArray, which: Indices) -> FloatArray:
+        named = {name: values[:, [i]] for i, name in enumerate(first.names)}
+        return (run.curve.value(points[which], run.bind(named)) - sets[which]) / errors[which]
+
+    begin = np.array([{**first.values, **(start or {})}[name] for name in first.names])
+    low, high = np.array([p.low for p in priors]), np.array([p.high for p in priors])
+    size = np.where(begin != 0.0, np.abs(begin), 1.0)
+    solved, moving = np.split(np.arange(len(priors)), [0])
+    hill = Squares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
+    values, chi2 = hill.descend(np.tile(begin, (len(sets), 1)), share=_SETTLED, most=_MOST_STEPS)
+    return _concluded(hill, first.names, values, chi2, stated=u_y is not None)
+
+
+def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> FloatArray:
+    """`values` as (n_set, n_obs).  Raises InputError."""
+    array = real_numbers(values, field)
+    if shape is None:
+        if array.ndim != 2 or not array.size:
+            rule = "must be an array (n_set, n_obs), a data set in each row"
+            raise InputError(rule, field=field, value=str(array.shape))
+        shape = array.shape
+    try:
+        rows = np.broadcast_to(array, shape)
+    except ValueError:
+        rule = f"must have the shape of y, {shape}, or that of one row of it"
+        raise InputError(rule, field=field, value=str(array.shape)) from None
+    if not np.all(np.isfinite(rows)):
+        raise InputError("must be finite numbers", field=field)
+    if field == "u_y" and not np.all(rows > 0.0):
+        raise InputError("must be positive", field=field, value=float(rows.min()))
+    return rows
+
+
+def _concluded(
+    hill: Squares, names: tuple[str, ...], values: FloatArray, chi2: FloatArray, *, stated: bool
+) -> ManyFits:
+    slopes, information = hill.shape(values, np.arange(len(values)), np.ones(len(values), bool))
+    scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
+    on_limit = np.minimum(values - hill.low, hill.high - values) < _ON_LIMIT * hill.size
+    moving = ~on_limit & (scale > 0.0)
+    unit = np.where(moving, scale, 1.0)
+    pairs = moving[:, :, None] & moving[:, None, :]
+    scaled = np.where(pairs, information / (unit[:, :, None] * unit[:, None, :]), 0.0)
+    singular, vectors = np.linalg.eigh(scaled + np.eye(len(names)) * ~moving[:, :, None])
+    known = singular > _RESOLVED
+    inverse = np.where(known, 1.0 / np.where(known, singular, 1.0), 0.0)
+    cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
+    cov = np.where(pairs, cov / (unit[:, :, None] * unit[:, None, :]), 0.0)
+    dof = hill.n_res - len(names)
+    variance = chi2 / dof if dof > 0 else np.full(len(values), np.nan)
+    step = np.einsum("nij,nj->ni", cov, np.where(moving, slopes, 0.0))
+    with np.errstate(all="ignore"):
+        sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+        noise = np.ones(len(values)) if stated else np.sqrt(np.maximum(variance, 1e-300))
+        moved = np.nanmax(np.where(moving, np.abs(step) / sds, 0.0), axis=1) / noise
+    p_value = chi2_tail(chi2, dof) if stated and dof > 0 else np.full(len(values), np.nan)
+    status = np.select(
+        [
+            ~(np.isfinite(chi2) & (moved < _CONVERGED)),
+            np.any(~known, axis=1) | np.any(~on_limit & ~moving, axis=1),
+            p_value < P_POOR_FIT,
+        ],
+        [str(Status.NOT_CONVERGED), str(Status.NOT_IDENTIFIED), str(Status.POOR_FIT)],
+        str(Status.OK),
+    )
+    unidentified = status == str(Status.NOT_IDENTIFIED)
+    cov = cov * np.where(stated, 1.0, variance)[:, None, None]
+    sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
+    return ManyFits(
+        names,
+        values,
+        np.where(moving & ~unidentified[:, None], sds, np.nan),
+        cov,
+        chi2,
+        dof,
+        p_value,
+        np.full(len(values), np.nan) if stated else np.sqrt(variance),
+        status,
+    )
