@@ -171,12 +171,13 @@ def format_rounded(value: float, u: float) -> str:
     return signed(f"{value:.{decimals}f}")
 
 
-def format_p(p: float, least: float = _LEAST_P) -> str:
+def format_p(p: float, least: float = 0.0) -> str:
     """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only
     nearly normal.
 
     least : the smallest that is told, for instance because simulation can tell no less.
     """
+    least = max(least, _LEAST_P)
     return f"p = {p_digits(p)}" if p > least else f"p < {p_digits(least, 1)}"
 
 
