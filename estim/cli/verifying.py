@@ -24,6 +24,7 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
+    behind,
     format_rounded,
     json_of,
     names_in,
@@ -377,12 +378,12 @@ def diff(first: Path, second: Path) -> None:
         if not abs(row.shift) <= _FAR or not 1.0 / 1.1 <= row.ratio <= 1.1
     ]
     for row in far:
-        unit = "" if row.unit == "1" else f" {row.unit}"
         values = " -> ".join(
             f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
             for mean, sd in (row.first, row.second)
         )
-        say(f"{row.name}: {values}{unit}, moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}")
+        moved = f"moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}"
+        say(f"{row.name}: {values}{behind(row.unit)}, {moved}")
     if len(pair.estimates) > len(far):
         say(
             f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their "

@@ -27,7 +27,17 @@ from estim.common.escaping import (
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
 from estim.common.kinds import Kind, Status
-from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
+from estim.common.labels import (
+    KINDS,
+    OF_BODY,
+    Label,
+    Notation,
+    behind,
+    bracketed,
+    kind_words,
+    split_level,
+    table,
+)
 from estim.common.unit_symbols import (
     in_unit,
     is_angle,

@@ -111,12 +111,14 @@ def destination(path: object) -> Markdown:
 
 
 def as_json(record: object) -> bytes:
-    """`record` as indented JSON, UTF-8; marks that do not print are written as JSON escapes, so
-    that a terminal can show the file.
+    """`record` as indented JSON, UTF-8: an array is a list, and null a number that is nan or
+    infinite.  Marks that do not print are written as JSON escapes, so that a terminal can show the
+    file.
     """
     import msgspec
 
-    text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
+    encoded = msgspec.json.encode(record, enc_hook=lambda array: array.tolist())
+    text = msgspec.json.format(encoded, indent=1).decode()
     return (
         re.sub(
             r"[^\n -~]",

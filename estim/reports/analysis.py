@@ -380,7 +380,7 @@ def index_report(
             )
         )
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
-    heads = [label.symbol + ("" if label.unit == "1" else f" ({label.unit})") for label in columns]
+    heads = [label.head for label in columns]
     text = render(
         "index.md.j2",
         title=campaign.title,

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, format_rounded, phrase
+from estim.common import as_json, bracketed, format_rounded, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -239,7 +239,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
                 markeredgewidth=0.8,
                 transform=ax.get_xaxis_transform(),
             )
-        ax.set_ylabel(f"{spread.name}" + ("" if spread.unit == "1" else f" ({spread.unit})"))
+        ax.set_ylabel(spread.name + bracketed(spread.unit))
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)

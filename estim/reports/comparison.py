@@ -57,7 +57,7 @@ def compare_report(
         kind=kind_words(campaign.kind),
         rows=summaries,
         cells=[_cells(s, common) for s in summaries],
-        heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
+        heads=[p.label.head for p in common],
         influential=INFLUENTIAL,
         behind=_BEHIND,
         folder=folder_of,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
-from estim.common import later, phrase
+from estim.common import bracketed, later, phrase
 from estim.deviation import FoundForce
 from estim.drawing import (
     BLUE,
@@ -406,11 +406,11 @@ def draw_residuals(
         reach,
     )
     ax.set_ylim(-top, top)
-    unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
     symbol = _symbol(run)
     ax.set(
         xlabel=run.x_label,
-        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit,
+        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit"))
+        + bracketed(run.y_unit),
     )
 
 
@@ -476,9 +476,7 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
         left, right = part.subplots(1, 2)
         _overlay(left, runs, [by_run[run.name].raw for run in runs])
         _overlay(right, runs, [by_run[run.name].whitened for run in runs])
-        left.set_ylabel(
-            phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else "")
-        )
+        left.set_ylabel(phrase("data − curve") + bracketed(runs[0].y_unit))
         right.set_ylabel(phrase("whitened residual"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
         right.set_title(phrase("remaining residual"))

@@ -15,6 +15,7 @@ from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
     Markdown,
     Notation,
+    Quantity,
     Status,
     as_json,
     format_p,
@@ -35,7 +36,7 @@ from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, software_versions
 from estim.reports.trials import trials_files
-from estim.sampling import Summary, number, summarise, trusted
+from estim.sampling import Summary, summarise, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for
 
 if TYPE_CHECKING:
@@ -51,27 +52,20 @@ _METHODS = {
 }
 
 
-class LineEstimate(msgspec.Struct, frozen=True):
-    """A value with its standard uncertainty."""
-
-    value: float
-    u: float
-
-
 class LineRow(msgspec.Struct, frozen=True):
     """What one method says of the line."""
 
     intercept: float
     slope: float
-    chi2: float | None
+    chi2: float
     dof: int | None
-    p_value: float | None
+    p_value: float
     standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
     recommended: str | None
     reason: str | None
-    gamma: LineEstimate | None
-    rolling_resistance: LineEstimate | None
-    e_n: float | None
+    gamma: Quantity | None
+    rolling_resistance: Quantity | None
+    e_n: float
 
 
 class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -88,13 +82,13 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     disagreement: str
     body: str
     n_obs: int
-    gamma_masses: LineEstimate | None
+    gamma_masses: Quantity | None
     gamma_origin: str
     methods: dict[str, LineRow]
     posterior: dict[str, Summary]
-    slope_interval: list[float | None]
-    steepest_phi: LineEstimate | None
-    log_bayes_factor_intercept: LineEstimate | None
+    slope_interval: tuple[float, float]
+    steepest_phi: Quantity | None
+    log_bayes_factor_intercept: Quantity | None
     intercept_prior_sd: float
     zero_phi: float | None
     zero_theta_min: float | None
@@ -120,9 +114,7 @@ def line_result(
         disagreement=analysis.disagreement,
         body=analysis.series.body,
         n_obs=analysis.series.x.size,
-        gamma_masses=None
-        if analysis.gamma_masses is None
-        else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
+        gamma_masses=analysis.gamma_masses,
         gamma_origin=gamma_origin(campaign.source, analysis.series.body),
         methods=methods,
         posterior={
@@ -149,16 +141,16 @@ def line_result(
                 status,
             ),
         },
-        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)]
+        slope_interval=(analysis.slope_exact.low, analysis.slope_exact.high)
         if status.draws_count
-        else [None, None],
-        steepest_phi=LineEstimate(
+        else (math.nan, math.nan),
+        steepest_phi=Quantity(
             math.asin(min(max(steepest.x0, -1.0), 1.0)),
             steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12)),
         )
         if ok
         else None,
-        log_bayes_factor_intercept=LineEstimate(
+        log_bayes_factor_intercept=Quantity(
             analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor
         )
         if ok
@@ -184,9 +176,9 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
     """
     reading, ok = analysis.readings[method], analysis.status.ok
     gamma, resistance = (
-        LineEstimate(q.value, q.u) if ok else None for q in (reading.gamma, reading.resistance)
+        quantity if ok else None for quantity in (reading.gamma, reading.resistance)
     )
-    e_n = number(reading.e_n) if ok else None
+    e_n = reading.e_n if ok else math.nan
     if method == "posterior":
         line = analysis.chain.flat[
             :, [analysis.chain.names.index(name) for name in ("intercept", "slope")]
@@ -205,7 +197,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
             else {}
         )
         return LineRow(
-            intercept, slope, None, None, None, errors, None, None, gamma, resistance, e_n
+            intercept, slope, math.nan, None, math.nan, errors, None, None, gamma, resistance, e_n
         )
     fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
     errors = (
@@ -222,7 +214,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
         fit.slope,
         fit.chi2,
         fit.dof,
-        number(fit.p_value),
+        fit.p_value,
         errors,
         recommended,
         reason,
@@ -404,7 +396,7 @@ def _strength(log_bayes_factor: float) -> str:
     return phrase("very strong evidence")
 
 
-def _estimate(estimate: LineEstimate | None) -> str:
+def _estimate(estimate: Quantity | None) -> str:
     return "n/a" if estimate is None else format_quantity(estimate.value, estimate.u)
 
 
@@ -417,12 +409,12 @@ def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
         _fit_words(row),
         _estimate(row.gamma),
         _estimate(row.rolling_resistance),
-        "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
+        "" if math.isnan(row.e_n) else signed(f"{row.e_n:+.2f}"),
     )
 
 
 def _fit_words(row: LineRow) -> str:
-    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
+    return "" if math.isnan(row.p_value) else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
 
 
 def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, gravest, later, one_line, phrase
+from estim.common import Status, as_json, behind, bracketed, gravest, later, one_line, phrase
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
@@ -22,7 +22,6 @@ from estim.reports.budget import budget_figure
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, software_versions
-from estim.sampling import number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,20 +53,20 @@ _INTERVALS_DRAWN = {
 
 
 class GumRecord(msgspec.Struct, frozen=True):
-    """The GUM's framework.  dof : null for infinitely many.  k_whole, U_whole : with dof rounded
-    down, as tables ask (GUM G.4.1).
+    """The GUM's framework.  null: none, or infinitely many degrees of
+    freedom.  k_whole, U_whole : with dof rounded down, as tables ask (GUM G.4.1).
     """
 
-    value: float | None
-    u: float | None
-    dof: float | None
+    value: float
+    u: float
+    dof: float
     k: float
-    U: float | None
-    low: float | None
-    high: float | None
-    k_whole: float | None
-    U_whole: float | None
-    u_second_order: float | None
+    U: float
+    low: float
+    high: float
+    k_whole: float
+    U_whole: float
+    u_second_order: float
 
 
 class MonteCarloRecord(msgspec.Struct, frozen=True):
@@ -76,12 +75,12 @@ class MonteCarloRecord(msgspec.Struct, frozen=True):
     """
 
     n_draw: int
-    mean: float | None
-    u: float | None
-    symmetric: list[float | None]
-    symmetric_error: list[float | None]
-    shortest: list[float | None]
-    shortest_error: list[float | None]
+    mean: float
+    u: float
+    symmetric: list[float]
+    symmetric_error: list[float]
+    shortest: list[float]
+    shortest_error: list[float]
     undefined: float
 
 
@@ -89,9 +88,9 @@ class ShareRecord(msgspec.Struct, frozen=True):
     """One line of a budget; share in %."""
 
     input: str
-    sensitivity: float | None
-    contribution: float | None
-    share: float | None
+    sensitivity: float
+    contribution: float
+    share: float
 
 
 class OutputRecord(msgspec.Struct, frozen=True):
@@ -107,11 +106,11 @@ class OutputRecord(msgspec.Struct, frozen=True):
     monte_carlo: MonteCarloRecord
     gum_holds: bool
     decided: bool
-    d_low: float | None
-    d_high: float | None
-    tolerance: float | None
+    d_low: float
+    d_high: float
+    tolerance: float
     budget: list[ShareRecord]
-    correlation_share: float | None
+    correlation_share: float
 
 
 class PartRecord(msgspec.Struct, frozen=True):
@@ -121,7 +120,7 @@ class PartRecord(msgspec.Struct, frozen=True):
     u: float  # 0: exact
     unit: str
     distribution: str
-    dof: float | None
+    dof: float
     meaning: str
 
 
@@ -168,7 +167,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
             entry.u,
             entry.unit,
             entry.distribution if entry.u > 0.0 else "exact",
-            number(entry.dof),
+            entry.dof,
             meaning,
         )
         for entry, meaning in zip(linear.inputs, meanings, strict=True)
@@ -210,38 +209,34 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
     drawn = propagation.sampled
     output = propagation.model.outputs[i]
     checked = propagation.validation
-    u, dof, second = float(linear.u[i]), float(linear.dof[i]), propagation.second_order
+    u, dof, second = linear.u[i], linear.dof[i], propagation.second_order
     k_whole = (
         float(student_quantile(0.5 * (1.0 + linear.probability), max(math.floor(dof), 1)))
         if math.isfinite(dof)
-        else None
+        else math.nan
     )
     gum = GumRecord(
-        number(linear.value[i]),
-        number(u),
-        number(dof),
-        float(linear.k[i]),
-        number(linear.k[i] * u),
-        number(linear.low[i]),
-        number(linear.high[i]),
+        linear.value[i],
+        u,
+        dof,
+        linear.k[i],
+        linear.k[i] * u,
+        linear.low[i],
+        linear.high[i],
         k_whole,
-        None if k_whole is None else number(k_whole * u),
-        None if second is None else number(second[i]),
+        k_whole * u,
+        math.nan if second is None else second[i],
     )
-
-    def both(*ends: FloatArray) -> list[float | None]:
-        return [number(end[i]) for end in ends]
-
     symmetric, shortest = drawn.symmetric, drawn.shortest
     sampled = MonteCarloRecord(
         drawn.n_draw,
-        number(drawn.mean[i]),
-        number(drawn.u[i]),
-        both(symmetric.low, symmetric.high),
-        both(symmetric.low_error, symmetric.high_error),
-        both(shortest.low, shortest.high),
-        both(shortest.low_error, shortest.high_error),
-        float(drawn.undefined[i]),
+        drawn.mean[i],
+        drawn.u[i],
+        [symmetric.low[i], symmetric.high[i]],
+        [symmetric.low_error[i], symmetric.high_error[i]],
+        [shortest.low[i], shortest.high[i]],
+        [shortest.low_error[i], shortest.high_error[i]],
+        drawn.undefined[i],
     )
     status = propagation.statuses[i]
     quoted = "GUM" if propagation.gum_holds[i] and status.ok else "Monte Carlo" if status.ok else ""
@@ -257,17 +252,15 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
         sampled,
         bool(propagation.gum_holds[i]),
         bool(checked.decided[i]),
-        number(checked.d_low[i]),
-        number(checked.d_high[i]),
-        number(checked.tolerance[i]),
+        checked.d_low[i],
+        checked.d_high[i],
+        checked.tolerance[i],
         [
-            ShareRecord(
-                row.input.name, number(row.sensitivity), number(row.contribution), number(row.share)
-            )
+            ShareRecord(row.input.name, row.sensitivity, row.contribution, row.share)
             for row in budget.rows
             if row.input.u > 0.0
         ],
-        number(budget.correlation_share),
+        budget.correlation_share,
     )
 
 
@@ -276,7 +269,7 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     can be quoted.
     """
     linear, drawn, output = propagation.linear, propagation.sampled, propagation.model.outputs[i]
-    unit = "" if output.unit == "1" else f" {output.unit}"
+    unit = behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
     percent = f"{100.0 * linear.probability:g} %"
     if quoted == "GUM":
@@ -388,17 +381,13 @@ def measurement_lines(propagation: Propagation) -> list[str]:
     return lines
 
 
-def _cell(value: float | None, u: float | None, beside: float | None = None) -> str:
-    return "n/a" if value is None else rounded(value, u or 0.0, _DIGITS, beside=beside or 0.0)
+def _cell(value: float, u: float, beside: float = 0.0) -> str:
+    return rounded(value, u, _DIGITS, beside=beside)
 
 
-def _ends(ends: list[float | None], u: float | None) -> str:
+def _ends(ends: list[float], u: float) -> str:
     low, high = ends
-    return (
-        "n/a"
-        if low is None or high is None
-        else interval(low, high, u or 0.25 * (high - low), _DIGITS)
-    )
+    return interval(low, high, u if u > 0.0 else 0.25 * (high - low), _DIGITS)
 
 
 def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
@@ -406,7 +395,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     tables: dict[str, list[tuple[str, ...]]] = {}
     for name, output in result.outputs.items():
         gum, drawn = output.gum, output.monte_carlo
-        dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
+        dof = "∞" if math.isinf(gum.dof) else f"{gum.dof:.1f}"
         half, limits = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
         rows: list[tuple[str, ...]] = []
         rows.append(
@@ -420,12 +409,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
                 limits,
             )
         )
-        if (
-            gum.k_whole is not None
-            and gum.dof is not None
-            and gum.U_whole is not None
-            and gum.dof != math.floor(gum.dof)
-        ):
+        if math.isfinite(gum.dof) and gum.dof != math.floor(gum.dof):
             whole = str(max(math.floor(gum.dof), 1))
             rows.append(
                 (
@@ -438,7 +422,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
                 )
             )
         second = gum.u_second_order
-        if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
+        if abs(second - gum.u) > 0.005 * second:
             ends = _expanded(gum.value, gum.k * second, second)
             rows.append(
                 (
@@ -469,10 +453,9 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     return tables
 
 
-def _expanded(value: float | None, half: float, u: float | None) -> tuple[str, str]:
+def _expanded(value: float, half: float, u: float) -> tuple[str, str]:
     """Cells of an expanded uncertainty and the interval that it makes."""
-    ends: list[float | None] = [None, None] if value is None else [value - half, value + half]
-    return _cell(half, u, value), _ends(ends, u)
+    return _cell(half, u, value), _ends([value - half, value + half], u)
 
 
 def _law(part: PartRecord) -> str:
@@ -480,13 +463,9 @@ def _law(part: PartRecord) -> str:
     return phrase(_LAWS[part.distribution])
 
 
-def _dof(dof: float | None) -> str:
-    """Degrees of freedom; None: infinitely many."""
-    return "∞" if dof is None else f"{dof:.4g}"
-
-
-def axis_name(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} ({unit})"
+def _dof(dof: float) -> str:
+    """Degrees of freedom, if not infinitely many."""
+    return "∞" if math.isinf(dof) else f"{dof:.4g}"
 
 
 def _density_name(unit: str) -> str:
@@ -507,7 +486,7 @@ def distribution_figure(propagation: Propagation) -> Figure:
     figure, axes = grid(len(outputs), height=3.1)
     for i, (ax, output) in enumerate(zip(axes, outputs, strict=True)):
         _distribution(ax, propagation, i)
-        ax.set(xlabel=axis_name(output.name, output.unit), ylabel=_density_name(output.unit))
+        ax.set(xlabel=output.name + bracketed(output.unit), ylabel=_density_name(output.unit))
         ax.ticklabel_format(axis="both", style="sci", scilimits=(-4, 5), useMathText=True)
         ax.locator_params(axis="x", nbins=6)
     legend_below(figure, ncols=2)
@@ -679,7 +658,7 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         label=phrase("{percent} rectangle of the draws", percent=percent),
     )
     first, second = (propagation.model.outputs[k] for k in region.pair)
-    ax.set(xlabel=axis_name(first.name, first.unit), ylabel=axis_name(second.name, second.unit))
+    ax.set(xlabel=first.name + bracketed(first.unit), ylabel=second.name + bracketed(second.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)
     ax.locator_params(nbins=5)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, kind_words, later, phrase, signed, split_level
+from estim.common import as_json, bracketed, kind_words, later, phrase, signed, split_level
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
@@ -475,12 +475,8 @@ def _histogram(ax: Axes, one: Predicted) -> None:
     ax.set_yticks([])
     ax.set_xlim(edges[0], edges[-1])
     ax.locator_params(axis="x", nbins=3)
-    unit = "" if one.label.unit == "1" else f" ({one.label.unit})"
-    ax.set_xlabel(_short(one) + unit, fontsize=7.5)
+    short = phrase(_SHORT.get(one.name, one.words))
+    ax.set_xlabel(short + bracketed(one.label.unit), fontsize=7.5)
     ax.set_title(
         f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK
     )
-
-
-def _short(one: Predicted) -> str:
-    return phrase(_SHORT.get(one.name, one.words))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import Status, as_json, decide, format_quantity, kind_words, phrase
+from estim.common import Status, as_json, bracketed, decide, format_quantity, kind_words, phrase
 from estim.drawing import COLOURS, GREY, INK, MARKS, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
@@ -177,7 +177,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         heads=[
             head
             for p in plan.targets
-            for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))
+            for head in (f"u({p.label.symbol})" + bracketed(p.label.unit), phrase("ratio"))
         ],
         now=_now_rows(plan),
         far=FAR,
@@ -264,10 +264,6 @@ def _size(p: Parameter, u: float) -> str:
     return f"{u * label.factor:.2g}" + (
         "" if label.unit == "1" else label.unit if label.unit == "°" else f" {label.unit}"
     )
-
-
-def _unit(p: Parameter) -> str:
-    return "" if p.label.unit == "1" else f" ({p.label.unit})"
 
 
 def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:

@@ -14,6 +14,7 @@ import numpy as np
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
 from estim.common import (
+    Quantity,
     as_json,
     format_p,
     kind_words,
@@ -33,7 +34,6 @@ from estim.reports.curve_figures import phase_figure, residual_figure
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
-    Value,
     average_words,
     drift_words,
     energy_figure,
@@ -42,7 +42,6 @@ from estim.reports.energy import (
     shown,
     summarise_drift,
     summarise_energy,
-    to_value,
 )
 from estim.reports.line import (
     LineResult,
@@ -63,7 +62,6 @@ from estim.reports.result import (
     result_of,
     sensitivity_words,
 )
-from estim.sampling import number
 from estim.studies import BodyAnalysis, Narrowing, Reanalysis
 from estim.words import Voice
 
@@ -91,7 +89,7 @@ class LimitSummary(msgspec.Struct, frozen=True):
 
 
 class BodySummary(msgspec.Struct, frozen=True):
-    gamma_masses: Value | None
+    gamma_masses: Quantity | None
     gamma_origin: str
     joint: Result
     energies: dict[str, EnergySummary]
@@ -108,10 +106,10 @@ class BodySummary(msgspec.Struct, frozen=True):
 class PublishedRow(msgspec.Struct, frozen=True):
     name: str
     section: str
-    published: Value
-    reanalysed: Value
+    published: Quantity
+    reanalysed: Quantity
     how: str
-    e_n: float | None
+    e_n: float
 
 
 class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -145,10 +143,10 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
             PublishedRow(
                 c.published.name,
                 c.published.section,
-                Value(c.published.value, c.published.u),
-                to_value(c.value),
+                Quantity(c.published.value, math.nan if c.published.u is None else c.published.u),
+                c.value,
                 c.how,
-                number(c.e_n),
+                c.e_n,
             )
             for c in r.published
         ],
@@ -159,7 +157,7 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
 def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
-        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses),
+        gamma_masses=body.gamma_masses,
         gamma_origin=gamma_origin(r.campaign.source, body.body),
         joint=result_of(r.campaign, body.joint, voice=voice),
         energies={e.run: summarise_energy(e) for e in body.energies if ok},

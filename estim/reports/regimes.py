@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -28,7 +29,6 @@ from estim.line import ThetaMinSeries
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
-from estim.sampling import number
 from estim.studies import BodyMap, FittedValues, RunPlace
 from estim.words import STATUS_WORDS, Voice, advice_for, sure, tell
 
@@ -74,13 +74,13 @@ _ENDS = {
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """Median, 68 and 95 % interval."""
+    """Median, 68 and 95 % interval; null where there is none."""
 
-    median: float | None
-    low_68: float | None
-    high_68: float | None
-    low_95: float | None
-    high_95: float | None
+    median: float = math.nan
+    low_68: float = math.nan
+    high_68: float = math.nan
+    low_95: float = math.nan
+    high_95: float = math.nan
 
 
 class TiltOnMap(msgspec.Struct, frozen=True):
@@ -240,20 +240,17 @@ def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
     farthest = at(found.farthest, found.far_phi)
     return TiltOnMap(
         float(phi),
-        lowest if sets_off else _NOWHERE,
-        at(found.highest, found.phi) if sets_off else _NOWHERE,
+        lowest if sets_off else Spread(),
+        at(found.highest, found.phi) if sets_off else Spread(),
         on if some_on else None,
         passes if some_pass else None,
-        farthest if farthest.high_95 is not None and sets_off and phi >= 0.0 else None,
+        farthest if math.isfinite(farthest.high_95) and sets_off and phi >= 0.0 else None,
     )
 
 
 def _spread(quantiles: FloatArray) -> Spread:
-    low_95, low_68, median, high_68, high_95 = (number(float(value)) for value in quantiles)
+    low_95, low_68, median, high_68, high_95 = quantiles.tolist()
     return Spread(median, low_68, high_68, low_95, high_95)
-
-
-_NOWHERE = Spread(None, None, None, None, None)
 
 
 def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
@@ -275,7 +272,7 @@ def _degrees(spread: Spread | None) -> str:
 
 
 def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
-    if spread is None or spread.median is None or spread.low_68 is None or spread.high_68 is None:
+    if spread is None or not math.isfinite(spread.high_68 - spread.low_68):
         return "—"
     return signed(
         format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68))

@@ -35,7 +35,7 @@ from estim.checks import (
     stated_values,
     tolerated_pattern,
 )
-from estim.common import Kind, as_json, listed, one_line, phrase, signed, split_level
+from estim.common import Kind, as_json, behind, listed, one_line, phrase, signed, split_level
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -514,9 +514,8 @@ def _of_one_run(name: str, result: Result) -> bool:
 def _estimate(name: str, result: Result) -> Estimate:
     p = result.parameters[name]
     label = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
-    unit = "" if label.unit == "1" else f" {label.unit}"
     # a prior with a width that nobody stated
-    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit
+    inferred = "" if p.stated or p.prior_sd is None else p.prior + behind(label.unit)
     return Estimate(label, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later, phrase
+from estim.common import Finding, Kind, behind, later, phrase
 from estim.words.table import Table, said
 
 _READ_AS: Mapping[str, str] = MappingProxyType(
@@ -32,16 +32,12 @@ _SLOW: Mapping[str, str] = MappingProxyType(
 )
 
 
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
-
-
 def _how(f: Finding) -> str:
     """As what it is read: the probable way, and how probable where both were asked for."""
     n = f.numbers
     ways = [way for way in _READ_AS if way in n]
     probable = max(ways, key=lambda way: n[way])
-    along = _unit(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
+    along = behind(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
     size, length, short, long = (
         n[f"{probable}_{what}"] for what in ("size", "length", "short", "long")
     )
@@ -56,7 +52,7 @@ def _how(f: Finding) -> str:
         if other
         else "",
         size=size,
-        unit=_unit(f.names[1]),
+        unit=behind(f.names[1]),
         length=length,
         along=along,
         short=short,
@@ -73,7 +69,7 @@ def _found(f: Finding) -> str:
             "mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {prob:.3f}"
         ),
         how=_how(f),
-        unit=_unit(f.names[1]),
+        unit=behind(f.names[1]),
     )
 
 

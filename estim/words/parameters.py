@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Amount, Finding, Kind, format_rounded, later, percentage, phrase
-from estim.words.table import Table, behind, said, symbol, value_words
+from estim.common import Amount, Finding, Kind, behind, format_rounded, later, percentage, phrase
+from estim.words.table import Table, said, symbol, value_words
 
 _MOST_NAMED = 5
 _STILL_SHIFTED = later(
@@ -51,7 +51,7 @@ def _moves(f: Finding) -> str:
         assert amount.label is not None
         step = abs(amount.value)
         size = (
-            f"{step * amount.label.factor:.2g}{behind(amount.label)}"
+            f"{step * amount.label.factor:.2g}{behind(amount.label.unit)}"
             if math.isnan(amount.whole)
             else f"{100.0 * step / amount.whole:.2g} %"
         )
@@ -138,7 +138,9 @@ def _open(f: Finding) -> str:
 def _limit(f: Finding) -> str:
     (edge,) = f.parameters
     assert edge.label is not None
-    cell = one_sided(f.test, f.size, edge.value, factor=edge.label.factor, unit=behind(edge.label))
+    cell = one_sided(
+        f.test, f.size, edge.value, factor=edge.label.factor, unit=behind(edge.label.unit)
+    )
     return said(
         f,
         later("{symbol} {limit}: its most probable value is the edge of its range, {shown}"),

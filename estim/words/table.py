@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from estim.common import OF_BODY, Amount, Finding, Kind, Label, format_p, format_quantity, phrase
+from estim.common import OF_BODY, Amount, Finding, Kind, behind, format_p, format_quantity, phrase
 
 Table = Mapping[Kind, str | Callable[[Finding], str]]
 
@@ -59,18 +59,13 @@ def measured(finding: Finding, name: str) -> str:
     return format_quantity(finding.numbers[name], finding.numbers[f"u_{name}"])
 
 
-def behind(shown: Label) -> str:
-    """The unit as it stands behind a number."""
-    return "" if shown.unit == "1" else f" {shown.unit}"
-
-
 def value_words(amount: Amount) -> str:
     """'60.1 °'."""
     label = amount.label
     return (
         f"{amount.value:.6g}"
         if label is None
-        else f"{amount.value * label.factor:.4g}{behind(label)}"
+        else f"{amount.value * label.factor:.4g}{behind(label.unit)}"
     )
 
 
