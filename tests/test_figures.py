@@ -18,7 +18,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.text import Text
 from scipy.interpolate import RegularGridInterpolator
-from scipy.ndimage import gaussian_filter
 
 from estim import drawing
 from estim.campaign import load_campaign
@@ -154,15 +153,6 @@ def test_a_corner_figure_ends_where_the_prior_does(rng: np.random.Generator) -> 
     )
     assert columns[0].low == 0.35
     assert columns[1].low < 0.35
-
-
-@pytest.mark.parametrize(("n", "sd"), [(30, 1.2), (30, 4.0), (5, 1.2), (3, 2.0)])
-def test_a_histogram_is_smoothed_as_by_scipy(rng: np.random.Generator, n: int, sd: float) -> None:
-    counts = rng.poisson(3.0, (n, n)).astype(float)
-    assert corner_figures.blurred(counts, sd) == pytest.approx(
-        gaussian_filter(counts, sd), abs=1e-12
-    )
-    assert corner_figures.blurred(counts, sd).sum() == pytest.approx(counts.sum())
 
 
 def test_the_contours_hold_what_they_say_but_for_the_smoothing(rng: np.random.Generator) -> None:

@@ -15,7 +15,6 @@ from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import (
     Label,
-    Markdown,
     Notation,
     Status,
     format_quantity,
@@ -55,6 +54,7 @@ from estim.reports.identifiability import (
     profile_figure,
 )
 from estim.reports.pages import Drawers, page, shortened
+from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
 from estim.reports.result import (
     ParameterSummary,
@@ -76,8 +76,7 @@ if TYPE_CHECKING:
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
-_FELT = 0.05  # posterior standard deviations
-_PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
+_SECTION_DRAWS, _ROLLING_DRAWS = 4000, 1000
 
 
 def analysis_report(
@@ -119,28 +118,7 @@ def report_and_result(
         analysis.chain.thinned(_SECTION_DRAWS),
     )
 
-    def text(pictures: Collection[str]) -> str:
-        agreement, on_edge = analysis.consistency, analysis.fit.at_bound
-        return analysis_text(
-            result,
-            section,
-            corner_words(analysis.problem, truth=bool(campaign.truth)),
-            pictures,
-            converged=analysis.chain.convergence.met,
-            consistency=""
-            if agreement is None
-            else consistency_text(
-                agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge
-            ),
-            explanation=""
-            if analysis.explanation is None
-            else explanation_text(analysis.explanation),
-            counts=counts_text(analysis.fit, pictures),
-            shares=shares,
-            first_step=slip_words(analysis.explanation)
-            or first_step(analysis.diagnosis.findings, voice),
-        )
-
+    text = partial(_text, campaign, analysis, result, section, shares, voice)
     drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
     files = page(drawers, text, wanted=figures, kind=campaign.kind)
     return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
@@ -167,7 +145,7 @@ def _drawers(
         )
     if intervals:
         figures["figures/profiles.png"] = lambda: profile_figure(
-            analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS)
+            analysis.problem, intervals, analysis.chain.thinned(DRAWS)
         )
     if shares is not None:
         figures["figures/budget.png"] = partial(
@@ -203,37 +181,25 @@ def _drawers(
     return figures
 
 
-def analysis_text(
+def _text(
+    campaign: Subject,
+    analysis: Analysis,
     result: Result,
     section: IdentifySection,
-    corner_words: Markdown,
+    shares: Shares | None,
+    voice: Voice,
     pictures: Collection[str],
-    *,
-    converged: bool,
-    consistency: str,
-    explanation: str,
-    counts: str = "",
-    shares: Shares | None = None,
-    first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.
-    corner_words : below the corner figure.  converged : whether there are enough draws.
-    consistency : about several runs, "" for one.
-    explanation : of what may be missing, "" where that was not asked.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
-    first_step : what to do first where the status is not ok.
     """
+    agreement = analysis.consistency
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY)
     told_below = (
         P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
-    )
-    lacks = (
-        discrepancy_text(result.curve_deviation, result.labels, pictures)
-        if result.curve_deviation
-        else ""
     )
     screen = first_screen(result)
     return render(
@@ -265,22 +231,32 @@ def analysis_text(
         limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result),
         what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency,
+        consistency=""
+        if agreement is None
+        else consistency_text(
+            agreement,
+            pictures,
+            limits_only=not analysis.diagnosis.ok,
+            on_edge=analysis.fit.at_bound,
+        ),
         friction=friction_cell,
         axes=axes,
         axes_words=phrase(" and ").join(phrase("{y} against {x}", y=y, x=x) for x, y in axes),
         limits_only=result.status != "ok",
-        converged=converged,
-        corner_words=corner_words,
-        lacks=lacks,
-        explanation=explanation,
-        counts=counts,
+        converged=analysis.chain.convergence.met,
+        corner_words=corner_words(analysis.problem, truth=bool(campaign.truth)),
+        lacks=discrepancy_text(result.curve_deviation, result.labels, pictures)
+        if result.curve_deviation
+        else "",
+        explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+        counts=counts_text(analysis.fit, pictures),
         deviation=deviation_text(result.deviation, result.labels, pictures)
         if result.deviation
         else "",
         complete=complete_runs([result]),
         name_of_test=name_of_test,
-        first_step=first_step,
+        first_step=slip_words(analysis.explanation)
+        or first_step(analysis.diagnosis.findings, voice),
         reasons=first_reasons(result.reasons),
         said=[
             *complete_runs([result]),
@@ -313,7 +289,7 @@ def _moved_by_errors(result: Result) -> list[str]:
     return [
         name
         for name in result.parameters
-        if any(abs(effect.shifts.get(name, 0.0)) >= _FELT for effect in result.what_if)
+        if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
     ]
 
 
@@ -343,7 +319,7 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
 def _shift_cell(shift: float | None) -> str:
     if shift is None:
         return ""
-    return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
+    return signed(f"{shift:+.1f}") if abs(shift) >= FELT else "0"
 
 
 def index_report(

@@ -18,14 +18,13 @@ from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
-from estim.reports.records import Labels
+from estim.reports.records import DRAWS, Labels
 from estim.sampling import number
 from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_DRAWS = 20_000
 _TOLD = 1e-3  # share of the variance below which a source goes with the others
 _BENT = 0.2
 MAX_QUANTITIES, MAX_SOURCES = 8, 10
@@ -93,7 +92,7 @@ class Shares:
 def budget_of(analysis: Analysis) -> Budget | None:
     """None where the status allows no standard deviation, or there is no covariance."""
     return (
-        uncertainty_budget(analysis.fit, analysis.chain.thinned(_DRAWS))
+        uncertainty_budget(analysis.fit, analysis.chain.thinned(DRAWS))
         if analysis.diagnosis.ok
         else None
     )

@@ -16,10 +16,9 @@ from estim.common import Label, Quantity, format_quantity, phrase
 from estim.pipeline import Analysis
 from estim.problem import Derived, Observations, Problem
 from estim.reading import Run
-from estim.reports.records import Labels, RunSummary
+from estim.reports.records import DRAWS, Labels, RunSummary
 from estim.sampling import Summary, summarise, trusted
 
-_DRAWS = 20_000
 _APART = 3.0  # combined standard uncertainties
 _HANDFUL = 5  # frames of the way back that are not worth a word
 _READING = 0.001  # m or rad, as an example
@@ -36,7 +35,7 @@ def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived
         if isinstance(source, str)
     )
     places = [i for i, name in enumerate(analysis.problem.names) if name in used]
-    draws = analysis.chain.thinned(_DRAWS, places)
+    draws = analysis.chain.thinned(DRAWS, places)
     return run.derived(
         run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)})
     )

@@ -22,7 +22,7 @@ from urllib.parse import unquote
 from markdown_it import MarkdownIt
 from markdown_it.renderer import RendererHTML
 
-from estim.common import phrase, unescaped
+from estim.common import language, phrase, unescaped
 
 if TYPE_CHECKING:
     from markdown_it.token import Token
@@ -86,11 +86,10 @@ class _State:
     paper: bool = False
 
 
-def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = False) -> bytes:
+def html_page(files: Mapping[str, bytes], *, paper: bool = False) -> bytes:
     """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it
-    shows).
+    shows), in the language that is spoken.
 
-    lang : the language of the report (BCP 47), for what reads it aloud or hyphenates it.
     paper : for a printer: nothing to open or to click, and what is folded stands open in an
         appendix that begins a page.
     """
@@ -114,7 +113,7 @@ def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = Fal
         else ""
     )
     page = _PAGE.format(
-        lang=escape(lang),
+        lang=language(),
         policy=_POLICY,
         title=escape(state.title),
         style=style,
@@ -347,13 +346,13 @@ def _alone(tokens: Sequence[Token], i: int, kind: str) -> bool:
     return bool(inside) and inside[0].type == "em_open" and ends == [len(inside) - 1]
 
 
-def pdf_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
-    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report
-    (BCP 47).  ImportError without the extra `pdf`.
+def pdf_page(files: Mapping[str, bytes]) -> bytes:
+    """`report.pdf` of the files of a report (path -> bytes).  ImportError without the extra
+    `pdf`.
     """
     from weasyprint import HTML, URLFetcher
 
-    page = html_page(files, lang=lang, paper=True).decode()
+    page = html_page(files, paper=True).decode()
     nothing_from_elsewhere = URLFetcher(allowed_protocols={"data"})
     return bytes(
         HTML(string=page, url_fetcher=nothing_from_elsewhere).write_pdf(pdf_variant="pdf/ua-1")

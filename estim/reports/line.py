@@ -23,7 +23,6 @@ from estim.common import (
     format_rounded,
     kind_words,
     later,
-    one_line,
     phrase,
     signed,
     significant,
@@ -34,7 +33,7 @@ from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import trials_files
 from estim.sampling import Summary, summarise, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for
@@ -160,12 +159,11 @@ def line_result(
         # protractor (phi too small)
         zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
         zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
-        provenance=Provenance(
-            one_line(str(campaign.source.path)),
+        provenance=provenance_of(
+            campaign.source.path,
             campaign.source.sha256,
-            {one_line(analysis.series.file): analysis.series.sha256},
+            {analysis.series.file: analysis.series.sha256},
             analysis.seed,
-            software_versions(),
         ),
     )
 

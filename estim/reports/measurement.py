@@ -14,14 +14,15 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, behind, bracketed, gravest, later, one_line, phrase
+from estim.common import Status, as_json, behind, bracketed, gravest, later, phrase
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
+from estim.reports.corner_figures import density_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -185,7 +186,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
         )
         for entry in propagation.regions
     ]
-    at = Provenance(one_line(str(model.path)), model.sha256, {}, seed, software_versions())
+    at = provenance_of(model.path, model.sha256, {}, seed)
     return MeasurementResult(
         MEASUREMENT_SCHEMA,
         model.title,
@@ -602,29 +603,27 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         (low - 0.08 * (high - low), high + 0.08 * (high - low))
         for low, high in zip(lows, highs, strict=True)
     ]
-    density, x, y = np.histogram2d(draws[:, 0], draws[:, 1], bins=_CELLS, range=limits)
+    density = density_of(
+        draws[:, 0],
+        draws[:, 1],
+        limits,
+        n_bin=_CELLS,
+        smooth=0.7,
+        probabilities=(region.probability,),
+    )
     ax.pcolormesh(
-        x,
-        y,
-        np.ma.masked_equal(density.T, 0.0),
+        density.x,
+        density.y,
+        np.ma.masked_less(density.z.T, 0.5),
         cmap="Greys",
-        vmax=1.6 * density.max(),
+        vmax=1.6 * density.z.max(),
         rasterized=True,
     )
-    ordered = np.sort(density.ravel())[::-1]
-    level = float(
-        ordered[
-            min(
-                int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))),
-                ordered.size - 1,
-            )
-        ]
-    )
-    middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
     ax.contour(
-        *middles,
-        _smooth(density.T),
-        levels=[max(level, 0.5)],
+        density.x,
+        density.y,
+        density.z.T,
+        levels=density.levels,
         colors=INK,
         linewidths=0.9,
         linestyles=":",
@@ -661,10 +660,3 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     ax.set(xlabel=first.name + bracketed(first.unit), ylabel=second.name + bracketed(second.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)
     ax.locator_params(nbins=5)
-
-
-def _smooth(cells: FloatArray) -> FloatArray:
-    """Each cell averaged with its neighbours, for a contour that does not follow the noise."""
-    padded = np.pad(cells, 1, mode="edge")
-    n, m = cells.shape
-    return np.asarray(sum(padded[i : i + n, j : j + m] for i in range(3) for j in range(3)) / 9.0)

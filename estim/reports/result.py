@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from inspect import cleandoc
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -22,6 +23,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import (
+    SURE,
     Check,
     Diagnosis,
     Estimate,
@@ -51,6 +53,7 @@ from estim.reports.derived import (
 from estim.reports.deviation import DeviationSummary, ForceSummary, curve_deviations, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.records import (
+    FELT,
     CertificateSummary,
     CheckSummary,
     Correlation,
@@ -80,8 +83,6 @@ from estim.words import Voice, advice_for, common_error, tell
 SCHEMA = "estim-result/1"
 _HALF = 0.5  # share of the variance from which one source is what limits
 _TIED = 0.6  # correlation that is worth its number
-_FELT = 0.05  # posterior standard deviations
-_SURE = 0.95  # probability of a force that the curve lacks
 _WHERE = {
     "poor-fit": "curve",
     "contradiction": "values",
@@ -312,9 +313,20 @@ def result_of(
 
 
 def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
-    """Where numbers came from: digests of the inputs, the seed, versions of what computed them."""
-    digests = {one_line(campaign.tables[name].file): campaign.tables[name].sha256 for name in runs}
-    return Provenance(one_line(campaign.path), campaign.sha256, digests, seed, software_versions())
+    """Where numbers came from: digests of the campaign and of the tables of `runs`, the seed,
+    versions of what computed them.
+    """
+    tables = [campaign.tables[name] for name in runs]
+    digests = {table.file: table.sha256 for table in tables}
+    return provenance_of(campaign.path, campaign.sha256, digests, seed)
+
+
+def provenance_of(
+    source: str | Path, sha256: str, digests: Mapping[str, str], seed: int
+) -> Provenance:
+    """The same of any source, with the `digests` of its tables."""
+    shown = {one_line(file): digest for file, digest in digests.items()}
+    return Provenance(one_line(str(source)), sha256, shown, seed, software_versions())
 
 
 def software_versions() -> dict[str, str]:
@@ -592,9 +604,7 @@ def _limits(shown: Sequence[str], result: Result) -> str:
 def _forces(result: Result) -> str:
     """Whether the curve lacks something for sure."""
     forces = [
-        deviation
-        for deviation in (result.deviation or {}).values()
-        if deviation.probability > _SURE
+        deviation for deviation in (result.deviation or {}).values() if deviation.probability > SURE
     ]
     if forces:
         size = 100.0 * max(deviation.typical for deviation in forces)
@@ -603,7 +613,7 @@ def _forces(result: Result) -> str:
             "intervals allow for it",
             size=size,
         )
-    if any(deviation.probability > _SURE for deviation in (result.curve_deviation or {}).values()):
+    if any(deviation.probability > SURE for deviation in (result.curve_deviation or {}).values()):
         return phrase(
             "the discrepancy between curve and data is larger than the errors; the "
             "intervals allow for an irregular deviation, but not "
@@ -713,7 +723,7 @@ def sensitivity_words(results: Sequence[Result]) -> str:
                 (effect.shifts[name], symbols[name].symbol),
                 key=lambda moved: abs(moved[0]),
             )
-    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= _FELT}
+    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= FELT}
     return "; ".join(
         f"{error}: {symbol} {signed(f'{shift:+.1f}')}"
         for error, (shift, symbol) in noticeable.items()

@@ -27,7 +27,7 @@ from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
 from estim.words import STATUS_WORDS
 
@@ -99,7 +99,6 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     inverses = [
         PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, p.low, p.high, math.nan) for p in line.inverses
     ]
-    name = one_line(str(line.path))
     return StraightLineResult(
         STRAIGHT_SCHEMA,
         line.status,
@@ -121,7 +120,7 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         (line.slope.low, line.slope.high),
         predictions,
         inverses,
-        Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
+        provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
     )
 
 

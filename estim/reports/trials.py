@@ -24,7 +24,6 @@ from estim.common import (
     format_quantity,
     kind_words,
     later,
-    one_line,
     phrase,
     signed,
 )
@@ -42,7 +41,7 @@ from estim.drawing import (
 from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
 from estim.words import STATUS_WORDS, Voice, advice_for, told_apart
 
@@ -163,12 +162,11 @@ def trials_result(
         phi_mean=analysis.phi_mean,
         told_apart=told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
         second_computation=analysis.agreement.reason,
-        provenance=Provenance(
-            one_line(str(campaign.source.path)),
+        provenance=provenance_of(
+            campaign.source.path,
             campaign.source.sha256,
-            {one_line(trials.file): trials.sha256},
+            {trials.file: trials.sha256},
             analysis.seed,
-            software_versions(),
         ),
     )
 
