@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -223,21 +223,30 @@ def draw_bands(
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
         name = phrase(said, p=p) if said else f"{p} %"
-        ax.fill_between(
-            x,
-            quantiles[low],
-            quantiles[high],
-            color=colour,
-            alpha=alpha,
-            lw=0,
-            label=name,
-            zorder=zorder,
-        )
+        fill(ax, x, quantiles[low], quantiles[high], colour, alpha, label=name, zorder=zorder)
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
 
 
-def draw_sds(ax: Axes) -> None:
-    """Zero, with one and two standard deviations of a quantity that has 1."""
+def fill(
+    ax: Axes,
+    x: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    colour: str,
+    alpha: float,
+    **style: Any,
+) -> None:
+    """A band between two lines, without an edge."""
+    ax.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, **style)
+
+
+def draw_pulls(ax: Axes, pulls: FloatArray) -> float:
+    """What lies below pulls (n,), which have a standard deviation of 1: zero, one and two of them;
+    the axis reaches as far as is returned.
+    """
     for sigma, shade in ((2.0, 0.12), (1.0, 0.20)):
         ax.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
     ax.axhline(0.0, color=GREY, lw=0.8)
+    reach = max(3.3, 1.1 * float(np.max(np.abs(pulls))))
+    ax.set_ylim(-reach, reach)
+    return reach

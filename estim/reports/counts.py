@@ -11,7 +11,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import later, phrase
-from estim.drawing import BLUE, GREY, INK, draw_sds, new_figure
+from estim.drawing import BLUE, GREY, INK, draw_pulls, fill, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
@@ -76,11 +76,9 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
         top.set_ylim(bottom=0.0)
         top.legend(loc="best")
         top.tick_params(labelbottom=False)
-        draw_sds(below)
+        draw_pulls(below, good.whitened)
         below.vlines(run.x, 0.0, good.whitened, color=INK, lw=0.8)
         below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
-        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
-        below.set_ylim(-reach, reach)
         below.set(xlabel=run.x_label, ylabel=phrase("pull"))
         below.sharex(top)
     return figure
@@ -117,9 +115,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
     x = edges.ravel()
     for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
-        ax.fill_between(
-            x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level)
-        )
+        fill(ax, x, low, high, BLUE, shade, label=phrase(lies, p=100 * level))
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 

@@ -23,7 +23,8 @@ from estim.drawing import (
     ORANGE,
     RUN_COLOURS,
     VERMILION,
-    draw_sds,
+    draw_pulls,
+    fill,
     legend_below,
     new_figure,
 )
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+_RING: dict[str, Any] = {"mfc": "none", "mec": VERMILION, "mew": 1.6, "ls": "", "zorder": 6}
 MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
 # heights of all other points that an outlier is away from them, and is no longer drawn to scale
@@ -66,6 +68,8 @@ def phase_figure(
         )
         if trusted:
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
+            label = phrase("posterior median")
+            ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=label)
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             label = (
@@ -113,15 +117,7 @@ def _draw_propagated(ax: Axes, low: Axes, band: PropagatedBand, bands: Bands, wh
     """
     fit = np.interp(band.x, bands.x, bands.median)
     for panel, less in ((ax, np.zeros_like(fit)), (low, fit)):
-        panel.fill_between(
-            band.x,
-            band.mc_low - less,
-            band.mc_high - less,
-            color=ORANGE,
-            alpha=0.3,
-            lw=0,
-            label=whose,
-        )
+        fill(panel, band.x, band.mc_low - less, band.mc_high - less, ORANGE, 0.3, label=whose)
         panel.plot(
             band.x,
             band.value - less,
@@ -138,34 +134,23 @@ def _low_end(values: FloatArray) -> float:
     return 0.0 if lowest > 0.0 else lowest - 0.03 * float(np.ptp(values))
 
 
-def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
-    probabilities = sorted(bands.credible, reverse=True)
-    widest = probabilities[0]
-    ax.fill_between(
-        bands.x,
-        *bands.predictive[widest],
-        color=GREY,
-        alpha=0.22,
-        lw=0,
-        label=f"{new}, {100 * widest:.0f} %",
+def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | float = 0.0) -> None:
+    """A new reading, and the curve, all `less` something; with names where a `new` reading has
+    one.
+    """
+    curve = (
+        later("the curve including the force, {p:.0f} %")
+        if bands.completed
+        else later("the curve, {p:.0f} %")
     )
-    for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
-        low, high = bands.credible[probability]
-        curve = (
-            later("the curve including the force, {p:.0f} %")
-            if bands.completed
-            else later("the curve, {p:.0f} %")
-        )
-        ax.fill_between(
-            bands.x,
-            low,
-            high,
-            color=BLUE,
-            alpha=alpha,
-            lw=0,
-            label=phrase(curve, p=100 * probability),
-        )
-    ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=phrase("posterior median"))
+    for intervals, p, colour, alpha in (
+        (bands.predictive, 0.95, GREY, 0.22),
+        (bands.credible, 0.95, BLUE, 0.30),
+        (bands.credible, 0.68, BLUE, 0.55),
+    ):
+        name = f"{new}, {100 * p:.0f} %" if colour == GREY else phrase(curve, p=100 * p)
+        low, high = intervals[p]
+        fill(ax, bands.x, low - less, high - less, colour, alpha, label=name if new else None)
 
 
 def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
@@ -207,36 +192,13 @@ def _draw_outliers(
     for group in outliers:
         at = group.frames[~far[group.frames]] if group.run == run.name else group.frames[:0]
         if at.size:
-            ax.plot(
-                run.x[at],
-                run.y[at],
-                "o",
-                mfc="none",
-                mec=VERMILION,
-                mew=1.6,
-                ms=9,
-                ls="",
-                label=phrase("outlier"),
-                zorder=6,
-            )
+            ax.plot(run.x[at], run.y[at], "o", ms=9, label=phrase("outlier"), **_RING)
     label, place = phrase("distant outlier"), ax.get_xaxis_transform()
     for x, y in zip(run.x[far], run.y[far], strict=True):
         edge, up, mark, side = (
             (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
         )
-        ax.plot(
-            x,
-            edge,
-            mark,
-            mfc="none",
-            mec=VERMILION,
-            mew=1.6,
-            ms=8,
-            ls="",
-            label=label,
-            zorder=6,
-            transform=place,
-        )
+        ax.plot(x, edge, mark, ms=8, label=label, transform=place, **_RING)
         ax.annotate(
             f"{y:.4g}",
             (x, edge),
@@ -258,18 +220,7 @@ def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) 
         {int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps}
     )
     if at:
-        ax.plot(
-            run.x[at],
-            run.y[at],
-            "o",
-            mfc="none",
-            mec=VERMILION,
-            mew=1.6,
-            ms=9,
-            ls="",
-            label=phrase("bad frame"),
-            zorder=6,
-        )
+        ax.plot(run.x[at], run.y[at], "o", ms=9, label=phrase("bad frame"), **_RING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -386,15 +337,7 @@ def draw_residuals(
     run, near = residuals.run, ~residuals.far
     rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
-        fills = (
-            (bands.predictive[0.95], GREY, 0.22),
-            (bands.credible[0.95], BLUE, 0.30),
-            (bands.credible[0.68], BLUE, 0.55),
-        )
-        for (low, high), colour, alpha in fills:
-            ax.fill_between(
-                bands.x, low - bands.median, high - bands.median, color=colour, alpha=alpha, lw=0
-            )
+        _draw_bands(ax, bands, less=bands.median)
     ax.axhline(0.0, color=BLUE, lw=1.0)
     if run.n_obs > _MANY:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
@@ -427,7 +370,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
     figure = new_figure(2.5 * len(runs))
     axes = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 1), sharey="row")
     for (left, right), run, good in zip(axes, runs, goodness, strict=True):
-        draw_sds(left)
+        reach = draw_pulls(left, good.whitened)
         if run.n_obs <= _HIDING:
             left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
         left.plot(
@@ -437,7 +380,6 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
             color=INK,
             **({"ms": 3.0} if run.n_obs <= _HIDING else {"ms": 1.2, "alpha": 0.6}),
         )
-        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)
@@ -447,7 +389,6 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
             color=INK,
             lw=1,
         )
-        left.set_ylim(-reach, reach)
         left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
@@ -461,15 +402,8 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
     """
     by_run = {good.run: good for good in goodness}
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
-    rows += (
-        [runs]
-        if (
-            runs := tuple(
-                run for group in problem.groups if len(group.runs) == 1 for run in group.runs
-            )
-        )
-        else []
-    )
+    if alone := [group.runs[0] for group in problem.groups if len(group.runs) == 1]:
+        rows.append(tuple(alone))
     figure = new_figure(3.2 * len(rows))
     parts = np.ravel(figure.subfigures(len(rows), 1, squeeze=False))
     for part, runs in zip(parts, rows, strict=True):

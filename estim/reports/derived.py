@@ -5,7 +5,9 @@ numbers come from.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from estim.reading import Run
 from estim.reports.records import DRAWS, Labels, RunSummary
 from estim.sampling import Summary, summarise, trusted
 
+T = TypeVar("T")
 _APART = 3.0  # combined standard uncertainties
 _HANDFUL = 5  # frames of the way back that are not worth a word
 _READING = 0.001  # m or rad, as an example
@@ -73,17 +76,24 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
                 by_name.setdefault(name, {})[run.name] = derived
     columns: dict[str, tuple[Derived, Label]] = {}
     for name, by_run in by_name.items():
-        first = next(iter(by_run.values()))
-        if len(by_run) == len(runs) and all(
-            np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()
-        ):
-            columns[name] = (first, first.label)
-        else:
-            columns |= {
-                f"{name}[{run}]": (quantity, quantity.notation.label(quantity.unit, f"[{run}]"))
-                for run, quantity in by_run.items()
-            }
+        same = once(
+            by_run, len(runs), lambda a, b: np.array_equal(a.values, b.values, equal_nan=True)
+        )
+        for place, quantity in same.items():
+            level = place and f"[{place}]"
+            columns[name + level] = (quantity, quantity.notation.label(quantity.unit, level))
     return columns
+
+
+def once(
+    by_run: Mapping[str, T], n_run: int, same: Callable[[T, T], bool] = operator.eq
+) -> Mapping[str, T]:
+    """What is known of a quantity by run: under "" alone where it is the same for all runs, which
+    are `n_run`.
+    """
+    first, *others = by_run.values()
+    shared = len(by_run) == n_run and all(same(first, other) for other in others)
+    return {"": first} if shared else by_run
 
 
 def derived_labels(analysis: Analysis) -> dict[str, Label]:
@@ -157,14 +167,11 @@ def derived_rows(
     for run, summary in runs.items():
         for name, d in summary.derived.items():
             by_name.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
-    rows = []
-    for name, cells in by_name.items():
-        symbol = labels.derived[next(iter(cells))][name].symbol
-        if len(cells) == len(runs) and len(set(cells.values())) == 1:
-            rows.append((symbol, *next(iter(cells.values()))))
-        else:
-            rows += [(f"{symbol}[{run}]", *row) for run, row in cells.items()]
-    return rows
+    return [
+        (labels.derived[next(iter(cells))][name].symbol + (run and f"[{run}]"), *row)
+        for name, cells in by_name.items()
+        for run, row in once(cells, len(runs)).items()
+    ]
 
 
 def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from estim.common import (
     Quantity,
     as_json,
     format_p,
+    format_rounded,
     kind_words,
     listed,
     percentage,
@@ -486,13 +487,13 @@ def _limit_words(body: BodySummary) -> list[str]:
         clauses = [
             phrase(
                 "{u} if {symbol} were known exactly",
-                u=format_limit(limit.u_known),
+                u=format_rounded(limit.u_known, limit.u_known),
                 symbol=body.joint.labels.symbol(limit.group),
             )
             for limit in limits
             if limit.u_known < 0.9 * limit.u
         ]
-        u, ways = format_limit(limits[0].u), phrase("; to ").join(clauses)
+        u, ways = format_rounded(limits[0].u, limits[0].u), phrase("; to ").join(clauses)
         sentences.append(
             phrase(
                 "u({symbol}) = {u} (least squares) would fall to {ways}.",
@@ -508,11 +509,6 @@ def _limit_words(body: BodySummary) -> list[str]:
             )
         )
     return sentences
-
-
-def format_limit(u: float) -> str:
-    """An uncertainty to two digits."""
-    return f"{u:.{max(0, 1 - math.floor(math.log10(u)))}f}" if u > 0.0 else "0"
 
 
 def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:

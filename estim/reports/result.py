@@ -46,6 +46,7 @@ from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
 from estim.reports.derived import (
     derived_facts,
     derived_summaries,
+    once,
     origin_facts,
     origin_warnings,
     speed_facts,
@@ -539,20 +540,15 @@ def _derived_quantities(result: Result) -> list[Estimate]:
             by_name.setdefault(name, {})[run] = Estimate(
                 result.labels.derived[run][name], entry.derived[name], "", True
             )
-    estimates = []
-    for by_run in by_name.values():
-        first = next(iter(by_run.values()))
-        if (
-            len(by_run) == len(result.runs)
-            and len({(entry.summary.mean, entry.summary.sd) for entry in by_run.values()}) == 1
-        ):
-            estimates.append(first)
-        else:
-            estimates += [
-                replace(entry, label=replace(entry.label, symbol=f"{entry.label.symbol}[{run}]"))
-                for run, entry in by_run.items()
-            ]
-    return estimates
+    return [
+        replace(entry, label=replace(entry.label, symbol=entry.label.symbol + (run and f"[{run}]")))
+        for by_run in by_name.values()
+        for run, entry in once(by_run, len(result.runs), _same_estimate).items()
+    ]
+
+
+def _same_estimate(a: Estimate, b: Estimate) -> bool:
+    return (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd)
 
 
 def _limits(shown: Sequence[str], result: Result) -> str:
