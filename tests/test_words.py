@@ -17,7 +17,7 @@ from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
 from estim.words import residuals
 from estim.words.statuses import STATUS_WORDS
-from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
+from estim.words.telling import ADVICE, WORDS, advice, advice_for, tell
 
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
@@ -149,14 +149,15 @@ def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
 
 def test_options_of_a_command_are_named_to_nobody_else() -> None:
     found = [example(kind) for kind in LEADS_TO]
-    assert sum("--" in words for words in advice_for(found, Voice.COMMANDS)) == 3
     assert not any(
         "--" in words or "{" in words.replace("{prior", "") for words in advice_for(found)
     )
     short = example(Kind.CHAIN_SHORT)
-    assert advice(short, Voice.COMMANDS).startswith("increase --max-steps; if that does not help")
     assert advice(short).startswith("increase target=Target(max_step=...); if that does not help")
     assert "another seed=, and" in advice(example(Kind.WALKERS_STUCK))
+    with spoken("en", commands=True):
+        assert sum("--" in words for words in advice_for(found)) == 3
+        assert advice(short).startswith("increase --max-steps; if that does not help")
 
 
 def test_own_curves_are_sampled_and_reported_without_options() -> None:

@@ -47,7 +47,15 @@ from estim.common.unit_symbols import (
     same_unit,
 )
 from estim.common.lookalikes import first_alike, forms, same_looks
-from estim.common.phrases import LANGUAGES, PhraseTable, language, later, phrase, spoken
+from estim.common.phrases import (
+    LANGUAGES,
+    PhraseTable,
+    at_commands,
+    language,
+    later,
+    phrase,
+    spoken,
+)
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity import (

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
-from estim.common.phrases import language, spoken
+from estim.common.phrases import at_commands, language, spoken
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, ProcessPoolExecutor
@@ -64,7 +64,7 @@ def run_parallel(
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
     done: dict[K, T] = {}
-    task = partial(_speaking, task, language())
+    task = partial(_speaking, task, language(), at_commands())
     results: Iterator[tuple[K, T]]
     if executor is not None:
         results = _through(executor, task, numbers)
@@ -81,9 +81,9 @@ def run_parallel(
     return [done[n] for n in numbers]
 
 
-def _speaking(task: Callable[[K], T], language: str, n: K) -> T:
-    """`task(n)` in a process that may have another language."""
-    with spoken(language):
+def _speaking(task: Callable[[K], T], language: str, commands: bool, n: K) -> T:
+    """`task(n)` in a process that may speak another language, and to somebody else."""
+    with spoken(language, commands=commands):
         return task(n)
 
 

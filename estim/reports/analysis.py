@@ -68,7 +68,7 @@ from estim.reports.result import (
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
-from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
+from estim.words import STATUS_WORDS, first_step, name_of_test
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,35 +80,24 @@ _SECTION_DRAWS, _ROLLING_DRAWS = 4000, 1000
 
 
 def analysis_report(
-    campaign: Subject,
-    analysis: Analysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
-    profiles: bool = True,
+    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
-    voice : to whom advice is given.
     figures, profiles : whether there are any figures, and profile intervals.
     """
-    return report_and_result(campaign, analysis, voice=voice, figures=figures, profiles=profiles)[0]
+    return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
 
 
 def report_and_result(
-    campaign: Subject,
-    analysis: Analysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
-    profiles: bool = True,
+    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
     if figures:
         _ = analysis.bands  # with them where motions end is known too
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
-    result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
+    result = result_of(campaign, analysis, determination, budget=budget)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
     section = identify_section(
         analysis.problem,
@@ -118,7 +107,7 @@ def report_and_result(
         analysis.chain.thinned(_SECTION_DRAWS),
     )
 
-    text = partial(_text, campaign, analysis, result, section, shares, voice)
+    text = partial(_text, campaign, analysis, result, section, shares)
     drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
     files = page(drawers, text, wanted=figures, kind=campaign.kind)
     return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
@@ -187,7 +176,6 @@ def _text(
     result: Result,
     section: IdentifySection,
     shares: Shares | None,
-    voice: Voice,
     pictures: Collection[str],
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
@@ -255,8 +243,7 @@ def _text(
         else "",
         complete=complete_runs([result]),
         name_of_test=name_of_test,
-        first_step=slip_words(analysis.explanation)
-        or first_step(analysis.diagnosis.findings, voice),
+        first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings),
         reasons=first_reasons(result.reasons),
         said=[
             *complete_runs([result]),

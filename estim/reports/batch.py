@@ -24,7 +24,6 @@ from estim.reports.formats import with_formats
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json
-from estim.words import Voice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,16 +37,14 @@ _NAMED = 6  # texts in a panel
 
 def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     """`result.json` alone, which is all that the table of a batch needs."""
-    return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
+    return {"result.json": to_json(result_of(campaign, analysis))}
 
 
 def full_files(
     campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()
 ) -> dict[str, bytes]:
     """The whole report of a run."""
-    return with_formats(
-        analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats
-    )
+    return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
 def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:

@@ -36,7 +36,7 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import trials_files
 from estim.sampling import Summary, summarise, trusted
-from estim.words import STATUS_WORDS, Voice, advice_for
+from estim.words import STATUS_WORDS, advice_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -94,10 +94,8 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def line_result(
-    campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON
-) -> LineResult:
-    """The record of a line analysis.  voice : to whom advice is given."""
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
+    """The record of a line analysis."""
     methods = {name: _row(analysis, name) for name in _METHODS}
     intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
     tilt = float(np.mean(np.cos(analysis.series.phi)))
@@ -109,7 +107,7 @@ def line_result(
         kind=campaign.kind,
         status=analysis.status,
         reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings, voice),
+        advice=advice_for(analysis.findings),
         disagreement=analysis.disagreement,
         body=analysis.series.body,
         n_obs=analysis.series.x.size,
@@ -227,22 +225,19 @@ def line_report(
     analysis: LineAnalysis,
     *,
     trials: TrialsAnalysis | None = None,
-    voice: Voice = Voice.PYTHON,
     figures: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
-    and figures too.
-
-    voice : to whom advice is given.  figures : whether there are any.
+    and figures too.  figures : whether there are any.
     """
-    result = line_result(campaign, analysis, voice=voice)
+    result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
     if trials is None:
         return page(
             drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind
         ) | {"result.json": as_json(result)}
-    of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
+    of_trials, values, record = trials_files(campaign, trials, line=analysis)
     text = partial(line_text, result, trials=values, true=true)
     return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {
         "result.json": as_json(result),

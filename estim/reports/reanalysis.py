@@ -64,7 +64,6 @@ from estim.reports.result import (
     sensitivity_words,
 )
 from estim.studies import BodyAnalysis, Narrowing, Reanalysis
-from estim.words import Voice
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -126,19 +125,16 @@ class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}
     provenance: Provenance
 
 
-def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> ReanalysisResult:
-    """The record of a reanalysis; the report prints from it.  voice : to whom advice is given."""
+def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
+    """The record of a reanalysis; the report prints from it."""
     return ReanalysisResult(
         schema_=REANALYSIS_SCHEMA,
         title=r.campaign.title,
         kind=r.campaign.kind,
         statuses=dict(r.statuses),
-        line=None if r.line is None else line_result(r.campaign, r.line, voice=voice),
-        runs={
-            name: result_of(r.campaign, analysis, voice=voice)
-            for name, analysis in r.single_runs.items()
-        },
-        bodies={body.body: _body(r, body, voice) for body in r.bodies},
+        line=None if r.line is None else line_result(r.campaign, r.line),
+        runs={name: result_of(r.campaign, analysis) for name, analysis in r.single_runs.items()},
+        bodies={body.body: _body(r, body) for body in r.bodies},
         paper=r.paper,
         published=[
             PublishedRow(
@@ -155,12 +151,12 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
     )
 
 
-def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
+def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
         gamma_masses=body.gamma_masses,
         gamma_origin=gamma_origin(r.campaign.source, body.body),
-        joint=result_of(r.campaign, body.joint, voice=voice),
+        joint=result_of(r.campaign, body.joint),
         energies={e.run: summarise_energy(e) for e in body.energies if ok},
         drift=summarise_drift(body.drift),
         band_published={
@@ -192,13 +188,11 @@ def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     )
 
 
-def reanalysis_report(
-    r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
-) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures :
+def reanalysis_report(r: Reanalysis, *, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`.  figures :
     whether there are any.
     """
-    result = reanalysis_result(r, voice=voice)
+    result = reanalysis_result(r)
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:

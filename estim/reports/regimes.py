@@ -30,7 +30,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
 from estim.studies import BodyMap, FittedValues, RunPlace
-from estim.words import STATUS_WORDS, Voice, advice_for, sure, tell
+from estim.words import STATUS_WORDS, advice_for, sure, tell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -137,9 +137,7 @@ class MapResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def map_result(
-    campaign: Campaign, maps: Sequence[BodyMap], *, seed: int, voice: Voice = Voice.PYTHON
-) -> MapResult:
+def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> MapResult:
     """The record of maps."""
     findings = [finding for body_map in maps for finding in body_map.findings]
     fitted = maps[0].known.fitted
@@ -149,7 +147,7 @@ def map_result(
         campaign.kind,
         decide(findings),
         list(map(tell, findings)),
-        advice_for(findings, voice),
+        advice_for(findings),
         None if fitted is None else one_line(fitted.place),
         {body_map.body: _body(body_map) for body_map in maps},
         provenance(campaign, [place.run for body_map in maps for place in body_map.runs], seed),
@@ -162,13 +160,12 @@ def map_report(
     line: ThetaMinSeries | None,
     *,
     seed: int,
-    voice: Voice = Voice.PYTHON,
     figures: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.
     """
-    result = map_result(campaign, maps, seed=seed, voice=voice)
+    result = map_result(campaign, maps, seed=seed)
     drawers: dict[str, Callable[[], Figure]] = {}
     for body_map in maps:
         series = line if line is not None and line.body == body_map.body else None

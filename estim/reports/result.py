@@ -79,7 +79,7 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.sampling import number, summarise, trusted
 from estim.studies import PRIOR, READINGS, STATED, Budget, Determination
 from estim.versions import engine_versions, version
-from estim.words import Voice, advice_for, common_error, tell
+from estim.words import advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
 _HALF = 0.5  # share of the variance from which one source is what limits
@@ -233,12 +233,10 @@ def result_of(
     determination: Determination | None = None,
     *,
     budget: Budget | None = None,
-    voice: Voice = Voice.PYTHON,
 ) -> Result:
     """The record of an analysis, with its profile intervals if they were determined.  budget : made
     here where it is None.
 
-    voice : to whom advice is given.
     """
     problem = analysis.problem
     fit = analysis.fit
@@ -252,7 +250,7 @@ def result_of(
         formula=campaign.formula,
         status=diagnosis.status,
         reasons=list(diagnosis.reasons),
-        advice=advice_for(diagnosis.findings, voice),
+        advice=advice_for(diagnosis.findings),
         notes=list(diagnosis.notes),
         parameters={
             p.name: parameter_summary(campaign.truth, analysis, i)

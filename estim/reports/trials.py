@@ -43,7 +43,7 @@ from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
-from estim.words import STATUS_WORDS, Voice, advice_for, told_apart
+from estim.words import STATUS_WORDS, advice_for, told_apart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,15 +123,9 @@ class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
 
 def trials_result(
-    campaign: Campaign,
-    analysis: TrialsAnalysis,
-    *,
-    line: LineAnalysis | None = None,
-    voice: Voice = Voice.PYTHON,
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
 ) -> TrialsResult:
-    """The record of an analysis of trials.  line : of the same body, to stand beside it.  voice :
-    to whom advice is given.
-    """
+    """The record of an analysis of trials.  line : of the same body, to stand beside it."""
     status, trials, masses = analysis.status, analysis.trials, analysis.gamma_masses
     posterior = analysis.posterior
     return TrialsResult(
@@ -140,7 +134,7 @@ def trials_result(
         kind=campaign.kind,
         status=status,
         reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings, voice),
+        advice=advice_for(analysis.findings),
         disagreements=list(analysis.disagreements),
         body=trials.body,
         n_trial=trials.n_trial,
@@ -225,10 +219,10 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 
 def trials_files(
-    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None, voice: Voice
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
 ) -> tuple[Drawers, dict[str, object], bytes]:
     """Figures, what the template of the section needs, and `trials.json`."""
-    result = trials_result(campaign, analysis, line=line, voice=voice)
+    result = trials_result(campaign, analysis, line=line)
     drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
         drawers["figures/chances.png"] = partial(chances_figure, analysis)
@@ -236,16 +230,12 @@ def trials_files(
 
 
 def trials_report(
-    campaign: Campaign,
-    analysis: TrialsAnalysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
+    campaign: Campaign, analysis: TrialsAnalysis, *, figures: bool = True
 ) -> dict[str, bytes]:
-    """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice
-    is given.  figures : whether there are any.
+    """`report.md`, `trials.json` and the figures of trials by themselves.  figures : whether there
+    are any.
     """
-    drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
+    drawers, values, record = trials_files(campaign, analysis, line=None)
     return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {
         "trials.json": record
     }
