@@ -19,7 +19,6 @@ from estim.common import (
     Status,
     format_quantity,
     format_rounded,
-    kind_words,
     phrase,
     signed,
     table,
@@ -68,7 +67,7 @@ from estim.reports.result import (
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
-from estim.words import STATUS_WORDS, first_step, name_of_test
+from estim.words import first_step, name_of_test
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -200,8 +199,6 @@ def _text(
         caption=caption_of(result),
         budget=shares,
         result=result,
-        kind=kind_words(result.kind),
-        status_words=STATUS_WORDS[Status(result.status)],
         prior=prior_cell,
         fit=fit_cell,
         value=value_cell,
@@ -347,7 +344,7 @@ def index_report(
     text = render(
         "index.md.j2",
         title=campaign.title,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         heads=heads,
         table=table,
         causes=causes,

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, format_quantity, kind_words
+from estim.common import as_json, format_quantity
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, provenance_of
 from estim.sampling import number
@@ -111,7 +111,6 @@ def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     text = render(
         "body.md.j2",
         result=result,
-        kind=kind_words(result.kind),
         budgets=_budgets(result),
         label=lambda out, unit: OUTPUTS[out][0].label(unit),
         symbols=[

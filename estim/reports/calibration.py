@@ -21,7 +21,7 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, percentage, phrase
+from estim.common import Markdown, as_json, decide, later, p_digits, percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
@@ -113,7 +113,7 @@ def calibration_report(
         render,
         "calibration.md.j2",
         title=campaign.title,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS,

@@ -9,7 +9,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, kind_words, later, phrase
+from estim.common import as_json, later, phrase
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -54,7 +54,7 @@ def compare_report(
         "compare.md.j2",
         title=campaign.title,
         runs=runs,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         rows=summaries,
         cells=[_cells(s, common) for s in summaries],
         heads=[p.label.head for p in common],

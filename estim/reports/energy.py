@@ -16,7 +16,6 @@ from estim.common import (
     format_p,
     format_quantity,
     gravest,
-    kind_words,
     percentage,
     phrase,
     significant,
@@ -28,7 +27,6 @@ from estim.reports.pages import page
 from estim.reports.rendering import interval, render
 from estim.reports.result import Provenance, provenance
 from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
-from estim.words import STATUS_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -250,8 +248,6 @@ def energy_report(
         "energy.md.j2",
         result=result,
         energies=result.energies,
-        kind=kind_words(campaign.kind),
-        status_words=STATUS_WORDS,
         shown=shown,
         percent=percent,
         drift_words=drift_words,

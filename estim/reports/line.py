@@ -21,7 +21,6 @@ from estim.common import (
     format_p,
     format_quantity,
     format_rounded,
-    kind_words,
     later,
     phrase,
     signed,
@@ -36,7 +35,7 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import trials_files
 from estim.sampling import Summary, summarise, trusted
-from estim.words import STATUS_WORDS, advice_for
+from estim.words import advice_for
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -305,8 +304,6 @@ def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
         "result": result,
-        "kind": kind_words(result.kind),
-        "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
         "gamma_masses": _estimate(result.gamma_masses),
         "sources": dict(CONVENTIONS),

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, bracketed, kind_words, later, phrase, signed, split_level
+from estim.common import as_json, bracketed, later, phrase, signed, split_level
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
@@ -133,7 +133,7 @@ def models_report(
         "models.md.j2",
         title=campaign.title,
         runs=runs,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         rows=summaries,
         recommended=comparison.recommended,
         ground=ground_words(comparison),

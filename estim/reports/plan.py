@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from estim.common import Status, as_json, bracketed, decide, format_quantity, kind_words, phrase
+from estim.common import Status, as_json, bracketed, decide, format_quantity, phrase
 from estim.drawing import COLOURS, GREY, INK, MARKS, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
@@ -169,7 +169,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         render,
         "plan.md.j2",
         record=record,
-        kind=kind_words(record.kind),
+        kind=record.kind,
         plan=plan,
         how=phrase(plan.how),
         shown=[_row(o) for o in options],

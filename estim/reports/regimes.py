@@ -18,7 +18,6 @@ from estim.common import (
     as_json,
     decide,
     format_quantity,
-    kind_words,
     later,
     one_line,
     phrase,
@@ -30,7 +29,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
 from estim.studies import BodyMap, FittedValues, RunPlace
-from estim.words import STATUS_WORDS, advice_for, sure, tell
+from estim.words import advice_for, sure, tell
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -174,8 +173,6 @@ def map_report(
         render,
         "map.md.j2",
         result=result,
-        kind=kind_words(campaign.kind),
-        status_words=STATUS_WORDS,
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words,

@@ -23,6 +23,7 @@ from estim.common import (
     destination,
     format_p,
     format_quantity,
+    kind_words,
     language,
     markdown,
     p_digits,
@@ -31,6 +32,7 @@ from estim.common import (
     signed,
     significant,
 )
+from estim.words import status_words
 
 if TYPE_CHECKING:
     import jinja2
@@ -149,6 +151,8 @@ def _environment(_language: str) -> jinja2.Environment:
         "p": p_words,
         "p_is": format_p,
         "percent": percentage,
+        "kind_words": kind_words,
+        "status_words": status_words,
     }
     environment.globals["phrase"] = phrase
     environment.filters |= {

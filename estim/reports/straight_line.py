@@ -29,7 +29,6 @@ from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
-from estim.words import STATUS_WORDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -146,7 +145,6 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
             pictures=pictures,
             result=result,
             ok=line.status.ok,
-            status_words=STATUS_WORDS[line.status],
             method=phrase(_METHODS[result.method]),
             rows=rows,
             percent=f"{100.0 * result.probability:g}",

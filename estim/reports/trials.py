@@ -22,7 +22,6 @@ from estim.common import (
     as_json,
     e_n,
     format_quantity,
-    kind_words,
     later,
     phrase,
     signed,
@@ -43,7 +42,7 @@ from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
-from estim.words import STATUS_WORDS, advice_for, told_apart
+from estim.words import advice_for, told_apart
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -275,8 +274,6 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     )
     return {
         "result": result,
-        "kind": kind_words(result.kind),
-        "status_words": STATUS_WORDS[status],
         "meaningless": not status.draws_count,
         "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
         "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
