@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress
 
-_MOST_NAMED = 24
 _GO_ON = "continue with --resume"
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
@@ -257,7 +256,7 @@ def together(runs: Sequence[str]) -> str:
     """The runs of a fit as they are named on the screen."""
     return (
         ", ".join(runs)
-        if len(runs) <= _MOST_NAMED
+        if len(runs) <= 24
         else phrase(
             "{first}, {second} ... {last} ({n} runs)",
             first=runs[0],

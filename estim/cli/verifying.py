@@ -35,7 +35,6 @@ from estim.verification import Difference, Verdict, compare_results, differences
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
-_LONGEST_WORD = 4096
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
 _OPTIONAL = (".pdf", ".nc")  # what needs an extra that may be missing here
@@ -100,7 +99,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     name, words = (origin.command or [""])[0], origin.command[1:]
     command = group.commands.get(name)
     options = set() if command is None else {parameter.name for parameter in command.params}
-    sane = all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words)
+    sane = all(word.isprintable() and len(word) <= 4096 for word in words)
     if command is not None and "formats" in options and sane:
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]

@@ -33,7 +33,6 @@ _SPECIAL = re.compile(
 _BLOCK = re.compile(
     r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
 )
-_DEEPEST = 100  # levels of JSON
 # of a subscript in a figure; not every letter is in matplotlib's mathematics
 LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"
 # what `estim.common.labels` makes of one
@@ -152,7 +151,7 @@ def json_of(data: bytes) -> Any:
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     level = [value]
-    for _ in range(_DEEPEST):
+    for _ in range(100):  # levels of JSON
         level = [
             item
             for node in level

@@ -75,7 +75,6 @@ if TYPE_CHECKING:
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
-_SECTION_DRAWS, _ROLLING_DRAWS = 4000, 1000
 
 
 def analysis_report(
@@ -103,7 +102,7 @@ def report_and_result(
         analysis.identifiability,
         determination.intervals,
         determination.sensitivity,
-        analysis.chain.thinned(_SECTION_DRAWS),
+        analysis.chain.thinned(4000),
     )
 
     text = partial(_text, campaign, analysis, result, section, shares)
@@ -158,7 +157,7 @@ def _drawers(
         )
     if analysis.diagnosis.ok and any(check.stated for check in analysis.rolling):
         figures["figures/rolling.png"] = lambda: rolling_figure(
-            analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling
+            analysis.problem, analysis.chain.thinned(1000), analysis.rolling
         )
     if counted_runs(analysis.problem.runs):
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)

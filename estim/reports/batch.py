@@ -28,9 +28,6 @@ from estim.reports.result import Subject, result_of, to_json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# at most so many quantities, of which the data say something in at least half of the runs
-_PANELS, _INFORMED = 4, 0.5
-_BARS = 200  # runs; of more, error bars would be one black band
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
 
@@ -52,7 +49,8 @@ def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, byte
     `figures/overview.png`.
     """
     quantities = spreads(rows)
-    panels = [spread for spread in quantities if spread.informed >= _INFORMED][:_PANELS]
+    # at most so many quantities, of which the data say something in at least half of the runs
+    panels = [spread for spread in quantities if spread.informed >= 0.5][:4]
 
     def text(pictures: Collection[str]) -> str:
         return _text(rows, quantities, pictures)
@@ -195,7 +193,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         apart = np.isin(np.array(spread.rows), spread.apart)
         ax.axhline(spread.median, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
-            if len(rows) <= _BARS:
+            if len(rows) <= 200:  # runs; of more, error bars would be one black band
                 ax.errorbar(
                     at[chosen],
                     spread.mean[chosen],

@@ -25,11 +25,6 @@ from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_b
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TOLD = 1e-3  # share of the variance below which a source goes with the others
-_BENT = 0.2
-MAX_QUANTITIES, MAX_SOURCES = 8, 10
-_WRITTEN = 0.5  # %, from which a share has its number beside it
-
 
 class UncertaintySource(msgspec.Struct, frozen=True):
     # a parameter whose stated value or prior it is, or a part of the errors of the readings
@@ -115,7 +110,8 @@ def budget_records(
 
 def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
     shares, drawn = budget.shares[:, k], budget.shares_drawn[:, k]
-    order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= _TOLD]
+    # share of the variance below which a source goes with the others
+    order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= 1e-3]
     sources = [
         UncertaintySource(
             budget.sources[i].name,
@@ -146,7 +142,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         for name, label in quantities
         if name in budget.names and name not in _between(analysis)
     ]
-    chosen = known[:MAX_QUANTITIES]
+    chosen = known[:8]
     columns = [budget.names.index(name) for name, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
     groups: dict[str, list[int]] = {}
@@ -157,9 +153,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0)))
     )
     largest = [
-        words
-        for words in ordered[:MAX_SOURCES]
-        if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
+        words for words in ordered[:10] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
     ]
     rows = [(words, groups[words]) for words in largest]
     rest = [i for words in ordered if words not in largest for i in groups[words]]
@@ -177,7 +171,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         tuple(
             label.symbol
             for k, (_, label) in zip(columns, chosen, strict=True)
-            if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= _BENT
+            if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= 0.2
         ),
     )
 
@@ -237,7 +231,8 @@ def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: Flo
         bars = ax.barh(places, widths, color=BLUE, height=0.7)
         ax.bar_label(
             bars,
-            [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths],
+            # %, from which a share has its number beside it
+            [signed(f"{width:.1f}") if abs(width) >= 0.5 else "" for width in widths],
             padding=3,
             fontsize=7.5,
         )

@@ -19,7 +19,6 @@ from estim.sampling import Summary, number
 from estim.studies import Compared
 
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
-_BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
 
 class ComparedSummary(msgspec.Struct, frozen=True):
@@ -59,7 +58,7 @@ def compare_report(
         cells=[_cells(s, common) for s in summaries],
         heads=[p.label.head for p in common],
         influential=INFLUENTIAL,
-        behind=_BEHIND,
+        behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
         several_data=len({s.data for s in summaries}) > 1,
         data=[phrase(_DATA[s.data]) for s in summaries],

@@ -36,11 +36,8 @@ if TYPE_CHECKING:
 
 PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
-# part of a value that an axis is wide at least: what is narrower has too few numbers to draw
-_NARROWEST = 1e-11
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)  # of ensembles
-_MOST_STEPS, _MOST_STRIPS = 1000, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +236,8 @@ def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float
     if prior is None:  # a ratio may have tails without end
         low, high = max(low, q16 - _FAR * (q84 - q16)), min(high, q84 + _FAR * (q84 - q16))
     size = max(abs(low), abs(high)) or 1.0
-    margin = max(0.08 * (high - low), _NARROWEST * size)
+    # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
+    margin = max(0.08 * (high - low), 1e-11 * size)
     ends = (-np.inf, np.inf) if prior is None else (prior.low * factor, prior.high * factor)
     return max(float(low - margin), ends[0]), min(float(high + margin), ends[1])
 
@@ -295,12 +293,12 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
 def trace_figure(analysis: Analysis) -> Figure:
     """The mean of each ensemble's walkers, and one of its walkers behind, against the step."""
     parameters, draws = analysis.problem.parameters, analysis.chain.draws
-    places = analysis.problem.foremost(_MOST_STRIPS)
+    places = analysis.problem.foremost(40)
     columns = 1 if len(places) <= 8 else 2
     rows = -(-len(places) // columns)
     figure = new_figure(0.85 * rows + 0.7)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True).T.ravel()
-    every = max(1, draws.shape[1] // _MOST_STEPS)
+    every = max(1, draws.shape[1] // 1000)
     steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every]
     for ax, i in zip(axes, places, strict=False):
         label, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor

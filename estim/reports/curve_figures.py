@@ -42,10 +42,7 @@ _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 
 _RING: dict[str, Any] = {"mfc": "none", "mec": VERMILION, "mew": 1.6, "ls": "", "zorder": 6}
 MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
-# heights of all other points that an outlier is away from them, and is no longer drawn to scale
-_FAR = 3.0
 _HIDING = 300  # points that hide each other, and a line between them all
-_A_BIN, _MOST_BINS = 8, 24  # points of all runs in a bin of the mean at least, and bins at most
 _NAMED = len(RUN_COLOURS)  # runs beyond which single ones are grey
 
 
@@ -283,7 +280,9 @@ def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_
     away = (
         np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
     )
-    return named & (away > _FAR * np.ptp(rest))
+    # heights of all other points that an outlier is away from them, and is no longer drawn to
+    # scale
+    return named & (away > 3.0 * np.ptp(rest))
 
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
@@ -422,7 +421,8 @@ def binned_mean(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, F
     """Means of x and y, and the standard error of the latter, (n_bin,) each, in bins of as many
     points of (x, y), (n_obs,).
     """
-    n_bin = int(np.clip(x.size // _A_BIN, 1, _MOST_BINS))
+    # points of all runs in a bin of the mean at least, and bins at most
+    n_bin = int(np.clip(x.size // 8, 1, 24))
     parts = np.array_split(np.argsort(x, kind="stable"), n_bin)
     errors = [
         np.std(y[part], ddof=1) / np.sqrt(part.size) if part.size > 1 else np.nan for part in parts

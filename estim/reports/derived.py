@@ -22,9 +22,6 @@ from estim.reports.records import DRAWS, Labels, RunSummary
 from estim.sampling import Summary, summarise, trusted
 
 T = TypeVar("T")
-_APART = 3.0  # combined standard uncertainties
-_HANDFUL = 5  # frames of the way back that are not worth a word
-_READING = 0.001  # m or rad, as an example
 
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
@@ -206,7 +203,7 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     if table.tilt is None or stated is None:
         return table.warnings
     apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
-    if apart <= _APART * u:
+    if apart <= 3.0 * u:  # combined standard uncertainties
         return table.warnings
     tilts = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
     if u > 0.0:
@@ -238,7 +235,8 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
     if "offset" not in run.arguments:
         coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
         reading = run.noise.size.sigma.value if run.noise.made_of_positions else 0.0
-        example = format_quantity(0.0, reading or _READING, plus_minus=False)
+        # m or rad, as an example
+        example = format_quantity(0.0, reading or 0.001, plus_minus=False)
         facts.append(
             phrase(
                 "the zero of {coordinate} (the release) is taken as exact; if it is a "
@@ -249,7 +247,7 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
             )
         )
     back = way_back(run.excluded)
-    if back > _HANDFUL:
+    if back > 5:  # frames of the way back that are not worth a word
         facts.append(
             phrase(
                 'noise with model = "positions" would also use the {back} frames of the '

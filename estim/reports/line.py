@@ -40,7 +40,6 @@ from estim.words import advice_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_LARGEST_LOG_ODDS = 200.0
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
     "ols": later("ordinary least squares (the paper's)"),
@@ -366,7 +365,7 @@ def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
 
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
-    odds = significant(math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS)), 2)
+    odds = significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2)
     strength = _strength(log_bayes_factor)
     if log_bayes_factor > 0:
         return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)

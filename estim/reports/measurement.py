@@ -45,8 +45,6 @@ _LAWS = {
     "gamma": later("gamma"),
     "exact": later("exact"),
 }
-_BINS, _CELLS, _MOST_CELL_DRAWS = 120, 70, 400_000
-_LEAST_SHARE, _MOST_ROWS, _MOST_PANELS = 0.5, 16, 6
 _INTERVALS_DRAWN = {
     "symmetric": later("{percent} interval of the draws, symmetric"),
     "shortest": later("{percent} interval of the draws, shortest"),
@@ -504,7 +502,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
         counts, edges = np.histogram(
-            draws, bins=_BINS, range=(low, high if high > low else low + 1.0)
+            draws, bins=120, range=(low, high if high > low else low + 1.0)
         )
         ax.stairs(
             counts / (draws.size * np.diff(edges)),
@@ -560,7 +558,7 @@ def shares_figure(propagation: Propagation) -> Figure:
     shares = np.nan_to_num([[row.share for row in budget.rows] for budget in budgets]).T
     names = [row.input.name for row in budgets[0].rows]
     order = np.argsort(-shares.max(axis=1), kind="stable")
-    largest = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
+    largest = [i for i in order if shares[i].max() >= 0.5][:16]
     rest = [i for i in order if i not in largest]
     sources, rows = [names[i] for i in largest], [shares[i] for i in largest]
     if shares[rest].max(initial=0.0) > 0.0:
@@ -579,7 +577,7 @@ def region_figure(propagation: Propagation) -> Figure:
     """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle,
     and the smallest region.
     """
-    regions = propagation.regions[:_MOST_PANELS]
+    regions = propagation.regions[:6]
     figure, axes = grid(len(regions), height=3.9)
     for ax, region in zip(axes, regions, strict=True):
         _region(ax, propagation, region)
@@ -588,7 +586,7 @@ def region_figure(propagation: Propagation) -> Figure:
 
 
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
-    draws = propagation.sampled.draws[:_MOST_CELL_DRAWS, list(region.pair)]
+    draws = propagation.sampled.draws[:400_000, list(region.pair)]
     percent = f"{100.0 * region.probability:g} %"
     rings = np.hstack(
         [
@@ -604,12 +602,7 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         for low, high in zip(lows, highs, strict=True)
     ]
     density = density_of(
-        draws[:, 0],
-        draws[:, 1],
-        limits,
-        n_bin=_CELLS,
-        smooth=0.7,
-        probabilities=(region.probability,),
+        draws[:, 0], draws[:, 1], limits, n_bin=70, smooth=0.7, probabilities=(region.probability,)
     )
     ax.pcolormesh(
         density.x,

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
-_LARGE = 1e6  # odds that nobody needs more exactly
 _WORTH = (
     (
         1.0,
@@ -227,7 +226,7 @@ def odds_words(behind: float) -> str:
     odds = math.exp(min(abs(behind), 700.0))
     ratio = (
         phrase("more than a million")
-        if odds > _LARGE
+        if odds > 1e6  # odds that nobody needs more exactly
         else f"{odds:.2g}"
         if odds < 10.0
         else f"{odds:,.0f}".replace(",", " ")

@@ -26,7 +26,6 @@ _BREAKS = re.compile(
 Drawers = Mapping[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
-_ROWS, _COLUMNS, _POINTS = 24, 12, 12  # what is kept of a longer one
 _CELLS = re.compile(r"(?<!\\)\|")
 _CODE_TABLE_OR_LIST = re.compile(
     r"^```.*?^```$|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
@@ -122,10 +121,8 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
         [cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])
     )
     files[path] = whole.getvalue().encode()
-    excerpt = cells[: 2 + _ROWS] if n_row > MOST_ROWS else cells
-    rows = [
-        f"|{'|'.join(row[:_COLUMNS] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt
-    ]
+    excerpt = cells[: 2 + 24] if n_row > MOST_ROWS else cells  # what is kept of a longer one
+    rows = [f"|{'|'.join(row[:12] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt]
     return (
         "".join(rows)
         + "\n"
@@ -145,7 +142,7 @@ def _list(block: str, path: str, files: dict[str, bytes]) -> str:
         return block
     files[path] = block.encode()
     return (
-        block[: points[_POINTS]]
+        block[: points[12]]
         + "\n"
         + phrase("All {n} points: `{path}`.", n=len(points), path=path)
         + "\n"

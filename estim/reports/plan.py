@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCHEMA = "estim-plan/2"
-_MOST_RUNS = 8  # suggested further runs that are shown
-_MOST_WAYS, _MOST_REFUSED = 3, 6
-_NOTHING = 0.02  # of a standard deviation: a gain below is none
 _WIDE = 68  # characters of a row's name
 _MOST = len(COLOURS)  # targets
 
@@ -209,7 +206,7 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
                     bool(run.said),
                 )
             )
-            if alike in seen or len(seen) == _MOST_RUNS:
+            if alike in seen or len(seen) == 8:  # suggested further runs that are shown
                 continue
             seen.add(alike)
         chosen.append(option)
@@ -219,7 +216,7 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
 def _answer(plan: Plan, halving: Halving, i: int) -> str:
     target = halving.target
     symbol, sd = target.label.symbol, _size(target, plan.now[i])
-    enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
+    enough = [way.words for way in halving.ways if way.enough][:3]
     idle = _idle(plan, i)
     if enough:
         return phrase(
@@ -230,7 +227,7 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
             idle=idle,
         )
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
-    if best is None or best.ratio[i] > 1.0 - _NOTHING:
+    if best is None or best.ratio[i] > 1.0 - 0.02:  # of a standard deviation: a gain below is none
         return phrase(
             "No single option that was tried halves u({symbol}) = {sd}, and none reduces "
             "it by 2 %.",
@@ -299,7 +296,7 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
         words = [
             option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)
         ]
-        n = max(_MOST_REFUSED, sum(option.wish.own for option in alike))
+        n = max(6, sum(option.wish.own for option in alike))
         rows.append((reason, words[:n], len(words[n:])))
     return rows
 

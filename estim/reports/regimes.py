@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
 MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
-_ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {"asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m")}
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
@@ -212,7 +211,8 @@ def _body(found: BodyMap) -> BodyOnMap:
 def _tilts(found: BodyMap) -> FloatArray:
     """Round tilts of a table, rad."""
     low, high = found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES
-    step = next((step for step in _TILT_STEPS if (high - low) / step < _ROWS), _TILT_STEPS[-1])
+    # tilts in a table, at most
+    step = next((step for step in _TILT_STEPS if (high - low) / step < 7), _TILT_STEPS[-1])
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 

@@ -82,8 +82,6 @@ from estim.versions import engine_versions, version
 from estim.words import advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
-_HALF = 0.5  # share of the variance from which one source is what limits
-_TIED = 0.6  # correlation that is worth its number
 _WHERE = {
     "poor-fit": "curve",
     "contradiction": "values",
@@ -94,7 +92,6 @@ _WHERE = {
     "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
-_MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
@@ -501,7 +498,8 @@ def result_lines(result: Result) -> list[str]:
 def first_reasons(reasons: Sequence[str]) -> list[str]:
     """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
     length = np.cumsum([len(words) for words in reasons])
-    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_LETTERS))))])
+    # of reasons why there is no result
+    return list(reasons[: max(1, min(3, int(np.sum(length <= 380))))])
 
 
 def opened_by(result: Result) -> frozenset[str]:
@@ -559,7 +557,8 @@ def _limits(shown: Sequence[str], result: Result) -> str:
         if budget is None or not result.parameters[name].measured or not budget.sources:
             continue
         first, symbol = budget.sources[0], symbols[name].symbol
-        if first.share < _HALF or first.source == name:
+        # share of the variance from which one source is what limits
+        if first.share < 0.5 or first.source == name:
             continue
         if first.kind == READINGS and result.stated_values.dof:
             return phrase(
@@ -591,7 +590,7 @@ def _limits(shown: Sequence[str], result: Result) -> str:
                 symbol=symbol,
                 other=other,
             )
-            return tied if abs(r) >= _TIED else leans
+            return tied if abs(r) >= 0.6 else leans  # correlation that is worth its number
     return ""
 
 

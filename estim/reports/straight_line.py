@@ -33,7 +33,6 @@ from estim.sampling import Summary
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
     "ols": later("ordinary least squares"),
@@ -177,7 +176,8 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
         if math.isfinite(value) and math.isfinite(u):
             half = result.k * u
             low, high = (
-                (value - half, value + half) if result.probability == _COPIED else (None, None)
+                # probability of the interval in the table to copy
+                (value - half, value + half) if result.probability == 0.95 else (None, None)
             )
             estimates.append(
                 Estimate(

@@ -54,8 +54,6 @@ _LINES = {
     "posterior": later("Bayesian line through the θ_min series"),
 }
 _GAMMA = Notation("γ").label("1")
-_MOST_PANELS = 12
-_ASIDE = 0.011  # of the width of the panel: from a mark to the next of the same angle
 _MARKS = {
     (LOW, True): ("^", BLUE),
     (LOW, False): ("o", "white"),
@@ -403,7 +401,8 @@ def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> 
             for place, angle in _side_by_side(part.theta[part.climbed == climbed], Counter()):
                 x.append(
                     np.degrees(tilt.phi)
-                    + (1.0 if climbed else -1.0) * (place + 1.0) * _ASIDE * width
+                    # of the width of the panel: from a mark to the next of the same angle
+                    + (1.0 if climbed else -1.0) * (place + 1.0) * 0.011 * width
                 )
                 y.append(angle)
         ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
@@ -426,9 +425,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     """
     trials = analysis.trials
     chosen = np.unique(
-        np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS))
-        .round()
-        .astype(int)
+        np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), 12)).round().astype(int)
     )
     figure, axes = grid(len(chosen), height=2.2 if len(chosen) > 2 else 2.8)
     for ax, which in zip(axes, chosen, strict=True):
