@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,16 @@ from estim.arrays import FloatArray
 from estim.common import mathtext, phrase, signed
 
 if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.container import Container
-    from matplotlib.figure import Figure, SubFigure
     from matplotlib.text import Text
+
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
+"""For annotations, without matplotlib loaded."""
 
 BLUE = "#0072B2"
 ORANGE = "#E69F00"
@@ -115,9 +119,9 @@ def handed_out(figure: Figure | None, draw: Callable[[Figure], None], height: fl
 
 @cache
 def _notebook_figure() -> type[Figure]:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
 
-    class NotebookFigure(Figure):
+    class NotebookFigure(figure.Figure):
         """A figure that a notebook shows, whatever its settings."""
 
         def _repr_png_(self) -> bytes:
@@ -171,9 +175,9 @@ def tick_texts(ticks: FloatArray) -> list[str]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
 
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return figure.Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
 def grid(
@@ -192,7 +196,10 @@ def grid(
 
 
 def legend_below(
-    figure: Figure | SubFigure, *, ncols: int = 3, handles: Sequence[Artist | Container] = ()
+    figure: Figure | matplotlib.figure.SubFigure,
+    *,
+    ncols: int = 3,
+    handles: Sequence[Artist | Container] = (),
 ) -> None:
     """What all panels of a figure show, each name once, or what `handles` stand for, below them."""
     if handles:

@@ -11,14 +11,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import Label, bracketed, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, handed_out
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, handed_out
 from estim.fitting import Contour
 from estim.problem import Observations
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MANY = 150  # points beyond which error bars would hide one another
 _FINE = 201  # points along each axis of a smoothed contour

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
@@ -23,6 +22,7 @@ from estim.common import (
     signed,
     table,
 )
+from estim.drawing import Figure
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
@@ -68,9 +68,6 @@ from estim.reports.result import (
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
 from estim.words import first_step, name_of_test
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading

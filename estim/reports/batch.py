@@ -10,23 +10,19 @@ import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
 from estim.common import as_json, bracketed, format_rounded, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
 from estim.reports.formats import with_formats
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -15,15 +14,12 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Label, format_rounded, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
-from estim.drawing import BLUE, INK, grid, name_ticks
+from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
 from estim.reports.records import DRAWS, Labels
 from estim.sampling import number
 from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -22,16 +21,13 @@ from estim.calibration import (
 )
 from estim.campaign import Campaign
 from estim.common import Markdown, as_json, decide, later, p_digits, percentage, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, name_ticks, new_figure
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.words import direction_words, tell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}

@@ -19,6 +19,8 @@ from estim.drawing import (
     PALE,
     PURPLE,
     WIDTH,
+    Axes,
+    Figure,
     name_ticks,
     new_figure,
     tick_texts,
@@ -29,9 +31,7 @@ from estim.reports.derived import derived_quantity_draws
 from estim.reports.records import DRAWS
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
 PROBABILITIES = (0.95, 0.68)

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
 from estim.common import later, phrase
-from estim.drawing import BLUE, GREY, INK, draw_pulls, fill, new_figure
+from estim.drawing import BLUE, GREY, INK, Axes, Figure, draw_pulls, fill, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _LEVELS = (0.95, 0.68)
 _FEW = 5.0  # expected events below which a bin says little by itself

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from estim.drawing import (
     ORANGE,
     RUN_COLOURS,
     VERMILION,
+    Axes,
+    Figure,
     draw_pulls,
     fill,
     legend_below,
@@ -32,10 +34,6 @@ from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, reading_sd
 from estim.sampling import Bands, curve_draws
 from estim.studies import PropagatedBand
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}

@@ -5,7 +5,6 @@ deviation of a user's own curve.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -13,15 +12,12 @@ import numpy as np
 from estim.checks import deviation_finding, force_finding, noise_finding
 from estim.common import OF_BODY, Markdown, phrase
 from estim.deviation import DeviationSize, FoundDeviation, FoundForce
-from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, draw_bands, grid, legend_below
+from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reports.records import Labels
 from estim.reports.rendering import render
 from estim.words import tell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _AVERAGE = "rolling_resistance"  # what a constant force is part of
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -21,15 +20,12 @@ from estim.common import (
     significant,
     with_unit,
 )
-from estim.drawing import GREY, MARKS, RUN_COLOURS, legend_below, new_figure
+from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render
 from estim.reports.result import Provenance, provenance
 from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -27,7 +26,7 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, LEVELS, ORANGE, draw_bands, legend_below, new_figure
+from estim.drawing import BLUE, INK, LEVELS, ORANGE, Figure, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -36,9 +35,6 @@ from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import trials_files
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -16,17 +15,13 @@ from scipy import special
 from estim.arrays import FloatArray
 from estim.common import Status, as_json, behind, bracketed, gravest, later, phrase
 from estim.distributions import student_quantile
-from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, grid, legend_below
+from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, provenance_of
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has

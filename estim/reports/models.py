@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
 from estim.common import as_json, bracketed, later, phrase, signed, split_level
-from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -31,10 +30,6 @@ from estim.studies import (
     log_odds,
     rival_of,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _OF_INTEREST = ("gamma", "kappa", "theta0")
 _WORTH = (

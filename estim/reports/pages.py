@@ -9,14 +9,11 @@ import io
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from estim.common import Markdown, phrase
-from estim.drawing import png
+from estim.drawing import Figure, png
 from estim.reports.rendering import render
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
 _BREAKS = re.compile(

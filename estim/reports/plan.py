@@ -4,22 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from estim.common import Status, as_json, bracketed, decide, format_quantity, phrase
-from estim.drawing import COLOURS, GREY, INK, MARKS, legend_below, name_ticks, new_figure
+from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.words import tell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMA = "estim-plan/2"
 _WIDE = 68  # characters of a row's name

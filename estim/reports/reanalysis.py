@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -25,7 +24,7 @@ from estim.common import (
     table,
     with_unit,
 )
-from estim.drawing import BLUE, INK, ORANGE, grid, legend_below, name_ticks
+from estim.drawing import BLUE, INK, ORANGE, Figure, grid, legend_below, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import complete_runs, prior_cell
 from estim.reports.copying import copies_of
@@ -63,9 +62,6 @@ from estim.reports.result import (
     sensitivity_words,
 )
 from estim.studies import BodyAnalysis, Narrowing, Reanalysis
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 

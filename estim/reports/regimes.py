@@ -23,7 +23,17 @@ from estim.common import (
     phrase,
     signed,
 )
-from estim.drawing import BLUE, GREEN, INK, MARKS, draw_bands, legend_below, new_figure
+from estim.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    MARKS,
+    Axes,
+    Figure,
+    draw_bands,
+    legend_below,
+    new_figure,
+)
 from estim.line import ThetaMinSeries
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -32,9 +42,7 @@ from estim.studies import BodyMap, FittedValues, RunPlace
 from estim.words import advice_for, sure, tell
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.container import ErrorbarContainer
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

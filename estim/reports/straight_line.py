@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -22,16 +21,13 @@ from estim.common import (
     phrase,
     significant,
 )
-from estim.drawing import BLUE, GREEN, INK, ORANGE, legend_below, new_figure
+from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {

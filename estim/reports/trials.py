@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -32,6 +31,8 @@ from estim.drawing import (
     INK,
     LEVELS,
     ORANGE,
+    Axes,
+    Figure,
     draw_bands,
     grid,
     legend_below,
@@ -43,10 +44,6 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
 from estim.words import advice_for, told_apart
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TRIALS_SCHEMA = "estim-trials/1"
 _LINES = {
