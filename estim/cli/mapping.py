@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import CAMPAIGN, FOLDER, PATH, out_folder, report_options
+from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, out_folder, report_options
 from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
 from estim.common import decide
 
@@ -37,11 +37,7 @@ if TYPE_CHECKING:
     type=PATH,
     help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.",
 )
-@click.option(
-    "--out",
-    type=FOLDER,
-    help="Folder for the report.  [default: out/, the name of the campaign, map/]",
-)
+@OUT_MAP
 @report_options
 def map_motions(
     campaign: Path,

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -93,9 +93,7 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
     """A progress bar on stderr for equal pieces of work, how many are done of how many.  kept :
     whether an interrupted command can go on with those that are done.
     """
-    from tqdm import tqdm
-
-    with tqdm(desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
+    with _bar(what, unit=unit) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total
@@ -105,6 +103,12 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
             yield show
         except Interrupted as error:
             raise Interrupted(*([_GO_ON] if kept else error.args)) from None
+
+
+def _bar(what: str, **options: Any) -> Any:
+    from tqdm import tqdm
+
+    return tqdm(desc=one_line(what), leave=False, disable=None, dynamic_ncols=True, **options)
 
 
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
@@ -131,17 +135,8 @@ def progress_bar(what: str) -> Iterator[Progress]:
     """A progress bar on stderr: the share of the draws needed, and what is being done or still
     lacks.
     """
-    from tqdm import tqdm
-
     words = phrase("{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}")
-    with tqdm(
-        total=100,
-        desc=one_line(what),
-        bar_format=words,
-        leave=False,
-        disable=None,
-        dynamic_ncols=True,
-    ) as bar:
+    with _bar(what, total=100, bar_format=words) as bar:
 
         def show(percent: int, message: str) -> None:
             bar.n = percent
