@@ -189,26 +189,18 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         apart = np.isin(np.array(spread.rows), spread.apart)
         ax.axhline(spread.median, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
-            if len(rows) <= 200:  # runs; of more, error bars would be one black band
-                ax.errorbar(
-                    at[chosen],
-                    spread.mean[chosen],
-                    spread.sd[chosen],
-                    fmt=mark,
-                    color=colour,
-                    markersize=3.5,
-                    linewidth=0.8,
-                    capsize=0,
-                )
-            else:
-                ax.plot(
-                    at[chosen],
-                    spread.mean[chosen],
-                    mark,
-                    color=colour,
-                    markersize=2.0,
-                    markeredgewidth=0.0,
-                )
+            bars = len(rows) <= 200  # of more, error bars would be one black band
+            ax.errorbar(
+                at[chosen],
+                spread.mean[chosen],
+                spread.sd[chosen] if bars else None,
+                fmt=mark,
+                color=colour,
+                markersize=3.5 if bars else 2.0,
+                markeredgewidth=None if bars else 0.0,
+                linewidth=0.8,
+                capsize=0,
+            )
         for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
             value = spread.mean[spread.rows.index(i)]

@@ -535,8 +535,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
 
 
 def _density(z: FloatArray, dof: float) -> FloatArray:
-    if math.isinf(dof) or dof > 1e6:
-        return np.asarray(np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi))
+    """Of Student's t distribution, which is normal for very many degrees of freedom."""
+    dof = min(dof, 1e6)
     log_norm = (
         special.gammaln(0.5 * (dof + 1.0))
         - special.gammaln(0.5 * dof)

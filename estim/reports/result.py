@@ -37,7 +37,7 @@ from estim.checks import (
     stated_values,
     tolerated_pattern,
 )
-from estim.common import Kind, as_json, behind, listed, one_line, phrase, signed, split_level
+from estim.common import Kind, as_json, behind, later, listed, one_line, phrase, signed, split_level
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -107,14 +107,14 @@ class Screen:
     """
 
     title: str
-    tests: str
-    estimates: tuple[Estimate, ...]
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    left: str
-    elsewhere: str
-    minds: tuple[str, ...]
-    sensitivity: str
+    tests: str = ""
+    estimates: tuple[Estimate, ...] = ()
+    head: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    left: str = ""
+    elsewhere: str = ""
+    minds: tuple[str, ...] = ()
+    sensitivity: str = ""
 
     @property
     def lines(self) -> list[str]:
@@ -444,7 +444,7 @@ def first_screen(result: Result) -> Screen:
     runs = ", ".join(result.runs)
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
-        return Screen(title, "", (), (), (), "", "", _left_out(result), "")
+        return Screen(title, minds=_left_out(result))
     counted = [
         check.p_value
         for run in result.runs.values()
@@ -676,30 +676,14 @@ def _warnings(result: Result) -> str:
     )
     if n == 1 and not bad and not far:
         return next(words for run in runs for words in run.warnings)
-    counts = (
-        ""
-        if not n
-        else phrase("{n} warning about a file", n=n)
-        if n == 1
-        else phrase("{n} warnings about files", n=n),
-        ""
-        if not bad
-        else phrase("{n} bad frame", n=bad)
-        if bad == 1
-        else phrase("{n} bad frames", n=bad),
-        ""
-        if not far
-        else phrase("{n} likely outlier", n=far)
-        if far == 1
-        else phrase("{n} likely outliers", n=far),
+    counted = (
+        (n, later("{n} warning about a file"), later("{n} warnings about files")),
+        (bad, later("{n} bad frame"), later("{n} bad frames")),
+        (far, later("{n} likely outlier"), later("{n} likely outliers")),
     )
-    return (
-        phrase(
-            "{counts}: see the section on data and noise", counts=", ".join(filter(None, counts))
-        )
-        if any(counts)
-        else ""
-    )
+    counts = [phrase(one if k == 1 else several, n=k) for k, one, several in counted if k]
+    words = later("{counts}: see the section on data and noise")
+    return phrase(words, counts=", ".join(counts)) if counts else ""
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:
