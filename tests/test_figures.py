@@ -30,7 +30,7 @@ from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
 from estim.reports import corner_figures, curve_figures
 from estim.reports.consistency import _within
-from estim.reports.corner_figures import PROBABILITIES, density_of, trace_figure
+from estim.reports.corner_figures import density_of, trace_figure
 from estim.reports.curve_figures import (
     Residuals,
     draw_residuals,
@@ -166,7 +166,7 @@ def test_the_contours_hold_what_they_say_but_for_the_smoothing(rng: np.random.Ge
             np.clip(np.column_stack(fresh), -4.8, 5.0)
         )
         variance = (smooth**2 + 1.0 / 12.0) * (10.0 / n_bin) ** 2
-        for level, probability in zip(found.levels, PROBABILITIES, strict=True):
+        for level, probability in zip(found.levels, (0.95, 0.68), strict=True):
             assert np.mean(at > level) == pytest.approx(
                 1.0 - (1.0 - probability) ** (1.0 + variance), abs=0.01
             )

@@ -39,12 +39,7 @@ from estim.reports.curve_figures import (
     together_figure,
 )
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import (
-    deviation_text,
-    discrepancy_figure,
-    discrepancy_text,
-    force_figure,
-)
+from estim.reports.deviation import discrepancy_figure, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.identifiability import (
     IdentifySection,
@@ -226,12 +221,16 @@ def _text(
         limits_only=result.status != "ok",
         converged=analysis.chain.convergence.met,
         corner_words=corner_words(analysis.problem, truth=bool(campaign.truth)),
-        lacks=discrepancy_text(result.curve_deviation, result.labels, pictures)
+        lacks=render(
+            "lacks.md.j2", pictures=pictures, found=result.curve_deviation, labels=result.labels
+        )
         if result.curve_deviation
         else "",
         explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
         counts=counts_text(analysis.fit, pictures),
-        deviation=deviation_text(result.deviation, result.labels, pictures)
+        deviation=render(
+            "deviation.md.j2", pictures=pictures, forces=result.deviation, labels=result.labels
+        )
         if result.deviation
         else "",
         complete=complete_runs([result]),

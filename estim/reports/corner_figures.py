@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, Markdown, phrase
+from estim.common import PROBABILITIES, Label, Markdown, phrase
 from estim.drawing import (
     BLUE,
     GREEN,
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.lines import Line2D
 
-PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)  # of ensembles
@@ -145,7 +144,7 @@ def density_of(
     *,
     n_bin: int = 30,
     smooth: float = 1.2,
-    probabilities: Sequence[float] = PROBABILITIES,
+    probabilities: Sequence[float] = PROBABILITIES[::-1],
 ) -> Density:
     """The density of draws (n_draw,) between the ends of two `ranges`.
 

@@ -9,13 +9,12 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.common import later, phrase
+from estim.common import PROBABILITIES, later, phrase
 from estim.drawing import BLUE, GREY, INK, Axes, Figure, draw_pulls, fill, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
 
-_LEVELS = (0.95, 0.68)
 _FEW = 5.0  # expected events below which a bin says little by itself
 
 
@@ -86,9 +85,9 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         if law.word == "counts"
         else later("range of a fraction, {p:.0f} %")
     )
-    ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
+    ends = {level: _interval(law, mean, counted.trials, level) for level in PROBABILITIES}
     if edges is None:
-        for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
+        for level, width in zip(PROBABILITIES[::-1], (1.2, 3.5), strict=True):
             ax.vlines(
                 run.x,
                 *ends[level],
@@ -108,7 +107,7 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
     ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("observed counts"))
     x = edges.ravel()
-    for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
+    for level, shade in zip(PROBABILITIES[::-1], (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
         fill(ax, x, low, high, BLUE, shade, label=phrase(lies, p=100 * level))
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
