@@ -14,6 +14,7 @@ from estim.common.errors import (
 )
 from estim.common.escaping import (
     Markdown,
+    as_csv,
     as_json,
     code,
     destination,

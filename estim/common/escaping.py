@@ -10,9 +10,12 @@ and `estim.drawing.png` every text through `mathtext`.
 
 from __future__ import annotations
 
+import csv
 import html
+import io
 import json
 import re
+from collections.abc import Iterable
 from typing import Any
 from urllib.parse import quote
 
@@ -126,6 +129,13 @@ def as_json(record: object) -> bytes:
         ).encode()
         + b"\n"
     )
+
+
+def as_csv(rows: Iterable[Iterable[object]]) -> str:
+    """Rows as CSV, a line each."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def json_of(data: bytes) -> Any:

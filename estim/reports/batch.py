@@ -4,8 +4,6 @@ apart is named.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Collection, Sequence
@@ -15,7 +13,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, bracketed, format_rounded, phrase
+from estim.common import as_csv, as_json, bracketed, format_rounded, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -62,11 +60,8 @@ def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
     """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says
     what follows from the inputs.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["campaign", "run", "cpu_s"])
-    writer.writerows([_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}"] for row in rows)
-    return {"times.csv": text.getvalue().encode()}
+    lines = [(_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}") for row in rows]
+    return {"times.csv": as_csv([("campaign", "run", "cpu_s"), *lines]).encode()}
 
 
 def batch_line(rows: Sequence[Row]) -> str:
@@ -120,30 +115,20 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     empty where there is none.
     """
     names = sorted((spread.name, spread.unit) for spread in found)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     heads = [f"{name} [{unit}]" if unit != "1" else name for name, unit in names]
     columns = [f"{head}{end}" for head in heads for end in ("", " sd", " q025", " q975")]
-    writer.writerow(["campaign", "run", "status", "why", *columns])
+    lines: list[list[object]] = [["campaign", "run", "status", "why", *columns]]
     for row in rows:
-        cells: list[object] = []
+        why = _cell(row.error or row.reason)
+        lines.append([_cell(row.campaign), _cell(row.run), row.status or "no result", why])
         for name, unit in names:
             value = row.values.get(name)
-            cells += (
+            lines[-1] += (
                 [""] * 4
                 if value is None or value.unit != unit
                 else [value.mean, value.sd, value.q025, value.q975]
             )
-        writer.writerow(
-            [
-                _cell(row.campaign),
-                _cell(row.run),
-                row.status or "no result",
-                _cell(row.error or row.reason),
-                *cells,
-            ]
-        )
-    return text.getvalue().encode()
+    return as_csv(lines).encode()
 
 
 def _json(rows: Sequence[Row]) -> bytes:

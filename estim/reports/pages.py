@@ -4,14 +4,12 @@ the campaign that says the same as a command.
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from typing import Protocol
 
-from estim.common import Markdown, phrase
+from estim.common import Markdown, as_csv, phrase
 from estim.drawing import Figure, png
 from estim.reports.rendering import render
 
@@ -113,11 +111,8 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
     n_row, n_column = len(cells) - 2, len(cells[0])
     if n_row <= MOST_ROWS and n_column <= MOST_COLUMNS:
         return block
-    whole = io.StringIO()
-    csv.writer(whole, lineterminator="\n").writerows(
-        [cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])
-    )
-    files[path] = whole.getvalue().encode()
+    whole = [[cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])]
+    files[path] = as_csv(whole).encode()
     excerpt = cells[: 2 + 24] if n_row > MOST_ROWS else cells  # what is kept of a longer one
     rows = [f"|{'|'.join(row[:12] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt]
     return (
