@@ -65,7 +65,9 @@ from estim.common import (
     Stream,
     ended_by_signals,
     inputs_read,
+    language,
     phrase,
+    spoken,
     stream,
 )
 
@@ -102,6 +104,7 @@ def cli() -> None:
     """
     context = click.get_current_context()
     context.obj = context.with_resource(inputs_read())
+    context.with_resource(spoken(language(), commands=True))
 
 
 @cli.command()

@@ -9,7 +9,7 @@ from estim.common import LANGUAGES, spoken
 
 def _speak(context: click.Context, _option: click.Parameter, name: str) -> str:
     """Has everything that the command says from here on said in the language."""
-    context.with_resource(spoken(name, commands=True))
+    context.with_resource(spoken(name))
     return name
 
 

@@ -30,17 +30,19 @@ _SPACES = re.compile(r"\s+")
 
 
 @contextmanager
-def spoken(language: str, *, commands: bool = False) -> Iterator[None]:
+def spoken(language: str, *, commands: bool | None = None) -> Iterator[None]:
     """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in
     the processes that `run_parallel` starts.
 
-    commands : to a person at the command line, who has options; else to one who calls functions.
+    commands : to a person at the command line, who has options, or to one who calls functions;
+        None: to whom it spoke before.
 
     Raises InputError for any other.
     """
     if language not in LANGUAGES:
         raise InputError(f"must be one of {', '.join(LANGUAGES)}", field="language", value=language)
-    before, others = _LANGUAGE.set(language), _COMMANDS.set(commands)
+    before = _LANGUAGE.set(language)
+    others = _COMMANDS.set(at_commands() if commands is None else commands)
     try:
         yield
     finally:
