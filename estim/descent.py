@@ -6,8 +6,8 @@ there: J^T r and J^T J of least squares, or those of the logarithm of a density.
 asked once for all points that are on their way.  A limit that a step would cross takes its
 parameter out, and the others make the best of it.
 
-`descend` leads points down.  `together` runs tasks that ask for one descent after the other (a
-walk, whose next point depends on the last).  `Squares` is the hill of least squares.
+`together` runs tasks that ask for one descent after the other (a walk, whose next point depends on
+the last).  `Squares` is the hill of least squares, and leads many points down it.
 
 Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431.
 """
@@ -147,23 +147,6 @@ def minima(hill: Hill, starts: Sequence[Start]) -> list[End]:
     return together(hill, [one(start) for start in starts])
 
 
-def descend(
-    hill: Hill, points: FloatArray, *, held: Flags, share: float, most: int
-) -> tuple[FloatArray, FloatArray]:
-    """Where points (n, n_par) come to lie, each in its place, and their heights (n,), inf where
-    there is none: such a point stays.
-
-    held : (n_par,) parameters that stay.
-    share : of the height, the promised fall at which a descent ends; after `most` steps in any
-        case.
-    """
-    descents = _Descents(hill, len(points), share=share, most=most)
-    descents.points[:], descents.held[:], descents.going[:] = points, held, True
-    while np.any(descents.going):
-        descents.advance()
-    return descents.points, descents.heights
-
-
 @dataclass(frozen=True, eq=False)
 class Squares:
     """The `Hill` of least squares: half the sum of the squares of residuals.
@@ -264,14 +247,19 @@ class Squares:
 
     def descend(
         self, points: FloatArray, *, share: float, most: int
-    ) -> tuple[FloatArray, FloatArray]:
-        """Where points (n, n_par) come to lie, each in its place, and the sums of squares there,
-        inf where there is none.
+    ) -> tuple[FloatArray, FloatArray, Flags]:
+        """Where points (n, n_par) come to lie, each in its place, the sums of squares there, inf
+        where there is none (such a point stays), and which of them are minima.
+
+        share : of the squares, the promised fall at which a descent ends; after `most` steps in
+            any case.
         """
-        held = np.ones(self.low.size, dtype=bool)
-        held[self.bent] = False
-        ends, heights = descend(self, points, held=held, share=share, most=most)
-        return ends, 2.0 * heights
+        descents = _Descents(self, len(points), share=share, most=most)
+        descents.points[:], descents.held[:], descents.going[:] = points, True, True
+        descents.held[:, self.bent] = False
+        while np.any(descents.going):
+            descents.advance()
+        return descents.points, 2.0 * descents.heights, descents.settled
 
     def _parts(self, n: int, columns: int) -> list[slice]:
         rows = max(1, _NUMBERS // max(1, self.n_res * (1 + columns)))
@@ -435,7 +423,9 @@ class _Descents:
         self.settled[which[ended]], self.going[which[ended]] = True, False
 
     def _steps(self, which: Indices, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
+        """The next steps (n, n_par) of `which`, and by how much each promises to go down: steps
+        that are too long are cut where they leave the box, or shortened as a whole.
+        """
         points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
         box = self.hill.reach(points) * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
         low = np.maximum(-box, self.hill.closing * (self.hill.low - points))
@@ -443,25 +433,29 @@ class _Descents:
         free = ~self.held[which] & ~(
             ((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0))
         )
-        step = np.zeros_like(points)
+        step = _damped(slopes, curvatures, damping, free)
+        with np.errstate(all="ignore"):
+            share = np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
+            shorter = step * np.min(share, axis=1, initial=1.0)[:, None]
         for _ in range(_HELD_ROUNDS):
-            step = np.where(
-                free,
-                _damped(
-                    slopes + np.einsum("kij,kj->ki", curvatures, np.where(free, 0.0, step)),
-                    curvatures,
-                    damping,
-                    free,
-                ),
-                step,
-            )
             beyond = free & ((step < low) | (step > high))
             if not np.any(beyond):
                 break
-            step, free = np.where(self.held[which], 0.0, np.clip(step, low, high)), free & ~beyond
-        return step, -np.sum(step * slopes, axis=1) - 0.5 * np.einsum(
-            "ki,kij,kj->k", step, curvatures, step
-        )
+            step, free = np.clip(step, low, high), free & ~beyond
+            held = np.where(free, 0.0, step)
+            more = slopes + np.einsum("kij,kj->ki", curvatures, held)
+            step = np.where(free, _damped(more, curvatures, damping, free), step)
+        cut = np.clip(step, low, high)
+        promises = [_promise(tried, slopes, curvatures) for tried in (cut, shorter)]
+        further = promises[0] >= promises[1]
+        return np.where(further[:, None], cut, shorter), np.where(further, *promises)
+
+
+def _promise(steps: FloatArray, slopes: FloatArray, curvatures: FloatArray) -> FloatArray:
+    """(n,) by how much steps (n, n_par) go down."""
+    return -np.sum(steps * slopes, axis=1) - 0.5 * np.einsum(
+        "ki,kij,kj->k", steps, curvatures, steps
+    )
 
 
 def _learned(

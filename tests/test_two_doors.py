@@ -267,7 +267,7 @@ def test_a_search_that_runs_away_from_few_points_names_the_parameter_in_both_doo
     tmp_path: Path,
 ) -> None:
     """The command said that terms of the formula all but cancel."""
-    x, y = narrow_peak(14)
+    x, y = narrow_peak(22)
     found = fit_curve("lorentzian + constant", x, y)
     assert found.status == "not-converged"
     assert any("hardly constrain center" in reason for reason in found.reasons)
@@ -318,7 +318,7 @@ def test_a_curve_that_has_lost_its_digits_has_not_met_every_point(tmp_path: Path
     assert found.status in ("not-converged", "not-identified"), found.message
     assert "every point" not in found.message
     assert re.search("limits|do not determine .* individually", found.reasons[0])
-    with pytest.raises(InputError, match="give it limits"):
+    with pytest.raises(InputError, match="limits"):
         by_command(table(tmp_path, x, y), formula, u_y=None, low={})
 
 

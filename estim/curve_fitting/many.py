@@ -122,7 +122,7 @@ def fit_many(
     size = np.where(begin != 0.0, np.abs(begin), 1.0)
     solved, moving = np.split(np.arange(len(priors)), [0])
     hill = Squares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
-    values, chi2 = hill.descend(np.tile(begin, (len(sets), 1)), share=_SETTLED, most=_MOST_STEPS)
+    values, chi2, _ = hill.descend(np.tile(begin, (len(sets), 1)), share=_SETTLED, most=_MOST_STEPS)
     return _concluded(hill, first.names, values, chi2, stated=u_y is not None)
 
 

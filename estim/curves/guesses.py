@@ -216,7 +216,7 @@ def _down(
         return []
     points = np.array(starts)
     first = search.squares(points)
-    ends, _ = search.hill.descend(points, share=_SETTLED, most=steps)
+    ends, _, _ = search.hill.descend(points, share=_SETTLED, most=steps)
     after = search.squares(ends)
     lower = (after < first)[:, None]
     return list(zip(np.where(lower, ends, points), np.minimum(after, first).tolist(), strict=True))

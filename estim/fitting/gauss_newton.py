@@ -21,15 +21,15 @@ End = tuple[FloatArray, float]  # values (n_par,) and their sum of squares
 
 
 def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
-    """Where least squares from starts (n, n_par) end, those left out at which the curve is not
-    finite.
+    """Where least squares from starts (n, n_par) end: the minima, and what is lower than all of
+    them.
     """
-    points, chi2 = search.squares.descend(
+    points, chi2, settled = search.squares.descend(
         starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
     )
     ends = [
         stepped(search, point, most=_N_FINISH)[0] if search.creeps else search.solved(point)
-        for point in points[np.isfinite(chi2)]
+        for point in points[np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))]
     ]
     return [(values, size) for values in ends if math.isfinite(size := search.chi2(values))]
 

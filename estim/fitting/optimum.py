@@ -169,7 +169,7 @@ def _found(
     distinct = distinct_ends(search, best, every, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    optimum = _polished(search, values, n_start=len(tried), n_same=n_same)
+    optimum = _polished(search, values, n_start=len(starts), n_same=n_same)
     return replace(
         optimum,
         others=others,
@@ -238,7 +238,7 @@ def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Op
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
     return replace(
-        _polished(search, values, n_start=len(tried), n_same=n_same),
+        _polished(search, values, n_start=len(starts), n_same=n_same),
         others=others,
         symmetry=symmetry,
         aliases=aliases,

@@ -86,7 +86,7 @@ def far_squares(
         held = replace(search, bent=search.bent[search.bent != i])
         points = np.repeat(values[None, :], _FAR.size * len(sides), axis=0)
         points[:, i] = np.concatenate([np.zeros(0), *sides])
-        _, heights = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
+        _, heights, _ = held.squares.descend(points, share=_SETTLED, most=_N_STEP)
         lowest[i] = min(
             (float(np.median(side)) for side in heights.reshape(len(sides), -1)), default=math.inf
         )
@@ -216,6 +216,6 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
         8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
     )
     at = points[np.argsort(search.squares.heights(points))][:most]
-    at, height = search.squares.descend(at, share=_SETTLED, most=_N_STEP)
+    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
     return at[np.argsort(height)]
