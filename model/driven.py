@@ -34,7 +34,7 @@ _GROWTH = 1.4  # of a piece after one that was resolved, up to its first length
 _MOST_PIECES, _MOST_ROUNDS, _MOST_NEWTON = 2000, 30, 60
 _SETTLED, _NEGLIGIBLE = 1e-12, 1e-10
 _SLOWEST = 0.5  # 1/s, of what sets the length of a piece
-_BLOCK = 128  # draws at once: what they need fits in the cache
+_BLOCK = 512  # draws at once: what they need fits in the cache
 
 _NODES = -np.cos(np.pi * np.arange(_N_NODE) / (_N_NODE - 1))
 # values at nodes @ this = coefficients
