@@ -410,7 +410,7 @@ def _rows(
         if every > 1
         else ()
     )
-    dense = run.curve.noise is not None or run.said("u_x")[0] is not None
+    dense = run.said("u_x")[0] is not None
     most = MAX_EVENTS if run.events else MAX_DENSE if dense else MAX_OBS
     if not _MIN_ROWS <= rows.size <= most:
         cure = (

@@ -333,6 +333,11 @@ def led_down(search: SeparableSearch, points: FloatArray) -> tuple[FloatArray, F
     """`descended`, each in its place, and their sums of squares (n_point,), inf where the curve is
     not finite: such a point stays.
     """
+    n_obs = max(1, search.posterior.problem.n_obs)
+    rows = max(1, _MOST_NUMBERS // ((1 + search.free.size) * n_obs))
+    if points.shape[0] > rows:
+        led = [led_down(search, points[k : k + rows]) for k in range(0, points.shape[0], rows)]
+        return np.vstack([at for at, _ in led]), np.concatenate([height for _, height in led])
     at, height = points.copy(), chi2_at(search, points)
     damping = np.full(height.size, 1e-3)
     going = np.flatnonzero(np.isfinite(height))
