@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, phrase, read_quantity
 from estim.curves.columns import column, errors_of
-from estim.curves.counting import CountedPoints, Counting, ask_counts, refuse_errors
+from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
@@ -52,7 +52,6 @@ from estim.problem import (
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
-MAX_OBS = 1_000_000  # of independent errors of y alone, and counts: they cost in proportion
 MAX_DENSE = 3000  # of a covariance matrix, errors of x
 
 
