@@ -641,3 +641,17 @@ def test_a_density_without_an_integral_is_refused_by_that_name(
         InputError, match=r"'curve' must have a finite integral .*: from 0(\.5)? to "
     ):
         fit_curve(density, times, None, start={"a": 1.0, "b": 1.0}, noise=EventTimes(0.0, 1.0))
+
+
+def test_thousands_of_bins_are_fit_as_they_are(rng: np.random.Generator) -> None:
+    """Bins so fine hold what the times of their events hold, and the curve is flat in each."""
+    n = 3500
+    edges = np.linspace(0.0, 10.0, n + 1)
+    counts = np.histogram(decays(20_000, rng), edges)[0]
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    start = {"N": 20_000.0, "tau": 2.0}
+    fit = fit_curve("N/tau*exp(-x/tau)/350", middles, counts, noise=Poisson(), start=start)
+    assert fit.status == "ok"
+    value, u = fit.values["tau"], fit.sds["tau"]
+    assert value == pytest.approx(2.2, abs=4.0 * u)
+    assert 2.2 / math.sqrt(20_000) < u < 1.5 * 2.2 / math.sqrt(20_000)

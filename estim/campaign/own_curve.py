@@ -47,10 +47,9 @@ from estim.campaign.curve_tables import (
     y_axis,
 )
 from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve_run import RunOfCurve, pose_run
+from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, pose_run
 from estim.common import InputError, phrase, same_unit
 from estim.curves import (
-    MAX_OBS,
     AxisNames,
     BareFormula,
     Component,
@@ -213,9 +212,9 @@ class CurveStudy:
             )
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
-        if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_OBS:
+        if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_ROWS:
             rule = (
-                f"must be at most {MAX_OBS} in a joint fit: say every = 2 or more, or fit the "
+                f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
                 "runs one by one"
             )
             raise self.source.places.error(

@@ -34,8 +34,6 @@ from estim.campaign.track_table import choices_of
 from estim.common import Finding, InputError, Kind, Quantity, phrase, same_unit
 from estim.curves import (
     MAX_DENSE,
-    MAX_EVENTS,
-    MAX_OBS,
     SIGMA,
     SIGMA_NOTATION,
     SIGMA_SPREAD,
@@ -63,6 +61,7 @@ from estim.reading import (
 )
 
 _MIN_ROWS = 3
+MAX_ROWS = 100_000  # of a fit with a chain, where they cost in proportion
 _LACKS = ("deviation", "correlated")
 
 
@@ -410,8 +409,7 @@ def _rows(
         if every > 1
         else ()
     )
-    dense = run.curve.noise is not None or run.said("u_x")[0] is not None
-    most = MAX_EVENTS if run.events else MAX_DENSE if dense else MAX_OBS
+    most = MAX_DENSE if run.said("u_x")[0] is not None else MAX_ROWS
     if not _MIN_ROWS <= rows.size <= most:
         cure = (
             f": say every = {-(-rows.size * every // most)}, or state a window"

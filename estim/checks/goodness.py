@@ -203,10 +203,8 @@ def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...
     ]
 
     def simulate(n_draw: int) -> list[FloatArray]:
-        errors = rng.standard_normal((n_error, n_draw))
-        *by_group, of_priors = np.split(
-            errors, np.cumsum([group.n_obs for group in problem.groups])
-        )
+        by_group = [response.drawn(n_draw, rng) for response in responses]
+        of_priors = rng.standard_normal((problem.n_par, n_draw))
         residuals = [
             response.felt(error) for response, error in zip(responses, by_group, strict=True)
         ]

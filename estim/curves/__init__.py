@@ -2,7 +2,7 @@
 `formula` for text.
 """
 
-from estim.curves.counting import MAX_EVENTS, Binomial, Counting, EventTimes, Poisson
+from estim.curves.counting import Binomial, Counting, EventTimes, Poisson
 from estim.curves.disturbed import (
     DisturbedMotion,
     DisturbedMotionCurve,
@@ -29,7 +29,6 @@ from estim.curves.named import (
 )
 from estim.curves.posing import (
     MAX_DENSE,
-    MAX_OBS,
     SIGMA,
     SIGMA_NOTATION,
     SIGMA_SPREAD,

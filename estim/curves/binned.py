@@ -27,6 +27,7 @@ _HIGHEST = (
     np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
 )
 _LEAST_PANELS = 16  # in all, before any is halved
+_AT_ONCE = 300_000  # nodes and events of several draws at once, so that memory is bounded
 _HALVINGS = 60
 _MOST_PANELS = 400  # of one draw that are halved at once
 _SMOOTH = 1e-5  # share of the whole that the highest coefficients of a panel may have,
@@ -58,7 +59,7 @@ class BinnedCurve:
         return getattr(self.density, "precision", EXACT)
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        inside, _ = self._integrals(arguments, self._at_events(arguments))
+        inside, _ = self._integrals(arguments)
         return np.asarray((inside * self._scale(inside))[:, self._bin_of(x)])
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
@@ -118,7 +119,7 @@ class BinnedCurve:
         """Ends of the first bin without a finite integral of a density that is finite in the middle
         of it, for single arguments.
         """
-        inside = self._integrals(arguments, self._at_events(arguments))[0][0]
+        inside = self._integrals(arguments)[0][0]
         middle = np.broadcast_to(
             self.density.value(0.5 * (self.low + self.high), arguments), (1, self.low.size)
         )[0]
@@ -147,13 +148,29 @@ class BinnedCurve:
         )
 
     def _integrals(
-        self, arguments: Mapping[str, ArrayLike], here: FloatArray
+        self, arguments: Mapping[str, ArrayLike], here: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Integrals (n_draw, n_bin) of the density, and the least that it is at any node
-        (n_draw,).
+        (n_draw,); here : (n_draw, n_event) the density at the events, where it is known.
         """
-        n_draw, n_bin = here.shape[0], self.low.size
-        panels = self._panels(arguments, here)
+        n_draw, n_bin = n_draws(arguments), self.low.size
+        rows = max(1, _AT_ONCE // (_AT.size * n_bin + self.events.size))
+        if n_draw > rows:
+            parts = [
+                self._integrals(
+                    {
+                        name: np.asarray(a)[k : k + rows]
+                        if np.ndim(a) == 2 and np.shape(a)[0] > 1
+                        else a
+                        for name, a in arguments.items()
+                    },
+                    None if here is None else here[k : k + rows],
+                )
+                for k in range(0, n_draw, rows)
+            ]
+            inside, least = (np.concatenate(part) for part in zip(*parts, strict=True))
+            return inside, least
+        panels = self._panels(arguments, self._at_events(arguments) if here is None else here)
         inside = np.zeros((n_draw, n_bin))
         np.add.at(inside, (panels.draw, panels.bins), panels.integral)
         least = np.full(n_draw, np.inf)
@@ -354,10 +371,9 @@ def _highest_mark(panels: _Panels, places: FloatArray, heights: FloatArray) -> F
     """(n_panel,) the greatest finite density at a mark (n_draw, n) in each, 0 where there is
     none.
     """
-    at = places[panels.draw]
-    inside = (
-        (at >= panels.low[:, None])
-        & (at <= panels.high[:, None])
-        & np.isfinite(heights)[panels.draw]
-    )
-    return np.asarray(np.max(np.where(inside, heights[panels.draw], 0.0), axis=1, initial=0.0))
+    highest = np.zeros(panels.draw.size)
+    for place, height in zip(places.T, np.where(np.isfinite(heights), heights, 0.0).T, strict=True):
+        at = place[panels.draw]
+        inside = (at >= panels.low) & (at <= panels.high)
+        np.maximum(highest, np.where(inside, height[panels.draw], 0.0), out=highest)
+    return highest

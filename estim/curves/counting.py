@@ -26,7 +26,7 @@ from estim.curves.shared_errors import Component
 from estim.given_numbers import real_number, real_numbers
 from estim.problem import BINOMIAL, POISSON, Counts, Curve, Events, Wording, counted_words
 
-MAX_EVENTS = 100_000
+MAX_OBS = 1_000_000  # what costs in proportion: independent errors of y alone, counts, events
 _MOST_CELLS = 1000
 _WHOLE = 1e-9
 _LARGEST = 1e15  # count that a float still tells from the next
@@ -245,9 +245,9 @@ def _events(
     if np.any(outside):
         rule = "must lie within the window; leave out what does not"
         raise InputError(rule, field="x", value=float(times[int(np.argmax(outside))]))
-    if times.size > MAX_EVENTS:
+    if times.size > MAX_OBS:
         raise InputError(
-            f"must be at most {MAX_EVENTS} times: count them in bins", field="x", value=times.size
+            f"must be at most {MAX_OBS} times: count them in bins", field="x", value=times.size
         )
     n_cell = cells or min(max(8, round(math.sqrt(times.size))), 200)
     edges = np.linspace(low, high, n_cell + 1)

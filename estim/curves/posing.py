@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, phrase, read_quantity
 from estim.curves.columns import column, errors_of
-from estim.curves.counting import CountedPoints, Counting, ask_counts, refuse_errors
+from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
 from estim.curves.formula import Formula, check_names, read_formula
@@ -52,8 +52,7 @@ from estim.problem import (
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
-MAX_OBS = 100_000  # of independent errors of y alone, which cost in proportion to the points
-MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
+MAX_DENSE = 3000  # of a covariance matrix, errors of x
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,12 +246,13 @@ def pose_curve(
         raise InputError(
             f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
         )
-    most = MAX_DENSE if cov_y is not None or u_x is not None or counted is not None else MAX_OBS
+    most = MAX_DENSE if cov_y is not None or u_x is not None else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
             ""
             if n_obs <= most or most == MAX_OBS
-            else "; with independent errors of y alone, 100000: take every so many of the points"
+            else f"; with independent errors of y alone, {MAX_OBS}: take every so many of the "
+            "points"
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(points["x"], kind="stable")

@@ -79,12 +79,14 @@ class Terms:
         estimates and variances the data give.
         """
         block = self.root[:, : weight.n_start]
-        estimate = np.einsum("kjq,ikq->ikj", block, explained)
-        narrowed = 1.0 + weight.excess[:, :, None] * np.einsum("kjq,kjq->kj", block, block)
-        lost = np.log(narrowed) + weight.excess[:, :, None] * np.square(estimate) / narrowed
-        return np.asarray(
-            weight.n_start * np.log(weight.ratio)[:, None] - 0.5 * np.sum(lost, axis=2)
+        estimate = np.matmul(explained.transpose(1, 0, 2), block.transpose(0, 2, 1)).transpose(
+            1, 0, 2
         )
+        narrowed = 1.0 + weight.excess[:, :, None] * np.einsum("kjq,kjq->kj", block, block)
+        lost = np.log(np.prod(narrowed, axis=2))
+        np.divide(np.square(estimate, out=estimate), narrowed, out=estimate)
+        lost += weight.excess * np.sum(estimate, axis=2)
+        return np.asarray(weight.n_start * np.log(weight.ratio)[:, None] - 0.5 * lost)
 
 
 def terms_of(family: Family, columns: FloatArray) -> Terms:

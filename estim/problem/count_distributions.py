@@ -56,8 +56,8 @@ class Law(Protocol):
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
         """y at random."""
 
-    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
-        """Values of y in order, all but impossible ones left out, and P(Y <= y)."""
+    def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """The least y with P(Y <= y) >= probability."""
 
 
 @dataclass(frozen=True)
@@ -86,11 +86,10 @@ class Poisson:
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
         return rng.poisson(np.clip(mean, 0.0, 1e15)).astype(float)
 
-    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
-        from scipy.special import pdtr
+    def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
+        from scipy.stats import poisson
 
-        y = _around(mean, np.sqrt(mean), math.inf)
-        return y, pdtr(y, mean)
+        return np.asarray(poisson.ppf(probability, mean))
 
 
 @dataclass(frozen=True)
@@ -126,13 +125,10 @@ class Binomial:
     def draw(self, mean: FloatArray, size: FloatArray, rng: np.random.Generator) -> FloatArray:
         return rng.binomial(size.astype(np.int64), np.clip(mean, 0.0, 1.0)) / size
 
-    def table(self, mean: float, size: float) -> tuple[FloatArray, FloatArray]:
-        from scipy.special import betainc
+    def quantile(self, probability: float, mean: FloatArray, size: FloatArray) -> FloatArray:
+        from scipy.stats import binom
 
-        hits = _around(size * mean, np.sqrt(size * mean * (1.0 - mean)), size)
-        return hits / size, np.where(
-            hits < size, betainc(np.maximum(size - hits, 1.0), hits + 1.0, 1.0 - mean), 1.0
-        )
+        return np.asarray(binom.ppf(probability, size, mean) / size)
 
 
 POISSON, BINOMIAL = Poisson(), Binomial()
@@ -164,13 +160,6 @@ def deviance_residual(law: Law, y: FloatArray, mean: FloatArray, size: FloatArra
             np.sign(y - mean)
             * np.sqrt(np.where(small, close, np.maximum(law.deviance(y, mean, size), 0.0)))
         )
-
-
-def _around(mean: float, sd: float, most: float) -> FloatArray:
-    """Whole numbers up to `most`, all but impossible ones left out; of very many some."""
-    reach = 9.0 * sd + 20.0
-    ends = max(0.0, mean - reach), min(most, mean + reach)
-    return np.unique(np.floor(np.linspace(*ends, min(2 * int(reach) + 2, 4000))))
 
 
 def _y_log(y: FloatArray, mean: FloatArray) -> FloatArray:

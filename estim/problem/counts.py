@@ -108,8 +108,13 @@ class CountedResiduals:
     def z(self) -> FloatArray:
         return deviance_residual(self.law, self.y, self.mean, self.trials)
 
+    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
+        mean = np.repeat(self.mean[:, None], n_sim, axis=1)
+        counts = self.law.draw(mean, self.trials[:, None], rng)
+        return np.asarray((counts - mean) / self.sd[:, None])
+
     def felt(self, errors: FloatArray) -> FloatArray:
-        return np.asarray((self._counts(errors) - self.mean[:, None]) / self.sd[:, None])
+        return errors
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:
         """To first order, and by a factor where that would leave less than half of an expectation
@@ -131,19 +136,7 @@ class CountedResiduals:
                     mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)),
                     moved,
                 )
-        return deviance_residual(self.law, self._counts(errors), moved, trials)
-
-    def _counts(self, errors: FloatArray) -> FloatArray:
-        """(n_obs, n_sim) counts of the same rank as the standard normal errors."""
-        from scipy.special import ndtri
-
-        counts = np.empty_like(errors)
-        for row, error, mean, size in zip(
-            counts, errors, self.mean.tolist(), self.trials.tolist(), strict=True
-        ):
-            y, below = self.law.table(max(mean, 0.0), size)
-            row[:] = y[np.minimum(np.searchsorted(ndtri(below), error), y.size - 1)]
-        return counts
+        return deviance_residual(self.law, mean + self.sd[:, None] * errors, moved, trials)
 
 
 @dataclass(frozen=True, eq=False)

@@ -150,9 +150,12 @@ class Whitened(Protocol):
     @property
     def root(self) -> FloatArray: ...
 
+    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
+        """(n_obs, n_sim) errors of new data, of variance 1."""
+
     def felt(self, errors: FloatArray) -> FloatArray:
-        """(n, n_sim) r with J^T r the derivative of the log likelihood, for standard normal errors
-        (n_obs, n_sim).
+        """(n, n_sim) r with J^T r the derivative of the log likelihood, for errors that were
+        `drawn`.
         """
 
     def moved(self, errors: FloatArray, shifts: FloatArray) -> FloatArray:

@@ -29,6 +29,9 @@ class Linear:
     z: FloatArray
     root: FloatArray
 
+    def drawn(self, n_sim: int, rng: np.random.Generator) -> FloatArray:
+        return rng.standard_normal((self.z.size, n_sim))
+
     def felt(self, errors: FloatArray) -> FloatArray:
         return errors
 
@@ -51,6 +54,8 @@ class Tabled:
     at: FloatArray
     scores: FloatArray
     slopes: FloatArray
+
+    drawn = Linear.drawn
 
     def felt(self, errors: FloatArray) -> FloatArray:
         score = np.zeros((self.scores.shape[2], errors.shape[1]))

@@ -127,10 +127,5 @@ def _interval(
     """Lowest and highest (n_obs,) of the counts that hold at least `level`, the rest shared between
     both sides.
     """
-    bounds = []
-    for m, size in zip(mean.tolist(), trials.tolist(), strict=True):
-        y, below = law.table(max(m, 0.0), size)
-        at = np.minimum(np.searchsorted(below, [0.5 - 0.5 * level, 0.5 + 0.5 * level]), y.size - 1)
-        bounds.append(y[at])
-    low, high = np.array(bounds).T
-    return low, high
+    expected, tail = np.maximum(mean, 0.0), 0.5 - 0.5 * level
+    return law.quantile(tail, expected, trials), law.quantile(1.0 - tail, expected, trials)
