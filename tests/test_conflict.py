@@ -22,6 +22,7 @@ from estim.cli.commands import cli
 from estim.common import Stream, stream
 from estim.curve_fitting.single import fit_curve
 from estim.curves.posing import AxisNames, pose_curve
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import LogNormal, Normal, Uniform
 
@@ -333,7 +334,7 @@ def test_room_for_a_force_counts_where_stated_values_are_sharp(
         rng=np.random.default_rng([1, key, replica]),
     )
     campaign = load_campaign(tmp_path / "campaign.toml")
-    fit = campaign.fit(campaign.problem(["r"], usual=True), rng=stream(replica + 1, Stream.FIT))
+    fit = fit_problem(campaign.problem(["r"], usual=True), rng=stream(replica + 1, Stream.FIT))
     assert fit.forces
     found = check_stated_values(fit)
     assert found.dof > 0

@@ -23,7 +23,7 @@ from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import DistortedCurve
-from estim.fitting.least_squares import Fit
+from estim.fitting import Fit, fit_problem
 from estim.problem.counts import CountErrors
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
@@ -288,7 +288,7 @@ def campaign(request, tmp_path: Path, replica: Path, rng: np.random.Generator):
     return load_campaign(tmp_path / "campaign.toml")
 
 
-def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(
+def test_a_study_poses_its_runs_and_knows_what_may_be_asked(
     campaign, rng: np.random.Generator
 ) -> None:
     study, names = campaign.study, campaign.run_names[:2]
@@ -305,7 +305,7 @@ def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(
         alone = study.problem([run.name], campaign.tables)
         assert joint.restricted([run]).n_par == alone.n_par
     problem = study.problem(names[:1], campaign.tables)
-    fit = study.fit(problem, campaign.tables, rng=rng)
+    fit = fit_problem(problem, rng=rng)
     assert isinstance(fit, Fit)
     assert fit.success
     study.check(names[0], campaign.tables)

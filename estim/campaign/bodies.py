@@ -7,6 +7,7 @@ what is one unknown: "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one b
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +15,6 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
@@ -22,24 +22,21 @@ from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
-from estim.campaign.expected_information import expected_information_of
 from estim.campaign.forced import (
-    KEY,
     Circumstances,
     Stance,
-    fit_with_forces,
     force_scale,
+    misfit_force,
     possible_force,
     refuse_force,
+    track_of,
 )
 from estim.campaign.levels import Levels, noise_level
 from estim.campaign.noise_models import Candidate, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.shared_force import tied_points
 from estim.campaign.unit_slips import unit_slips
-from estim.campaign.without_force import fit_without_force
 from estim.common import InputError, later, phrase, split_level
 from estim.curves import (
     DisturbedMotion,
@@ -50,14 +47,10 @@ from estim.curves import (
     RollingMotion,
     Setting,
 )
-from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
-from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
+from estim.fitting import FORCE_KEY
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import Run
-from estim.sampling import MAX_PARAMETERS
-
-_MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2  # of the fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,25 +190,6 @@ class RollingStudy:
             )
         return tuple(models)
 
-    def fit_model(
-        self,
-        model: CurveModel,
-        tables: Mapping[str, Run],
-        *,
-        bad: Mapping[str, BadFrames],
-        rng: np.random.Generator,
-    ) -> Fit:
-        """The posterior mode of a model of the body; bad : run -> frames that are shifted, in
-        models without a force.
-        """
-        problem = model.problem
-        if model.forced or not model.roomy:
-            return self.fit(problem, tables, rng=rng)
-        levels = {run.name: self.levels(run.name) for run in problem.runs}
-        return fit_without_force(
-            self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng
-        )
-
     def _posed(
         self,
         names: Sequence[str],
@@ -240,11 +214,11 @@ class RollingStudy:
         unknowns: dict[str, Parameter] = {}
         runs = []
         every = {name: observe(tables[name], self.levels(name), noise=noise) for name in names}
-        tied = tied_points(
-            {name: observed.y.size for name, observed in every.items()},
-            {name: self.levels(name) for name in names},
-            KEY,
-        )
+        tracks = {name: track_of(self.levels(name)) for name in names}
+        sharing = Counter(tracks.values())
+        points_on: Counter[str] = Counter()
+        for name in names:
+            points_on[tracks[name]] += every[name].y.size
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
@@ -294,7 +268,7 @@ class RollingStudy:
             circumstances = Circumstances(
                 observed,
                 joint=len(names) > 1,
-                tied=tied[name],
+                tied=points_on[tracks[name]] if sharing[tracks[name]] > 1 else 0,
                 replaced=noise is not None and not as_stated,
             )
             stance = (
@@ -302,7 +276,15 @@ class RollingStudy:
                 if white
                 else (possible_force if compared else force_scale)(levels, circumstances)
             )
-            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
+            runs.append(
+                replace(
+                    posed,
+                    force=stance.scale,
+                    complete=stance.complete,
+                    track=tracks[name],
+                    asked=stance.asked,
+                )
+            )
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
         runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
@@ -320,57 +302,6 @@ class RollingStudy:
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""
         return Levels(self.source, [run.name for run in self.source.runs].index(name))
-
-    def fit(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        *,
-        rng: np.random.Generator,
-        near: FloatArray | None = None,
-    ) -> Fit:
-        """The posterior mode; where there are few parameters, scans through the range of each look
-        for further ones, unless it is `near` a place.
-        """
-        fit = self._white_fit(problem, rng=rng) if near is None else refit(problem, near)
-        if not any(run.force for run in problem.runs):
-            return fit
-        return fit_with_forces(
-            fit,
-            tables,
-            {run.name: self.levels(run.name) for run in problem.runs},
-            rng=rng,
-            scanned=near is None,
-        )
-
-    def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
-        """The mode with the stated noise alone."""
-        fit = fit_least_squares(
-            problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS
-        )
-        # where the body does not move nothing is determined: few starts lead away from there
-        if fit.singular:
-            further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
-            fit = further if further.chi2 < fit.chi2 else fit
-        return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-
-    def expected_information(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        values: FloatArray,
-        sizes: Mapping[str, ForceSize],
-    ) -> FloatArray:
-        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises
-        InputError where that cannot be linearised.
-        """
-        return expected_information_of(
-            problem,
-            tables,
-            {run.name: self.levels(run.name) for run in problem.runs},
-            values,
-            sizes,
-        )
 
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
@@ -401,6 +332,14 @@ class RollingStudy:
             table,
             lambda noise: self.problem([name], {name: table}, noise=noise).runs[0].noise,
         )
+
+    def placed(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+        """The error at the line of the key that asks for a force, where it is about one."""
+        name, level = split_level(error.field or "")
+        return misfit_force(self.levels(level[1:-1]), error) if name == FORCE_KEY else error
+
+    def refuse_discrepancy(self, command: str) -> None:
+        """A body has no such curve; its force is foreseen."""
 
     def place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
         """Where in the file the unknowns of a run are declared."""
@@ -493,4 +432,5 @@ def _observations(
         motion=motion,
         words=motion.words(),
         positions=observed.positions,
+        rows=observed.rows,
     )

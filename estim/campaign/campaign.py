@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
-
-from estim.arrays import FloatArray
 from estim.campaign.binding import parts_fact
 from estim.campaign.bodies import RollingStudy
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
@@ -22,9 +20,7 @@ from estim.campaign.study import Study
 from estim.campaign.truth import read_truth
 from estim.common import InputError, code, kind_words, later, listed, markdown, phrase, table
 from estim.curves import SoughtQuantity
-from estim.deviation import BadFrames
 from estim.explanation import Suspects
-from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
 
@@ -144,15 +140,15 @@ class Campaign:
     def _bodies(self) -> dict[str, str | None]:
         return {name: self.study.body_of(name) for name in self.source.names}
 
-    def fit(
-        self, problem: Problem, *, rng: np.random.Generator, near: FloatArray | None = None
-    ) -> Fit:
-        """The posterior mode of a problem of this campaign; near : (n_par,) the only place to look
-        for it, where that is known.
-
-        Raises InputError where the data determine none.
-        """
-        return self.study.fit(problem, self.tables, rng=rng, near=near)
+    @contextmanager
+    def placing(self, problem: Problem) -> Iterator[None]:
+        """While a problem of this campaign is fit: an error has its place in the files."""
+        try:
+            yield
+        except InputError as error:
+            raise (
+                error if error.file is not None else self.study.placed(error, problem, self.tables)
+            ) from None
 
     def suspects(self, names: Sequence[str]) -> Suspects:
         """The runs `names` as stated, and with each thing that they may have beside it."""
@@ -170,14 +166,6 @@ class Campaign:
         """
         self.problem(names)
         return self.study.curve_models(names, self.tables)
-
-    def fit_model(
-        self, model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator
-    ) -> Fit:
-        """The posterior mode of one of them; bad : run -> frames that another model shows to be
-        shifted.
-        """
-        return self.study.fit_model(model, self.tables, bad=bad, rng=rng)
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: title, kind of data, and the runs with their points and

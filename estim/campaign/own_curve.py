@@ -26,7 +26,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import (
@@ -61,18 +60,7 @@ from estim.curves import (
     started,
     units_of,
 )
-from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import (
-    Fit,
-    fit_discrepancy,
-    fit_optimum,
-    information,
-    is_resolved,
-    no_scatter,
-    refit,
-    silent_parameters,
-)
 from estim.problem import Parameter, Problem, shared_first
 from estim.reading import Places, Run, of_any_curve, run_of_table
 
@@ -266,43 +254,10 @@ class CurveStudy:
         )
         return Suspects(self.problem(names, tables), room)
 
-    def fit(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        *,
-        rng: np.random.Generator,
-        near: FloatArray | None = None,
-    ) -> Fit:
-        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data
-        determine none.
+    def refuse_discrepancy(self, command: str) -> None:
+        """Raises InputError where the campaign asks for what a curve may lack, which `command` does
+        not know.
         """
-        try:
-            fit = fit_optimum(problem, rng=rng) if near is None else refit(problem, near)
-        except InputError as error:
-            raise self._place_of(error, problem, tables) from None
-        self._require_scatter(fit)
-        self._require_determined(fit)
-        return (
-            fit_discrepancy(fit, rng=rng)
-            if any(run.lacks is not None for run in problem.runs)
-            else fit
-        )
-
-    def expected_information(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        values: FloatArray,
-        sizes: Mapping[str, ForceSize],
-    ) -> FloatArray:
-        """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the
-        campaign asks for that.
-        """
-        self._refuse_discrepancy("estim plan")
-        return information(problem.linearised(values), values)
-
-    def _refuse_discrepancy(self, command: str) -> None:
         for run in self.runs:
             self._run(run.name).refuse_discrepancy(command)
 
@@ -335,17 +290,6 @@ class CurveStudy:
             ("curve",),
         )
 
-    def fit_model(
-        self,
-        model: CurveModel,
-        tables: Mapping[str, Run],
-        *,
-        bad: Mapping[str, BadFrames],
-        rng: np.random.Generator,
-    ) -> Fit:
-        """The mode of the problem of a model."""
-        return self.fit(model.problem, tables, rng=rng)
-
     def _only_noise(self) -> InputError:
         return self.source.places.error(
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
@@ -371,69 +315,11 @@ class CurveStudy:
         """Raises InputError: points on a curve are no speeds."""
         self.require_body()
 
-    def _require_determined(self, fit: Fit) -> None:
-        """Raises InputError where neither the data nor a prior hold a parameter, so that no
-        posterior exists to draw from.
-        """
-        if fit.unheld is not None:
-            rule = (
-                "is hardly constrained by the data: far from here minus twice the log of "
-                "the posterior density is only "
-                f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
-                "draw from; give it limits (low and high), or a prior"
-            )
-            raise self.source.places.error(rule, self._place(fit.unheld.parameters[0].name))
-        flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
-        # not the standard deviations, which a parameter beside a limit does not have
-        curvature = np.sqrt(np.diag(fit.cov))
-        held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
-        unheld = [
-            name for name, known in zip(fit.names, held, strict=True) if name in flat and not known
-        ]
-        if not unheld:
-            return
-        if is_resolved(fit):
-            rule = (
-                "has terms that all but cancel at these x: rounding errors leave too few "
-                "digits to draw from the posterior; "
-                "write it in x - x0, with x0 in the middle of the data"
-            )
-            raise self.source.places.error(rule, ("curve", "expression"))
-        first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
-        path = self._place(first)
-        if not others:
-            raise self.source.places.error(
-                "is not determined by the data: give it limits (low and high), or a prior", path
-            )
-        together = " and ".join(f"'{other}'" for other in others)
-        rule = (
-            f"is not determined by the data, nor is {together}, only a combination of them: "
-            "give one a value, limits (low and high), or a prior"
-        )
-        raise self.source.places.error(rule, path)
-
-    def _require_scatter(self, fit: Fit) -> None:
-        """Raises InputError where nothing is stated of the size of the errors, and the residuals
-        are zero.
-        """
-        if self.table.noise is not None:
-            return
-        stated = {
-            run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None
-        }
-        for run in fit.problem.runs:
-            if run.name not in stated and no_scatter(run, fit):
-                rule = (
-                    f"must be stated: the curve meets every point of run '{run.name}', so "
-                    "nothing shows their errors (were the data computed?)"
-                )
-                raise self.source.places.error(rule, ("curve", "u_y"))
-
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true
         value can be drawn from it.
         """
-        self._refuse_discrepancy("estim calibrate")
+        self.refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
             rule = (
                 "is not supported by estim calibrate, which simulates counts, not times: count "
@@ -448,12 +334,14 @@ class CurveStudy:
                 )
                 raise self.source.places.error(rule, self._place(parameter.name))
 
-    def _place_of(
-        self, error: InputError, problem: Problem, tables: Mapping[str, Run]
-    ) -> InputError:
-        """An error of the search for an optimum with its place: the first row at which alone the
-        curve is not finite at the start.
+    def placed(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+        """The error at its key or parameter; one of the search for an optimum at the first row at
+        which alone the curve is not finite at the start.
         """
+        if error.field in ("u_y", "expression"):
+            return self.source.places.error(error.rule, ("curve", error.field))
+        if error.field in problem.names:
+            return self.source.places.error(error.rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):

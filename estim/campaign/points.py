@@ -29,6 +29,7 @@ from estim.problem import (
     Noise,
     Normal,
     Parameter,
+    Rows,
     Scale,
     Uniform,
     as_prior,
@@ -50,6 +51,7 @@ class Observed:
     """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out;
     noise and its unknowns.
 
+    rows : where the readings stand that they are or are made of.
     positions : whether the points are positions at known times.
     arguments : of the curve that are not physics (offset, and release_time of positions): a
         parameter's name or a fixed number.
@@ -63,6 +65,7 @@ class Observed:
     arguments: Mapping[str, str | float]
     excluded: tuple[Finding, ...]
     excluded_points: FloatArray
+    rows: Rows
     positions: bool = False
 
 
@@ -194,6 +197,7 @@ def _differentiated(
         arguments=zero,
         excluded=blank + selection.reasons,
         excluded_points=_others(position[rows], derivative.value, selection),
+        rows=Rows(t, run.lines, selected, position),
     )
 
 
@@ -271,6 +275,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
     check_count(selection, run, levels, blank)
     selected = selection.kept
+    t_selected = None if when is None else when[selected]
     zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
         sigma=sigma,
@@ -283,7 +288,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     return Observed(
         x=where[selected],
         y=speed[selected],
-        t=None if when is None else when[selected],
+        t=t_selected,
         noise=noise,
         parameters=_some(
             zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters
@@ -291,6 +296,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         arguments=zero,
         excluded=blank + selection.reasons,
         excluded_points=_others(where, speed, selection),
+        rows=Rows.of_points(selected.size, t_selected, run.lines[rows[selected]]),
     )
 
 
@@ -384,6 +390,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
         excluded=selection.reasons,
         excluded_points=_others(t, position, selection),
+        rows=Rows.of_points(x.size, x, run.lines[rows]),
     )
 
 

@@ -7,22 +7,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-import numpy as np
-
-from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.levels import Path
 from estim.campaign.noise_models import Candidate
-from estim.deviation import BadFrames, ForceSize
+from estim.common import InputError
 from estim.explanation import Suspects
-from estim.fitting import Fit
 from estim.problem import Problem
 from estim.reading import Run
 
 
 class Study(Protocol):
-    """Poses the problems of runs, finds their modes and knows what may be asked of them; every
+    """Poses the problems of runs and knows what may be asked of them; every
     method may raise InputError with its place.
     """
 
@@ -50,31 +46,6 @@ class Study(Protocol):
     def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
         """The runs `names` as stated, and with what they may have beside it."""
 
-    def fit(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        *,
-        rng: np.random.Generator,
-        near: FloatArray | None = None,
-    ) -> Fit:
-        """The posterior mode, where the data determine one; near : (n_par,) the only place to look
-        for it, where that is known.
-        """
-
-    def expected_information(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        values: FloatArray,
-        sizes: Mapping[str, ForceSize],
-    ) -> FloatArray:
-        """(n_par, n_par) information at `values` that runs with `tables` would give, priors
-        included.
-
-        sizes : run -> how large its unmodelled force is; runs without one have none.
-        """
-
     def check(self, name: str, tables: Mapping[str, Run]) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
 
@@ -92,16 +63,12 @@ class Study(Protocol):
     ) -> tuple[CurveModel, ...]:
         """The models of the runs `names` that can be compared, two at least."""
 
-    def fit_model(
-        self,
-        model: CurveModel,
-        tables: Mapping[str, Run],
-        *,
-        bad: Mapping[str, BadFrames],
-        rng: np.random.Generator,
-    ) -> Fit:
-        """The posterior mode of one of them; bad : run -> frames that another model shows to be
-        shifted.
+    def placed(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+        """An error of the fit of a problem with its place in the campaign, where it has one."""
+
+    def refuse_discrepancy(self, command: str) -> None:
+        """Raises InputError where a curve of the user's own may lack something, which `command`
+        does not foresee.
         """
 
     def place_of_unknowns(self, name: str) -> Path:

@@ -74,6 +74,7 @@ def calibrate(
         simulation_based_calibration,
     )
     from estim.campaign import as_complete, load_campaign
+    from estim.fitting import fit_problem
     from estim.reports import calibration_report, unlike_fit
     from estim.words import tell
 
@@ -87,9 +88,9 @@ def calibrate(
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
-            fit = loaded.fit(
-                as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT)
-            )
+            complete = as_complete(posed, "estim calibrate")
+            with loaded.placing(complete):
+                fit = fit_problem(complete, rng=stream(seed, Stream.CALIBRATION_FIT))
             unlike = unlike_fit(posed, loaded.problem(group, usual=True))
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []

@@ -23,6 +23,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
+from estim.fitting import MAX_PARAMETERS
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import (
@@ -46,7 +47,6 @@ __all__ = [
 ]
 
 
-MAX_PARAMETERS = 14
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal
 # over runs
 MAX_TIED = 20

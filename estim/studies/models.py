@@ -31,6 +31,7 @@ from estim.checks import LeaveOneOut, difference, leave_one_out
 from estim.common import InputError, PieceStore, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
+from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
@@ -166,7 +167,8 @@ def compare_models(
         with nullcontext() if progress_of is None else progress_of(model.name) as progress:
             if progress is not None:
                 progress(0, phrase("fit"))
-            fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
+            with campaign.placing(model.problem):
+                fit = fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             bad = (
                 {found.run: found.bad for found in fit.forces if len(runs) == 1}
                 if model.forced
@@ -186,6 +188,15 @@ def compare_models(
                 ),
             )
     return _compared(models, done, seed)
+
+
+def fit_model(model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+    """The posterior mode of a model; bad : run -> frames that are shifted, in models without a
+    force.
+    """
+    if model.forced or not model.roomy:
+        return fit_problem(model.problem, rng=rng)
+    return fit_without_force(fit_white(model.problem, rng=rng), bad=bad, rng=rng)
 
 
 def check_same_points(models: Sequence[CurveModel]) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
 from estim.common import PieceStore, Quantity, Status, Stream, phrase, run_parallel, stream
-from estim.fitting import Fit
+from estim.fitting import Fit, fit_problem
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
@@ -179,7 +179,8 @@ class _TaskRunner:
                 for name, value in zip(problem.names, problem.start(), strict=True)
             ]
         )
-        return self.campaign.fit(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
+        with self.campaign.placing(problem):
+            return fit_problem(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
 
 
 def reanalyse(
