@@ -468,8 +468,8 @@ def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_anoth
     (tmp_path / "two.csv").write_text(
         header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9))
     )
-    study = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula)).study
-    assert (study.x_column, study.y_column) == axes
+    posed = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula))
+    assert (posed.x_column, posed.y_column) == axes
 
 
 @pytest.mark.parametrize(
@@ -501,8 +501,8 @@ def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken
     assert f'(--x "{first}" --y "{second}", or --x "{second}" --y "{first}")' in said
     if formula == "v*x + b":
         for x, y in ((first, second), (second, first)):
-            study = campaign_of_table(file, TableChoices(formula=formula, x=x, y=y)).study
-            assert (study.x_column, study.y_column) == (x, y)
+            posed = campaign_of_table(file, TableChoices(formula=formula, x=x, y=y))
+            assert (posed.x_column, posed.y_column) == (x, y)
 
 
 def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path: Path) -> None:

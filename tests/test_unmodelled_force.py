@@ -275,7 +275,7 @@ def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):
-        campaign.study.require_complete(["class-balanced_1"], "estim energy")
+        campaign.require_complete(["class-balanced_1"], "estim energy")
     with pytest.raises(InputError, match=f"{place} estim calibrate"):
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
 
@@ -284,7 +284,7 @@ def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_c
     tmp_path: Path,
 ) -> None:
     campaign = wheel(tmp_path, "")
-    campaign.study.require_complete(["class-balanced_1"], "estim energy")
+    campaign.require_complete(["class-balanced_1"], "estim energy")
     alone = campaign.problem(["class-balanced_1"])
     campaign.require_unknowns(alone, drawn=True)
     together = campaign.problem(["class-balanced_1", "class-balanced_2"])

@@ -3,11 +3,12 @@ first, `levels` for what runs share.
 """
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
-from estim.campaign.campaign import Campaign, load_campaign
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
+from estim.campaign.loading import load_campaign
 from estim.campaign.others import (
     Candidate,
     CurveModel,

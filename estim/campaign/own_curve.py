@@ -26,6 +26,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import (
@@ -62,18 +63,16 @@ from estim.curves import (
 )
 from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
-from estim.reading import Places, Run, of_any_curve, run_of_table
+from estim.reading import Places, of_any_curve, run_of_table
 
 
-@dataclass(frozen=True, eq=False)
-class CurveStudy:
-    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the
-    inference for some of the runs.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CurveCampaign(Campaign):
+    """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
     told : run -> its axes, whose units are those of its header where the campaign says none.
     """
 
-    source: CampaignFile
     curve: Formula
     axes: AxisNames
     table: CurveTable
@@ -93,24 +92,20 @@ class CurveStudy:
     def y_column(self) -> str:
         return y_axis(self.table).column
 
-    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
-        """Which columns of the run's file are x, y and their uncertainties, in words."""
-        return self._run(name).columns_sentence(self.told[name], tables[name])
+    def columns(self, names: Sequence[str]) -> str:
+        sentences = (
+            self._run(name).columns_sentence(self.told[name], self.tables[name]) for name in names
+        )
+        return "; ".join(dict.fromkeys(sentences))
 
     def _run(self, name: str) -> RunOfCurve:
         index = [run.name for run in self.runs].index(name)
         return RunOfCurve(self.source, self.table, self.runs[index], index)
 
-    def problem(
-        self,
-        names: Sequence[str],
-        tables: Mapping[str, Run],
-        *,
-        noise: NoiseTable | None = None,
-        usual: bool = False,
+    def _posed(
+        self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
     ) -> Problem:
-        """The joint problem of the runs `names` with their tables.  Raises InputError, also where
-        other noise is asked for.
+        """Raises InputError also where other noise is asked for.
 
         usual : changes nothing: what is usual of a user's own axes nobody knows
             (`[curve.shared_errors]` says it).
@@ -166,7 +161,7 @@ class CurveStudy:
             }
             posed = pose_run(
                 run,
-                tables[name],
+                self.tables[name],
                 curve=self.curve,
                 axes=self.told[name],
                 values=values,
@@ -245,14 +240,14 @@ class CurveStudy:
                     )
                     raise self.source.places.error(rule, ("curve", key))
 
-    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+    def suspects(self, names: Sequence[str]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         room = phrase(
             "another curve may explain them; if this one is known to be right, the errors "
             "of successive readings may be "
             "correlated: correlated = true under [curve]"
         )
-        return Suspects(self.problem(names, tables), room)
+        return Suspects(self._posed(names), room)
 
     def refuse_discrepancy(self, command: str) -> None:
         """Raises InputError where the campaign asks for what a curve may lack, which `command` does
@@ -261,14 +256,13 @@ class CurveStudy:
         for run in self.runs:
             self._run(run.name).refuse_discrepancy(command)
 
-    def check(self, name: str, tables: Mapping[str, Run]) -> None:
-        """Raises InputError where the data of a run pose no problem."""
-        self.problem([name], tables)
+    def check(self, name: str) -> None:
+        self._posed([name])
 
     def body_of(self, name: str) -> None:
         """A curve is no body."""
 
-    def unit_of(self, argument: str, name: str) -> str:
+    def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
         return self._word(argument, self._run(name), "unit") or follows.get(argument, "1")
@@ -277,14 +271,13 @@ class CurveStudy:
         """The unit or meaning that is stated of a parameter of a run."""
         return stated_word([run.table.parameters, self.table.parameters], argument, word)
 
-    def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
+    def noise_models(self, name: str) -> tuple[Candidate, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
 
-    def curve_models(
-        self, names: Sequence[str], tables: Mapping[str, Run]
-    ) -> tuple[CurveModel, ...]:
+    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
         """Raises InputError: the models that are compared are those of a rolling body."""
+        self.problem(names)
         raise self.source.places.error(
             "is a formula of your own; estim compare-models compares models of a rolling body",
             ("curve",),
@@ -295,24 +288,18 @@ class CurveStudy:
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
         )
 
-    def place_of_unknowns(self, name: str) -> Place:
-        """Where in the file the unknowns of a run are declared."""
+    def _place_of_unknowns(self, name: str) -> Place:
         return ("curve", "parameters")
 
     def require_body(self) -> None:
-        """Raises InputError: there is no rolling body to speak of."""
         raise self.source.places.error(
             "has no rolling body, which this command is about", ("curve",)
         )
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError: what a user's own curve may lack is no business of commands that know
-        rolling bodies.
-        """
         self.require_body()
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError: points on a curve are no speeds."""
         self.require_body()
 
     def require_draws(self, problem: Problem) -> None:
@@ -334,7 +321,7 @@ class CurveStudy:
                 )
                 raise self.source.places.error(rule, self._place(parameter.name))
 
-    def placed(self, error: InputError, problem: Problem, tables: Mapping[str, Run]) -> InputError:
+    def _placed(self, error: InputError, problem: Problem) -> InputError:
         """The error at its key or parameter; one of the search for an optimum at the first row at
         which alone the curve is not finite at the start.
         """
@@ -349,7 +336,7 @@ class CurveStudy:
                     np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs)
                 )[0]
             if np.any(finite) and not np.all(finite):
-                table = tables[run.name]
+                table = self.tables[run.name]
                 row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))
                 return table.error(
                     "is where the curve is not finite, at the start and around: leave the "
@@ -393,7 +380,7 @@ class CurveStudy:
         return (
             source
             if isinstance(source, float)
-            else Parameter(named, self.unit_of(name, run.table.name), source, meaning)
+            else Parameter(named, self._unit_of(name, run.table.name), source, meaning)
         )
 
     def _entry(self, name: str, run: RunOfCurve) -> float | str | ParameterTable | None:
@@ -417,10 +404,10 @@ class CurveStudy:
         return tuple(components)
 
 
-def read_curve_study(
+def read_curve_campaign(
     source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]
-) -> tuple[CurveStudy, Mapping[str, Run]]:
-    """The curve of a campaign and the tables of the runs `only`.
+) -> CurveCampaign:
+    """The campaign of a curve of the user's own, with the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
@@ -446,20 +433,20 @@ def read_curve_study(
     run_axes = MappingProxyType(
         {name: run.told(axes, read[name]) for name, run in curve_runs.items()}
     )
-    study = CurveStudy(
-        source,
-        formula,
-        axes,
-        table,
-        runs,
-        BareFormula(formula) if named is None else named,
-        run_axes,
-    )
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
         for name, data in read.items()
     }
-    return study, MappingProxyType(tables)
+    return CurveCampaign(
+        source,
+        MappingProxyType(tables),
+        curve=formula,
+        axes=axes,
+        table=table,
+        runs=runs,
+        asked=BareFormula(formula) if named is None else named,
+        told=run_axes,
+    )
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

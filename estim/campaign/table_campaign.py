@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from estim.campaign.campaign import Campaign, bound
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
+from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula

@@ -29,9 +29,6 @@ from estim.fitting.optimum import (
     Optimum,
     find_optimum,
     refit_with_noise,
-    fit_optimum,
-    is_resolved,
-    scanned_fit,
     with_other_modes,
 )
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals

@@ -108,7 +108,7 @@ def plan(
     if any(run.positions for run in problem.runs):
         problem = as_complete(problem, "estim plan")
     campaign.require_unknowns(problem)
-    campaign.study.refuse_discrepancy("estim plan")
+    campaign.refuse_discrepancy("estim plan")
     targets = targets_of(campaign, problem, wanted)
     asked = (
         *_asked_changes(campaign, problem),

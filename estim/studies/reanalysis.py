@@ -199,7 +199,7 @@ def reanalyse(
 
     Raises InputError; NumericalError where processes are killed, twice.
     """
-    campaign.study.require_speeds(campaign.run_names, _COMMAND)
+    campaign.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
     work = _TaskRunner(
         campaign,

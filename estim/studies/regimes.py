@@ -101,7 +101,7 @@ def map_bodies(
     ramp_length (m from the release) : in place of what the campaign says.
     fitted : a fit, in place of what was stated.  Raises InputError.
     """
-    of_run = {name: campaign.study.body_of(name) for name in campaign.run_names}
+    of_run = {name: campaign.body_of(name) for name in campaign.run_names}
     chosen = tuple(dict.fromkeys(bodies)) or tuple(
         dict.fromkeys(body for body in of_run.values() if body is not None)
     )
