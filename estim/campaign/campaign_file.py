@@ -24,11 +24,10 @@ from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
-from estim.campaign.track_table import choices_of
 from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
 from estim.problem import Prior
-from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
+from estim.reading import TOML_BYTES, Places, Unit, leads_out, parse_toml, read_text
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -124,11 +123,6 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     frame_ms: float | None = None
     drop_duplicates: bool | None = None
     leave_out_s: list[float] | None = None
-
-    @property
-    def choices(self) -> Choices | None:
-        """How a file of the program Tracker is to be read; None where nothing is said."""
-        return choices_of(self)
 
 
 class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -40,7 +40,8 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
         kind: Any = DerivedTable if isinstance(entry, dict) else str
         table = checked(entry, kind, places, path)
         table = DerivedTable(table) if isinstance(table, str) else table
-        check_printable(places, path, unit=table.unit, name=table.symbol, meaning=table.meaning)
+        words = {"unit": table.unit, "symbol": table.symbol, "meaning": table.meaning}
+        check_printable(places, path, words)
         try:
             quantities.append(
                 seek(

@@ -14,6 +14,7 @@ from estim.campaign.campaign_file import CampaignFile, RunTable, read_campaign_f
 from estim.campaign.derived import read_derived
 from estim.campaign.dialect_table import dialect_of
 from estim.campaign.own_curve import read_curve_campaign
+from estim.campaign.track_table import choices_of
 from estim.campaign.truth import read_truth
 from estim.common import InputError, listed, phrase
 from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
@@ -114,11 +115,12 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
         (("bodies", run.body), source.bodies[run.body]),
         (("shared",), source.shared),
     )
+    choices = choices_of(run)
     dialect = dialect_of(
-        levels[:1] if is_tracker_file(path) or run.choices is not None else levels, source.places
+        levels[:1] if is_tracker_file(path) or choices is not None else levels, source.places
     )
     with source.reading(path, COLUMNS):
-        table = read_run(path, name=run.name, choices=run.choices, dialect=dialect)
+        table = read_run(path, name=run.name, choices=choices, dialect=dialect)
     if not run.leave_out_s:
         return table
     try:

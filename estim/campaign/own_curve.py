@@ -112,47 +112,29 @@ class CurveCampaign(Campaign):
         """
         if noise is not None:
             raise self._only_noise()
-        components, runs = self._components(), {name: self._run(name) for name in names}
-        bound = {
-            name: {argument: self._bind(argument, run) for argument in self.curve.names}
-            for name, run in runs.items()
+        components = self._components()
+        shared = {
+            entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
+            for entry in components
         }
-        uses = Counter(
-            entry.name
-            for bindings in bound.values()
-            for entry in bindings.values()
-            if isinstance(entry, Parameter)
-        )
-        if any(count > 1 for count in uses.values()):
-            self._refuse_other_units(names)
+        runs = [self._run(name) for name in names]
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
-        shared: dict[str, Parameter] = {}
         observed = []
-        for name, run in runs.items():
-            unknown = {
-                argument: entry
-                for argument, entry in bound[name].items()
+        for run, bound in zip(runs, self._bound(runs), strict=True):
+            name = run.table.name
+            # what runs share begins where the first of them found a start
+            entries = {
+                argument: parameters.get(entry.name, entry)
                 if isinstance(entry, Parameter)
+                else entry
+                for argument, entry in bound.items()
             }
-            if len(names) > 1:  # one that all other runs override is of this run
-                unknown = {
-                    argument: replace(entry, name=f"{argument}[{name}]")
-                    if uses[argument] == 1
-                    else entry
-                    for argument, entry in unknown.items()
-                }
-            known = {
-                argument: parameters.get(entry.name, entry) for argument, entry in unknown.items()
-            }
+            unknown = {a: entry for a, entry in entries.items() if isinstance(entry, Parameter)}
             chosen = {
                 argument
                 for argument, entry in unknown.items()
                 if entry.name not in parameters and is_unstarted(self._entry(argument, run))
-            }
-            values = {
-                argument: known[argument].prior if isinstance(entry, Parameter) else entry
-                for argument, entry in bound[name].items()
             }
             stated = {
                 argument: unit
@@ -164,7 +146,10 @@ class CurveCampaign(Campaign):
                 self.tables[name],
                 curve=self.curve,
                 axes=self.told[name],
-                values=values,
+                values={
+                    argument: entry.prior if isinstance(entry, Parameter) else entry
+                    for argument, entry in entries.items()
+                },
                 units=stated,
                 components=components,
                 chosen=chosen,
@@ -177,22 +162,15 @@ class CurveCampaign(Campaign):
                 raise run.error(rule, "deviation")
             begun = self._started(posed.posed, {*self.curve.names} - chosen)
             parameters |= {
-                known[argument].name: replace(known[argument], prior=begun[argument].prior)
-                for argument in known
+                entry.name: replace(entry, prior=begun[argument].prior)
+                for argument, entry in unknown.items()
             }
-            shared |= {
-                entry.parameter_name: entry.parameter(
-                    x_unit=self.axes.x_unit, y_unit=self.axes.y_unit
-                )
-                for entry in components
-            }
-            arguments = {
-                argument: known[argument].name if isinstance(entry, Parameter) else entry
-                for argument, entry in bound[name].items()
+            sources = {
+                argument: entry.name if isinstance(entry, Parameter) else entry
+                for argument, entry in entries.items()
             }
             points, further = posed.observed(
-                self.axes,
-                MappingProxyType({**arguments, **{component: component for component in shared}}),
+                self.axes, MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
             )
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
@@ -208,6 +186,29 @@ class CurveCampaign(Campaign):
             (*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()),
             tuple(observed),
         )
+
+    def _bound(self, runs: Sequence[RunOfCurve]) -> list[dict[str, Parameter | float]]:
+        """Of each run argument of the curve -> its parameter, or an exact value; one that all other
+        runs override is of this run.
+        """
+        bound = [{name: self._bind(name, run) for name in self.curve.names} for run in runs]
+        uses = Counter(
+            entry.name
+            for of_run in bound
+            for entry in of_run.values()
+            if isinstance(entry, Parameter)
+        )
+        if any(count > 1 for count in uses.values()):
+            self._refuse_other_units([run.table.name for run in runs])
+        return [
+            {
+                argument: replace(entry, name=f"{argument}[{run.table.name}]")
+                if isinstance(entry, Parameter) and uses[argument] == 1 < len(runs)
+                else entry
+                for argument, entry in of_run.items()
+            }
+            for run, of_run in zip(runs, bound, strict=True)
+        ]
 
     def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
         """Argument -> parameter, with starts found from the points but for those `held`.  Raises
