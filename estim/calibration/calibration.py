@@ -42,7 +42,6 @@ from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
     N_RANK,
-    PROBABILITIES,
     Engine,
     Plan,
     Trial,
@@ -55,6 +54,7 @@ from estim.calibration.trial import (
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
 from estim.common import (
+    PROBABILITIES,
     Amount,
     Finding,
     Kind,

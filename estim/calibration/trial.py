@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, Label, NumericalError, Stream, stream
+from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Parameter, Prior, Problem
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
@@ -23,7 +23,6 @@ from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 IntArray = NDArray[np.int64]
 What = Literal["sbc", "coverage"]
 
-PROBABILITIES = (0.68, 0.95)
 N_RANK = 99
 _TRUSTED = 0.5  # k-hat
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign

@@ -19,8 +19,9 @@ from estim.campaign.campaign_file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
-from estim.campaign.selection import MAX_DENSE, MAX_OBS, Selection, Window, check_count, select
+from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
 from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
+from estim.curves import MAX_DENSE
 from estim.problem import (
     STENCILS,
     Derivative,

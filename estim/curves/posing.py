@@ -53,7 +53,7 @@ SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
 MAX_OBS = 100_000  # of independent errors of y alone, which cost in proportion to the points
-MAX_DENSE = 3000  # of a covariance matrix, errors of x, counts
+MAX_DENSE = 3000  # of a covariance matrix that is diagonalised, errors of x, counts
 
 
 @dataclass(frozen=True, eq=False)

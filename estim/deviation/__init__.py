@@ -14,4 +14,5 @@ from estim.deviation.discrepancy import DeviationSize, FoundDeviation, pose_devi
 from estim.deviation.noise import FreeStart
 from estim.deviation.parts import DEVIATION, FORCE, FRAMES, START, parts_of_errors
 from estim.deviation.posing import FoundForce
+from estim.deviation.smoothing import GUARD
 from estim.deviation.repetition import MixtureErrors, replicas

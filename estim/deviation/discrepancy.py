@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import phrase
+from estim.common import PROBABILITIES, phrase
 from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
@@ -47,7 +47,6 @@ from estim.deviation.residuals import Residuals
 from estim.problem import Discrepancy, Observations, Problem, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
-_PROBABILITIES = (0.68, 0.95)
 Interval = tuple[float, float]
 
 
@@ -320,7 +319,7 @@ def _intervals(
             for edge in (low, high)
         )
         ends = {}
-        for p in _PROBABILITIES:
+        for p in PROBABILITIES:
             places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
             ends[p] = tuple(
                 np.clip(value + linear.quantiles(direction, places), low, high).tolist()

@@ -15,6 +15,7 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import (
+    LEVELS,
     Label,
     Notation,
     Quantity,
@@ -28,17 +29,7 @@ from estim.common import (
     phrase,
     signed,
 )
-from estim.drawing import (
-    BLUE,
-    GREY,
-    INK,
-    LEVELS,
-    ORANGE,
-    draw_bands,
-    grid,
-    legend_below,
-    new_figure,
-)
+from estim.drawing import BLUE, GREY, INK, ORANGE, draw_bands, grid, legend_below, new_figure
 from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render

@@ -18,7 +18,7 @@ from estim.common import PieceStore
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
 
-_LOO_DRAWS = 2000
+LOO_DRAWS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ def compare_noise(
             (
                 candidate,
                 analysis,
-                leave_one_out(analysis.fit.posterior, analysis.chain.thinned(_LOO_DRAWS)),
+                leave_one_out(analysis.fit.posterior, analysis.chain.thinned(LOO_DRAWS)),
             )
         )
     rows = []

@@ -35,6 +35,7 @@ from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
+from estim.studies.comparison import LOO_DRAWS
 
 APART = 3.0  # of log evidence
 # of elpd: less, or less than so many of its standard errors, decides nothing
@@ -43,7 +44,7 @@ FACTORS = (0.5, 2.0)  # of the width of a prior
 # what the default adds beside parameters
 FORCE, START = later("the force"), later("the free start")
 _OF_START = ("release_energy", "release_speed")
-_LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
+_WIDTH_DRAWS = 8000
 
 
 class Ground(StrEnum):
@@ -177,14 +178,12 @@ def compare_models(
             kept = None if store is None else store.given(campaign.digests(runs), model.name)
             analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
             analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
-            loo = leave_one_out(fit.posterior, analysis.chain.thinned(_LOO_DRAWS))
+            loo = leave_one_out(fit.posterior, analysis.chain.thinned(LOO_DRAWS))
             done[model.name] = (
                 analysis,
                 loo,
                 predictive_checks(
-                    fit.posterior,
-                    analysis.chain.thinned(_LOO_DRAWS),
-                    rng=stream(seed, Stream.AGAIN),
+                    fit.posterior, analysis.chain.thinned(LOO_DRAWS), rng=stream(seed, Stream.AGAIN)
                 ),
             )
     return _compared(models, done, seed)
@@ -374,7 +373,7 @@ def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
 
 def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
     """(n_draw,) of the likelihood with more or less room for a force, or for the start."""
-    fit, draws = analysis.fit, analysis.chain.thinned(_LOO_DRAWS)
+    fit, draws = analysis.fit, analysis.chain.thinned(LOO_DRAWS)
     ratio, named = np.zeros(draws.shape[0]), fit.problem.named(draws)
     for group, likelihood in zip(fit.problem.groups, fit.posterior.likelihoods, strict=True):
         assert isinstance(likelihood, MixtureErrors), "asked before"

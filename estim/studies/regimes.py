@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import Finding, InputError
+from estim.common import LEVELS, Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
 from estim.problem import Observations
 from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
-from estim.studies.run_places import LEVELS, RunPlace, farthest_recorded, place_of
+from estim.studies.run_places import RunPlace, farthest_recorded, place_of
 
 _N_DRAW, _N_PHI = 2000, 361
 # m between contours, and how many at most
