@@ -237,7 +237,7 @@ def test_runs_of_two_bodies_with_forces_agree(project: Path) -> None:
     """
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
     problem = campaign.problem(campaign.run_names, usual=True)
-    fit = fit_problem(problem, rng=np.random.default_rng(0))
+    fit = fit_problem(problem, rng=np.random.default_rng(0), near=problem.start())
     found = check_consistency(fit)
     assert found.agree
     assert found.p_value > 0.01
