@@ -197,9 +197,9 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     assert [(jump.kind, jump.row) for jump in bad.jumps] == [("frame", 150)]
     np.testing.assert_allclose(bad.jumps[0].size, whole_bad.jumps[0].size, rtol=1e-8)
     np.testing.assert_allclose(
-        posed.found[0].force.mean,
-        whole_posed.found[0].force.mean,
-        atol=1e-8 * np.max(np.abs(whole_posed.found[0].force.mean)),
+        posed.forces[0].force.mean,
+        whole_posed.forces[0].force.mean,
+        atol=1e-8 * np.max(np.abs(whole_posed.forces[0].force.mean)),
     )
 
 

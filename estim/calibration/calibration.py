@@ -226,13 +226,13 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
     Monte-Carlo standard deviations off; at one truth, where something leans on a prior that is no
     measurement, only if it is too small.
     """
-    found = []
+    faults = []
     least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
     excused = calibration.what == "coverage" and bool(calibration.leaning)
     for name in calibration.reported:
         p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0
         if p_value < least:
-            found.append(
+            faults.append(
                 Finding(
                     Kind.RANKS_UNEVEN,
                     test=direction(calibration, name),
@@ -246,7 +246,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
             if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
                 how = direction(calibration, name) or ("narrow" if held < p else "wide")
                 numbers = {"probability": p, "errors": float(abs(held - p) / u)}
-                found.append(
+                faults.append(
                     Finding(
                         Kind.COVERAGE_OFF,
                         test=how,
@@ -257,7 +257,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                 )
     if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
         worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
-        found.append(
+        faults.append(
             Finding(
                 Kind.TRIALS_FAILED,
                 size=calibration.n_failed,
@@ -265,7 +265,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                 names=(worst,),
             )
         )
-    return tuple(found)
+    return tuple(faults)
 
 
 def direction(calibration: Calibration, name: str) -> str:

@@ -51,13 +51,13 @@ def _null(n: int, n_rank: int) -> FloatArray:
     """(40000,) sorted statistics of uniform ranks."""
     rng = np.random.default_rng(20220301)
     table, columns = _tails(n, n_rank), np.arange(n_rank)
-    found = []
+    smallest = []
     for _ in range(_N_NULL // _CHUNK):
         counts = np.cumsum(
             rng.multinomial(n, np.full(n_rank + 1, 1.0 / (n_rank + 1)), size=_CHUNK), axis=1
         )[:, :-1]
-        found.append(np.min(table[counts, columns], axis=1))
-    return np.sort(np.concatenate(found))
+        smallest.append(np.min(table[counts, columns], axis=1))
+    return np.sort(np.concatenate(smallest))
 
 
 def uniformity_p_value(ranks: IntArray, n_rank: int) -> float:

@@ -267,13 +267,15 @@ def _of_text(path: Path, text: str, digest: str, measured: bool) -> CampaignFile
     return _checked_file(path, digest, tree, places, measured=measured)
 
 
-def campaign_file_of(text: str, path: Path, *, said: str) -> CampaignFile:
-    """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors
+def campaign_file_of(text: str, path: Path, *, shown: str) -> CampaignFile:
+    """The campaign in a text that stands in no file, as if it did at `path`.  shown : how errors
     name it.  Raises InputError.
     """
-    tree, _ = parse_toml(text, said)
+    tree, _ = parse_toml(text, shown)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return replace(_checked_file(path, digest, tree, Places(said, {}), measured=True), written=text)
+    return replace(
+        _checked_file(path, digest, tree, Places(shown, {}), measured=True), written=text
+    )
 
 
 def _checked_file(

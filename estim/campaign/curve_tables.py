@@ -177,8 +177,8 @@ def check_words(
                 )
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
-                said = {"unit": entry.unit, "meaning": entry.meaning}
-                check_printable(source.places, (*path, "parameters", name), said)
+                entry_words = {"unit": entry.unit, "meaning": entry.meaning}
+                check_printable(source.places, (*path, "parameters", name), entry_words)
 
 
 def with_variable(

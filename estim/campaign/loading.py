@@ -131,6 +131,6 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
         ) from None
 
 
-def _with_fact(run: Run, said: str | None) -> Run:
+def _with_fact(run: Run, fact: str | None) -> Run:
     """A run with one more fact, where there is one."""
-    return run if said is None else replace(run, facts=(*run.facts, said))
+    return run if fact is None else replace(run, facts=(*run.facts, fact))

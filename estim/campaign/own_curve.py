@@ -70,7 +70,7 @@ from estim.reading import Places, of_any_curve, run_of_table
 class CurveCampaign(Campaign):
     """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
-    told : run -> its axes, whose units are those of its header where the campaign says none.
+    run_axes : run -> its axes, whose units are those of its header where the campaign says none.
     """
 
     curve: Formula
@@ -78,7 +78,7 @@ class CurveCampaign(Campaign):
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
-    told: Mapping[str, AxisNames]
+    run_axes: Mapping[str, AxisNames]
 
     @property
     def formula(self) -> str:
@@ -94,7 +94,8 @@ class CurveCampaign(Campaign):
 
     def columns(self, names: Sequence[str]) -> str:
         sentences = (
-            self._run(name).columns_sentence(self.told[name], self.tables[name]) for name in names
+            self._run(name).columns_sentence(self.run_axes[name], self.tables[name])
+            for name in names
         )
         return "; ".join(dict.fromkeys(sentences))
 
@@ -145,7 +146,7 @@ class CurveCampaign(Campaign):
                 run,
                 self.tables[name],
                 curve=self.curve,
-                axes=self.told[name],
+                axes=self.run_axes[name],
                 values={
                     argument: entry.prior if isinstance(entry, Parameter) else entry
                     for argument, entry in entries.items()
@@ -230,7 +231,7 @@ class CurveCampaign(Campaign):
             units = {
                 name: unit
                 for name in names
-                if (unit := getattr(self.told[name], f"{key}_unit")) != "1"
+                if (unit := getattr(self.run_axes[name], f"{key}_unit")) != "1"
             }
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
@@ -432,7 +433,7 @@ def read_curve_campaign(
     }
     read = {name: run.read() for name, run in curve_runs.items()}
     run_axes = MappingProxyType(
-        {name: run.told(axes, read[name]) for name, run in curve_runs.items()}
+        {name: run.axes_of(axes, read[name]) for name, run in curve_runs.items()}
     )
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
@@ -446,7 +447,7 @@ def read_curve_campaign(
         table=table,
         runs=runs,
         asked=BareFormula(formula) if named is None else named,
-        told=run_axes,
+        run_axes=run_axes,
     )
 
 

@@ -433,7 +433,7 @@ def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...
 
 
 def _by_row(
-    run: Run, column: str, sigma: Scale, said: bool, unit: str, levels: Levels, path: Path
+    run: Run, column: str, sigma: Scale, known: bool, unit: str, levels: Levels, path: Path
 ) -> tuple[Scale, FloatArray | None]:
     """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise
     table.
@@ -443,7 +443,7 @@ def _by_row(
     if unit != "m":
         rule = f"does not apply to a run in {unit}; start the column's name with _ to skip it"
         raise InputError(rule, field=column, file=run.file)
-    if said:
+    if known:
         raise levels.error(f"is stated twice: here and in the {column} column of {run.file}", path)
     return Scale(1.0), run.columns[column]
 

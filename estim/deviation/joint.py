@@ -111,7 +111,7 @@ class Sharing(Stated):
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """noises : run -> its noise with the force.  shared : what ties runs together.  found : one
+    """noises : run -> its noise with the force.  shared : what ties runs together.  forces : one
     force a group.
 
     step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white
@@ -121,7 +121,7 @@ class Posed:
 
     noises: Mapping[str, Noise]
     shared: tuple[Together, ...]
-    found: tuple[FoundForce, ...]
+    forces: tuple[FoundForce, ...]
     step: FloatArray
     cov: FloatArray
     parts: NormalParts | None
@@ -129,7 +129,7 @@ class Posed:
     def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
         moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
-        return tuple(replace(force, moved=moved) for force in self.found)
+        return tuple(replace(force, moved=moved) for force in self.forces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,7 +277,7 @@ def pose_forces(
     noises, shared = noises_of(lacking, posterior.linear, WithForce)
     forces = []
     for group, linear in zip(lacking, posterior.linear, strict=True):
-        found = _found(group, linear, values, without, problem, posterior.data)
+        force = _described(group, linear, values, without, problem, posterior.data)
         each = tuple(
             _told_alone(run, problem, values, alone[run.name])
             for run in group.runs
@@ -292,7 +292,7 @@ def pose_forces(
                 group.formed,
                 group.tracked.alongs[0],
             )
-        forces.append(replace(found, alone=each, completed=completed))
+        forces.append(replace(force, alone=each, completed=completed))
     n, first = problem.n_par, posterior.linear[0]
     parts = (
         normal_parts(
@@ -450,7 +450,7 @@ def by_itself(run: Observations, problem: Problem) -> Observations:
     )
 
 
-def _found(
+def _described(
     group: _Forced,
     linear: Linearised,
     values: FloatArray,

@@ -76,12 +76,14 @@ def draw_inputs(
     return {quantity.name: drawn[quantity.name] for quantity in inputs}
 
 
-def standard_score(one: Input, z: FloatArray) -> FloatArray:
+def standard_score(quantity: Input, z: FloatArray) -> FloatArray:
     """(x - value)/scale at the normal quantile `z`, (n_draw,): the increasing map from N(0, 1) to
     the input's distribution.
     """
-    relative = one.u / one.value if one.distribution in POSITIVE else 0.0
-    return score(z, one.distribution, dof=one.drawn_dof, shape=one.shape, relative=relative)
+    relative = quantity.u / quantity.value if quantity.distribution in POSITIVE else 0.0
+    return score(
+        z, quantity.distribution, dof=quantity.drawn_dof, shape=quantity.shape, relative=relative
+    )
 
 
 def _copula_coefficient(first: Input, second: Input, target: float) -> float:

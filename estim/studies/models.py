@@ -113,9 +113,9 @@ class ComparedModel:
         """
         return max(
             (
-                one.change
-                for one in self.widths
-                if one.of == START and one.factor == 0.0 and one.change > 0.0
+                width.change
+                for width in self.widths
+                if width.of == START and width.factor == 0.0 and width.change > 0.0
             ),
             default=0.0,
         )
@@ -171,7 +171,7 @@ def compare_models(
             with campaign.placing(model.problem):
                 fit = fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             bad = (
-                {found.run: found.bad for found in fit.forces if len(runs) == 1}
+                {force.run: force.bad for force in fit.forces if len(runs) == 1}
                 if model.forced
                 else bad
             )
@@ -220,13 +220,15 @@ def _compared(
     done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]],
     seed: int,
 ) -> ModelComparison:
-    found = {model.name: _evidence(done[model.name][0], model) for model in models}
-    highest = max((value for value, _, lack in found.values() if lack is None), default=math.nan)
+    evidences = {model.name: _evidence(done[model.name][0], model) for model in models}
+    highest = max(
+        (value for value, _, lack in evidences.values() if lack is None), default=math.nan
+    )
     best = max((loo for _, loo, _ in done.values()), key=lambda loo: loo.elpd)
     rows = []
     for i, model in enumerate(models):
         analysis, loo, predicted = done[model.name]
-        value, u, lack = found[model.name]
+        value, u, lack = evidences[model.name]
         behind, se = (0.0, 0.0) if loo is best else difference(best, loo)
         widths = (
             () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
@@ -332,7 +334,7 @@ def _widths(
     """From the draws: the posterior mean of new over old prior; by a computation of its own where
     too few draws tell.
     """
-    fit, draws, found = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
+    fit, draws, widths = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
     for name in model.own:
         i = fit.names.index(name)
         prior = fit.problem.parameters[i].prior
@@ -343,17 +345,17 @@ def _widths(
             width = _width(
                 name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i])
             )
-            found.append(
+            widths.append(
                 width
                 if math.isfinite(width.change)
                 else Width(name, factor, *_again(analysis, name, wider, rng))
             )
     if model.forced:
-        found += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
-        found += [
+        widths += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
+        widths += [
             _width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)
         ]
-    return tuple(found)
+    return tuple(widths)
 
 
 def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
