@@ -161,7 +161,7 @@ def compared_speeds(folder: Path, rng: np.random.Generator, bad: dict[int, float
         folder, "sigma_v_m_s = 0.01", {name: column[inside] for name, column in columns.items()}
     )
     rows = compare_noise(pattern, ["r"], seed=3, target=QUICK)
-    return {row.candidate.name: row for row in rows}
+    return {row.name: row for row in rows}
 
 
 @pytest.mark.slow

@@ -48,10 +48,8 @@ def compare(
             report = analysis_report(
                 campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False
             )
-            write_report(place / folder_of(model.candidate.name), report, within=folder)
-            conclude(
-                f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ()
-            )
+            write_report(place / folder_of(model.name), report, within=folder)
+            conclude(f"{', '.join(group)}, {model.name}", model.analysis.diagnosis.status, ())
         write_report(
             place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder
         )

@@ -35,7 +35,7 @@ from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
-from estim.studies.comparison import LOO_DRAWS
+from estim.studies.refits import LOO_DRAWS, Refit, beside_the_best, same_points
 
 APART = 3.0  # of log evidence
 # of elpd: less, or less than so many of its standard errors, decides nothing
@@ -79,32 +79,23 @@ class Width:
     u: float
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedModel:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ComparedModel(Refit):
     """A model with its analysis.
 
     log_evidence, u_log_evidence : nan where there is none to compare, and then `lack` says why.
-    odds : log evidence below that of the best row; behind, behind_se : elpd below that of the best
-        row, with its standard error.
+    odds : log evidence below that of the best row.
     widths : of everything that it adds.
     predicted : of every run.
     """
 
     model: CurveModel
-    analysis: Analysis
-    loo: LeaveOneOut
     log_evidence: float
     u_log_evidence: float
     lack: NoEvidence | None
     odds: float
-    behind: float
-    behind_se: float
     widths: tuple[Width, ...]
     predicted: tuple[Predicted, ...]
-
-    @property
-    def ok(self) -> bool:
-        return self.analysis.diagnosis.ok
 
     @property
     def price_of_start(self) -> float:
@@ -202,17 +193,13 @@ def check_same_points(models: Sequence[CurveModel]) -> None:
     """Raises InputError where a model has other points than the first one: densities of different
     data cannot be compared.
     """
-    first = models[0].problem.runs
     for model in models[1:]:
-        for run, other in zip(model.problem.runs, first, strict=True):
-            if run.positions != other.positions or not (
-                np.array_equal(run.x, other.x) and np.array_equal(run.y, other.y)
-            ):
-                raise InputError(
-                    f"has other points than {models[0].name}, and cannot be compared with it",
-                    field="model",
-                    value=model.name,
-                )
+        if not same_points(model.problem, models[0].problem):
+            raise InputError(
+                f"has other points than {models[0].name}, and cannot be compared with it",
+                field="model",
+                value=model.name,
+            )
 
 
 def _compared(
@@ -224,22 +211,30 @@ def _compared(
     highest = max(
         (value for value, _, lack in evidences.values() if lack is None), default=math.nan
     )
-    best = max((loo for _, loo, _ in done.values()), key=lambda loo: loo.elpd)
-    rows = []
+    compared = []
     for i, model in enumerate(models):
         analysis, loo, predicted = done[model.name]
         value, u, lack = evidences[model.name]
-        behind, se = (0.0, 0.0) if loo is best else difference(best, loo)
-        widths = (
-            () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
-        )
-        rows.append(
+        compared.append(
             ComparedModel(
-                model, analysis, loo, value, u, lack, highest - value, behind, se, widths, predicted
+                name=model.name,
+                words=model.words,
+                analysis=analysis,
+                loo=loo,
+                model=model,
+                log_evidence=value,
+                u_log_evidence=u,
+                lack=lack,
+                odds=highest - value,
+                widths=()
+                if lack is not None
+                else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i)),
+                predicted=predicted,
             )
         )
+    rows = beside_the_best(compared)
     by_evidence = all(row.lack is None for row in rows if row.ok)
-    return ModelComparison(tuple(rows), *recommend(rows, by_evidence=by_evidence), by_evidence)
+    return ModelComparison(rows, *recommend(rows, by_evidence=by_evidence), by_evidence)
 
 
 def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str, Ground]:
