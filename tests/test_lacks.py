@@ -303,7 +303,7 @@ def test_what_shows_is_that_of_dense_matrices(folder):
         design,
         precision=np.zeros((2, 2)),
     )
-    seen = see_deviation(linear, run, {"deviation": 0.05})
+    seen = see_deviation(linear, run, (shape.times(0.05),))
     scaled = np.sqrt(3.0) * np.abs(X[:, None] - X) / shape.length
     kernel = 0.04**2 * (1.0 + scaled) * np.exp(-scaled)
     plain = np.linalg.inv(kernel + 1e-4 * np.eye(40))
