@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
 from estim.common import OF_BODY, Finding, InputError, later, phrase
 from estim.deviation import FORCE_SCALE
-from estim.fitting import FORCE_KEY, complete_as
+from estim.fitting import FORCE_KEY, complete_as, taken_as_complete
 from estim.problem import Problem
 
 # of runs that share a force: the covariance of all of them is diagonalised some two dozen times
@@ -168,12 +168,9 @@ def refuse_force(levels: Levels, command: str) -> None:
 
 def as_complete(problem: Problem, command: str) -> Problem:
     """`problem` without the forces that nobody asked for, as `command` takes its curves."""
-    reason = phrase("{command} does not support an unmodelled force", command=command)
-    runs = (
-        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
-        for run in problem.runs
+    return taken_as_complete(
+        problem, phrase("{command} does not support an unmodelled force", command=command)
     )
-    return replace(problem, runs=tuple(runs))
 
 
 def track_of(levels: Levels) -> str:

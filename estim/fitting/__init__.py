@@ -19,7 +19,13 @@ from estim.fitting.edges import (
 )
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, prior_sds
-from estim.fitting.forces import FORCE_KEY, complete_as, expected_information, fit_without_force
+from estim.fitting.forces import (
+    FORCE_KEY,
+    complete_as,
+    expected_information,
+    fit_without_force,
+    taken_as_complete,
+)
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
 from estim.fitting.mode import fit_problem, fit_white
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled

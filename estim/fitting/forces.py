@@ -43,6 +43,15 @@ def complete_as(reason: str, run: str) -> Finding:
     return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))
 
 
+def taken_as_complete(problem: Problem, reason: str) -> Problem:
+    """`problem` without its forces."""
+    runs = (
+        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
+        for run in problem.runs
+    )
+    return replace(problem, runs=tuple(runs))
+
+
 def fit_with_forces(white: Fit, *, rng: np.random.Generator, scanned: bool = True) -> Fit:
     """The posterior mode with the unmodelled force of every run that has one, from the fit `white`
     without.
@@ -116,13 +125,8 @@ def _as_complete(white: Fit, rule: str) -> Fit:
         if run.force and run.asked:
             raise InputError(f"cannot be linearised: {rule}", field=f"{FORCE_KEY}[{run.name}]")
     reason = phrase("an unmodelled force cannot be linearised: {rule}", rule=phrase(rule))
-    runs = (
-        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
-        for run in white.problem.runs
-    )
-    return replace(
-        white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs)))
-    )
+    problem = taken_as_complete(white.problem, reason)
+    return replace(white, posterior=replace(white.posterior, problem=problem))
 
 
 def _free_fit(white: Fit, *, rng: np.random.Generator) -> tuple[Fit, Mapping[str, BadFrames]]:
