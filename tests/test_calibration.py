@@ -21,7 +21,7 @@ from test_positions import Line, line_problem
 
 from estim.calibration.calibration import Calibration, coverage_sentence, findings, run_trials
 from estim.calibration.experiment import CampaignDesign, PointDesign, campaign_design
-from estim.calibration.trial import Engine, Plan, _experiment, _rank, measured_anew, reported
+from estim.calibration.trial import Engine, TrialPlan, _experiment, _rank, measured_anew, reported
 from estim.calibration.uniformity import uniformity_band, uniformity_p_value
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
@@ -262,7 +262,7 @@ def test_truths_without_data_are_drawn_again_and_counted(tmp_path):
         'theta0_deg = "60(2)"', 'theta0_rad = {prior = "uniform", low = 0.05, high = 1.2}'
     )
     design, fit = designed(load(tmp_path, "{sigma_x_m = 0.001}", text=text))
-    plan = Plan(design, "sbc", fit.values, fit.names, QUICK, 1)
+    plan = TrialPlan(design, "sbc", fit.values, fit.names, QUICK, 1)
     angle = fit.names.index("theta0[r]")
     drawn = [_experiment(plan, np.random.default_rng(i)) for i in range(40)]
     assert sum(n for _, _, n in drawn) > 10

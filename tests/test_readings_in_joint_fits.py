@@ -14,7 +14,7 @@ from joint_runs import U_OFFSET, U_TILT, U_Y, readings
 
 from estim import load_campaign
 from estim.calibration.experiment import PointDesign
-from estim.calibration.trial import Engine, Plan, _experiment, posterior_draws
+from estim.calibration.trial import Engine, TrialPlan, _experiment, posterior_draws
 from estim.checks.diagnosis import _counting_alike
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -204,7 +204,7 @@ def test_it_is_told_where_flat_weights_would_show() -> None:
 def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
     problem = readings(3, np.random.default_rng(1))
     values, posed, _ = _experiment(
-        Plan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
+        TrialPlan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
         np.random.default_rng(5),
     )
     for value, before, after in zip(values, problem.parameters, posed.parameters, strict=True):

@@ -43,8 +43,8 @@ from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
     N_RANK,
     Engine,
-    Plan,
     Trial,
+    TrialPlan,
     What,
     posterior_draws,
     reported_labels,
@@ -168,7 +168,7 @@ def run_trials(
         draws, _, _ = posterior_draws(fit, engine, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
-    plan = Plan(design, what, truth, tuple(reported), engine, seed)
+    plan = TrialPlan(design, what, truth, tuple(reported), engine, seed)
     trial = (
         partial(run_trial, plan)
         if store is None
@@ -205,7 +205,7 @@ def _varying(fit: Fit) -> dict[str, str]:
     return reported_names(fit.problem, np.array([fit.values, fit.values + np.array(inward)]))
 
 
-def _kept_trial(plan: Plan, store: PieceStore, index: int) -> Trial:
+def _kept_trial(plan: TrialPlan, store: PieceStore, index: int) -> Trial:
     return store.piece(f"trial {index}", Trial, partial(run_trial, plan, index))
 
 

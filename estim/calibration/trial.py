@@ -45,7 +45,7 @@ class Engine:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TrialPlan:
     """What is common to all trials.
 
     truth : (n_par,) the truth of every trial where `what` is "coverage".
@@ -86,7 +86,7 @@ class Trial:
     failure: str
 
 
-def run_trial(plan: Plan, index: int) -> Trial:
+def run_trial(plan: TrialPlan, index: int) -> Trial:
     """Trial number `index`: the same whatever the process and the other trials."""
     rng = stream(plan.seed, _KINDS[plan.what], index)
     values, problem, n_rejected = _experiment(plan, rng)
@@ -109,7 +109,7 @@ def run_trial(plan: Plan, index: int) -> Trial:
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
 
 
-def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
+def _experiment(plan: TrialPlan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
     """A truth, the problem that its simulated data pose, and how many had to be drawn again.
     Raises NumericalError.
     """

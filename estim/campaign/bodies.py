@@ -33,7 +33,7 @@ from estim.campaign.forced import (
     track_of,
 )
 from estim.campaign.levels import Levels, noise_level
-from estim.campaign.noise_models import Candidate, noise_candidates
+from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
@@ -292,7 +292,7 @@ class RollingCampaign(Campaign):
         """The SI's."""
         return KINDS_OF_QUANTITIES[argument].unit if argument in KINDS_OF_QUANTITIES else "1"
 
-    def noise_models(self, name: str) -> tuple[Candidate, ...]:
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         return noise_candidates(
             self.levels(name),
             self.tables[name],

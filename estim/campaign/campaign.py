@@ -16,7 +16,7 @@ from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.derived import with_derived
 from estim.campaign.levels import Path as Place
-from estim.campaign.noise_models import Candidate
+from estim.campaign.noise_models import NoiseModel
 from estim.common import InputError, code, kind_words, later, markdown, phrase, table
 from estim.curves import SoughtQuantity
 from estim.explanation import Suspects
@@ -204,7 +204,7 @@ class Campaign(ABC):
         """The runs `names` as stated, and with each thing that they may have beside it."""
 
     @abstractmethod
-    def noise_models(self, name: str) -> tuple[Candidate, ...]:
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         """The models of the noise that the data of a run allow.  Raises InputError where there is
         only one.
         """

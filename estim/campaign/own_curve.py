@@ -46,7 +46,7 @@ from estim.campaign.curve_tables import (
     with_variable,
     y_axis,
 )
-from estim.campaign.noise_models import Candidate
+from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import RunOfCurve, pose_run
 from estim.common import InputError, phrase, same_unit
 from estim.curves import (
@@ -273,7 +273,7 @@ class CurveCampaign(Campaign):
         """The unit or meaning that is stated of a parameter of a run."""
         return stated_word([run.table.parameters, self.table.parameters], argument, word)
 
-    def noise_models(self, name: str) -> tuple[Candidate, ...]:
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
 
