@@ -28,9 +28,10 @@ def posed() -> Any:
     """The fit of the run."""
     from estim import load_campaign
     from estim.common import Stream, stream
+    from estim.fitting import fit_problem
 
     campaign = load_campaign(CAMPAIGN)
-    return campaign.fit(campaign.problem([RUN]), rng=stream(SEED, Stream.FIT))
+    return fit_problem(campaign.problem([RUN]), rng=stream(SEED, Stream.FIT))
 
 
 def described(draws: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -27,14 +27,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from estim.calibration.calibration import (
-    Calibration,
-    coverage,
-    findings,
-    simulation_based_calibration,
-)
+from estim.calibration.calibration import Calibration, findings, run_trials
 from estim.calibration.experiment import campaign_design
-from estim.calibration.trial import Engine
+from estim.calibration.trial import Engine, What
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.fitting.least_squares import fit_least_squares
@@ -129,15 +124,14 @@ def campaign(case: Case, folder: Path) -> Campaign:
 
 
 def calibrate(
-    case: Case, *, what: str, n_trial: int, jobs: int, seed: int, engine: Engine
+    case: Case, *, what: What, n_trial: int, jobs: int, seed: int, engine: Engine
 ) -> Calibration:
     """The trials of one case."""
     with tempfile.TemporaryDirectory() as folder:
         loaded = campaign(case, Path(folder))
         fit = fit_least_squares(loaded.problem(["r"]), rng=np.random.default_rng(seed))
         design = campaign_design(loaded, ["r"], fitted=fit.values, analysed=case.analysed)
-        run = coverage if what == "coverage" else simulation_based_calibration
-        return run(design, fit, n_trial=n_trial, jobs=jobs, seed=seed, engine=engine)
+        return run_trials(design, fit, what, n_trial=n_trial, jobs=jobs, seed=seed, engine=engine)
 
 
 def row(name: str, result: Calibration, seconds: float) -> str:

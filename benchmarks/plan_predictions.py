@@ -30,9 +30,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from estim.calibration.experiment import CampaignDesign, PointDesign
 from estim.calibration.trial import Engine, measured_anew, posterior_draws
 from estim.campaign import Campaign, NewRun, load_campaign, with_own_gamma, with_tables
-from estim.campaign.forced import fit_with_forces
 from estim.common import NumericalError, Quantity
-from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.fitting import Fit, fit_least_squares, fit_problem
+from estim.fitting.forces import fit_with_forces
 from estim.planning.changes import BETTER, MORE, OTHERWISE, Readings, Wish, measured_better
 from estim.planning.options import sds_with
 from estim.planning.own_curve import CurveBasis
@@ -94,15 +94,12 @@ def simulated(there: Outlook, wish: Wish, rng: np.random.Generator) -> tuple[Cam
     return campaign, replace(posed, parameters=parameters)
 
 
-def fitted(
-    campaign: Campaign, problem: Problem, start: FloatArray, rng: np.random.Generator
-) -> Fit:
-    """As a campaign fits, from the truth."""
+def fitted(problem: Problem, start: FloatArray, rng: np.random.Generator) -> Fit:
+    """As a campaign is fit, from the truth."""
     white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
     if not any(run.force for run in problem.runs):
         return white
-    levels = {run.name: campaign.study.levels(run.name) for run in problem.runs}  # type: ignore[attr-defined]
-    return fit_with_forces(white, campaign.tables, levels, rng=rng)
+    return fit_with_forces(white, rng=rng)
 
 
 def rms(rows: list[FloatArray]) -> FloatArray:
@@ -125,10 +122,10 @@ def achieved(
     sds, off, failed = [], [], 0
     for trial in range(trials):
         rng = np.random.default_rng([seed, trial])
-        campaign, problem = simulated(there, wish, rng)
+        _, problem = simulated(there, wish, rng)
         try:
             draws, _, _ = posterior_draws(
-                fitted(campaign, problem, there.values, rng), Engine(ess=ess, n_round=500), rng
+                fitted(problem, there.values, rng), Engine(ess=ess, n_round=500), rng
             )
         except NumericalError:
             failed += 1
@@ -199,7 +196,7 @@ def main() -> None:
     campaign = load_campaign(chosen.campaign)
     names = tuple(chosen.runs.split(","))
     problem = campaign.problem(names)
-    fit = campaign.fit(problem, rng=np.random.default_rng(chosen.seed))
+    fit = fit_problem(problem, rng=np.random.default_rng(chosen.seed))
     basis = (
         rolling_basis(campaign, names, fit)
         if campaign.formula is None

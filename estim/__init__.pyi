@@ -3,7 +3,7 @@ name is first used.
 """
 
 from estim.campaign.campaign import Campaign as Campaign
-from estim.campaign.campaign import load_campaign as load_campaign
+from estim.campaign.loading import load_campaign as load_campaign
 from estim.checks.diagnosis import diagnose as diagnose
 from estim.checks.goodness import check_goodness as check_goodness
 from estim.common.errors import EstimError as EstimError

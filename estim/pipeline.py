@@ -59,7 +59,7 @@ from estim.common import (
 )
 from estim.curve_fitting import CurveFit
 from estim.explanation import Candidate, Explanation, Outcome, explain
-from estim.fitting import Fit, refit_with_noise
+from estim.fitting import Fit, fit_problem, refit_with_noise
 from estim.problem import Problem, folded
 from estim.sampling import (
     MAX_PARAMETERS,
@@ -237,10 +237,9 @@ def analyse(
     )
     if progress is not None:
         progress(0, phrase("fit"))
-    near = refit_with_noise(
-        problem, beside, rng=stream(seed, Stream.FIT), scanned=problem.n_par <= MAX_PARAMETERS
-    )
-    fit = near or campaign.fit(problem, rng=stream(seed, Stream.FIT))
+    near = refit_with_noise(problem, beside, rng=stream(seed, Stream.FIT))
+    with campaign.placing(problem):
+        fit = near or fit_problem(problem, rng=stream(seed, Stream.FIT))
     kept = None if store is None else store.given(campaign.digests(runs), noise, complete)
     analysis = analyse_fit(
         fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal
@@ -399,15 +398,15 @@ def explained(
     except NumericalError:
         return analysis
     return replace(
-        analysis, explanation=found.with_outcomes(partial(outcome_of, campaign, seed=analysis.seed))
+        analysis, explanation=found.with_outcomes(partial(outcome_of, seed=analysis.seed))
     )
 
 
-def outcome_of(campaign: Campaign, candidate: Candidate, *, seed: int) -> Outcome:
+def outcome_of(candidate: Candidate, *, seed: int) -> Outcome:
     """What the campaign gives with the lines of a candidate, as it would be fit with this seed."""
     assert candidate.posed is not None, "asked of candidates that can be posed"
     try:
-        fit = campaign.fit(candidate.posed(), rng=stream(seed, Stream.FIT))
+        fit = fit_problem(candidate.posed(), rng=stream(seed, Stream.FIT))
         found = analyse_fit(fit, seed=seed)
     except InputError:
         return Outcome(Status.NOT_IDENTIFIED, (), False)

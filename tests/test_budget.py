@@ -14,7 +14,7 @@ import pytest
 from estim import Component, curve_report, fit_curve, sample_curve
 from estim.campaign import load_campaign
 from estim.curve_fitting.result import CurveFit
-from estim.fitting import Fit, refit
+from estim.fitting import Fit, fit_problem, refit
 from estim.problem import Normal, Problem
 from estim.problem.roots import covariance_of
 from estim.sampling import Target
@@ -169,7 +169,7 @@ def test_no_budget_without_a_result() -> None:
 @pytest.fixture
 def rolled(project: Path) -> Fit:
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
-    return campaign.fit(campaign.problem(["heavy-04"], usual=True), rng=np.random.default_rng(1))
+    return fit_problem(campaign.problem(["heavy-04"], usual=True), rng=np.random.default_rng(1))
 
 
 def test_a_body_has_parts_of_force_start_scale_and_readings_that_close(rolled: Fit) -> None:

@@ -19,15 +19,9 @@ from command_runner import runner
 from test_noise import POSITIONS, TIMES, TRUTH
 from test_positions import Line, line_problem
 
-from estim.calibration.calibration import (
-    Calibration,
-    coverage,
-    coverage_sentence,
-    findings,
-    simulation_based_calibration,
-)
+from estim.calibration.calibration import Calibration, coverage_sentence, findings, run_trials
 from estim.calibration.experiment import CampaignDesign, PointDesign, campaign_design
-from estim.calibration.trial import Engine, Plan, _experiment, _rank, measured_anew, reported
+from estim.calibration.trial import Engine, TrialPlan, _experiment, _rank, measured_anew, reported
 from estim.calibration.uniformity import uniformity_band, uniformity_p_value
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
@@ -96,7 +90,7 @@ def sbc(
     campaign: Campaign, n: int, *, analysed: NoiseTable | None = None, jobs: int = 1
 ) -> Calibration:
     design, fit = designed(campaign, analysed=analysed)
-    return simulation_based_calibration(design, fit, n_trial=n, seed=3, jobs=jobs, engine=QUICK)
+    return run_trials(design, fit, "sbc", n_trial=n, seed=3, jobs=jobs, engine=QUICK)
 
 
 # --- bands and p-values ---
@@ -268,7 +262,7 @@ def test_truths_without_data_are_drawn_again_and_counted(tmp_path):
         'theta0_deg = "60(2)"', 'theta0_rad = {prior = "uniform", low = 0.05, high = 1.2}'
     )
     design, fit = designed(load(tmp_path, "{sigma_x_m = 0.001}", text=text))
-    plan = Plan(design, "sbc", fit.values, fit.names, QUICK, 1)
+    plan = TrialPlan(design, "sbc", fit.values, fit.names, QUICK, 1)
     angle = fit.names.index("theta0[r]")
     drawn = [_experiment(plan, np.random.default_rng(i)) for i in range(40)]
     assert sum(n for _, _, n in drawn) > 10
@@ -353,7 +347,7 @@ def test_differences_taken_for_independent_speeds_are_called_too_wide(tmp_path):
 @pytest.mark.statistics
 def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
     design, fit = designed(load(tmp_path, "{sigma_x_m = 0.001}"))
-    calibration = coverage(design, fit, n_trial=100, seed=5, engine=QUICK)
+    calibration = run_trials(design, fit, "coverage", n_trial=100, seed=5, engine=QUICK)
     assert np.all(calibration.truth == calibration.truth[0])
     assert findings(calibration) == ()
     assert coverage_sentence(calibration, "gamma[heavy]").startswith(
@@ -367,7 +361,7 @@ def test_intervals_cover_the_fitted_values_as_often_as_they_say(tmp_path):
             return super().simulate(values, self.problem.parameters, rng)
 
     held = Held(design.campaign, design.names, design.problem, design.release)
-    assert coverage(held, fit, n_trial=40, seed=5, engine=QUICK).share("phi")[0] > 0.9
+    assert run_trials(held, fit, "coverage", n_trial=40, seed=5, engine=QUICK).share("phi")[0] > 0.9
 
 
 class OwnLine(Line):
@@ -410,7 +404,7 @@ def test_a_curve_of_ones_own_is_calibrated_at_its_points(rng):
     )
     fit = fit_least_squares(problem, rng=rng, n_start=1)
     right, wrong = (
-        simulation_based_calibration(design, fit, n_trial=150, seed=2, engine=QUICK)
+        run_trials(design, fit, "sbc", n_trial=150, seed=2, engine=QUICK)
         for design in (PointDesign(problem), HalfSigma(problem))
     )
     assert tuple(right.reported) == ("a", "b")
@@ -615,10 +609,8 @@ def test_a_curve_campaign_is_calibrated_and_half_its_errors_are_not(tmp_path):
     problem = campaign.problem(["a"])
     fit = fit_least_squares(problem, rng=np.random.default_rng(1), n_start=2)
     design = campaign_design(campaign, ["a"], fitted=fit.values)
-    right = simulation_based_calibration(design, fit, n_trial=80, seed=3, engine=QUICK)
-    wrong = simulation_based_calibration(
-        HalfSigma(problem, scale=0.5), fit, n_trial=80, seed=3, engine=QUICK
-    )
+    right = run_trials(design, fit, "sbc", n_trial=80, seed=3, engine=QUICK)
+    wrong = run_trials(HalfSigma(problem, scale=0.5), fit, "sbc", n_trial=80, seed=3, engine=QUICK)
     assert findings(right) == ()
     assert {finding.parameters[0].name for finding in findings(wrong)} == {"A", "b"}
 

@@ -229,7 +229,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     bend = next(cause for cause in posed.causes if cause.name == "bend")
     analysis = analyse(campaign, [run], seed=1)
     found = explain(replace(posed, causes=(bend,)), rng=np.random.default_rng(1)).with_outcomes(
-        lambda one: outcome_of(campaign, one, seed=1)
+        lambda one: outcome_of(one, seed=1)
     )
     first = found.candidates[0]
     assert (first.name, first.random) == ("bend", True)
@@ -266,9 +266,7 @@ def test_an_addition_that_ends_badly_is_not_offered_and_a_true_cause_is(tmp_path
         posed = campaign.suspects(["r"])
         posed = replace(posed, causes=tuple(cause for cause in posed.causes if cause.name in QUICK))
         tried = explain(posed, rng=np.random.default_rng(1))
-        found = tried.with_outcomes(
-            lambda one, campaign=campaign: outcome_of(campaign, one, seed=1)
-        )
+        found = tried.with_outcomes(lambda one: outcome_of(one, seed=1))
         assert found.offered is not None
         assert line in found.offered.lines[1]
         assert found.offered.outcome is not None

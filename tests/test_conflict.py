@@ -15,13 +15,14 @@ from scipy import optimize, stats
 from troubles import Disk
 
 from estim.calibration.experiment import campaign_design
-from estim.calibration.trial import Engine, Plan, _experiment
+from estim.calibration.trial import Engine, TrialPlan, _experiment
 from estim.campaign import Campaign, load_campaign
 from estim.checks.conflict import Conflict, check_stated_values
 from estim.cli.commands import cli
 from estim.common import Stream, stream
 from estim.curve_fitting.single import fit_curve
 from estim.curves.posing import AxisNames, pose_curve
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.priors import LogNormal, Normal, Uniform
 
@@ -112,7 +113,7 @@ def test_probability_is_uniform_for_disks_from_their_priors_and_not_where_stated
 ) -> None:
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
     fit = fit_least_squares(campaign.problem(["heavy-04"]), rng=np.random.default_rng(1))
-    plan = Plan(
+    plan = TrialPlan(
         campaign_design(campaign, ["heavy-04"], fitted=fit.values),
         "sbc",
         fit.values,
@@ -333,7 +334,7 @@ def test_room_for_a_force_counts_where_stated_values_are_sharp(
         rng=np.random.default_rng([1, key, replica]),
     )
     campaign = load_campaign(tmp_path / "campaign.toml")
-    fit = campaign.fit(campaign.problem(["r"], usual=True), rng=stream(replica + 1, Stream.FIT))
+    fit = fit_problem(campaign.problem(["r"], usual=True), rng=stream(replica + 1, Stream.FIT))
     assert fit.forces
     found = check_stated_values(fit)
     assert found.dof > 0

@@ -23,7 +23,7 @@ from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
 from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
 from estim.curves.shared_errors import DistortedCurve
-from estim.fitting.least_squares import Fit
+from estim.fitting import Fit, fit_problem
 from estim.problem.counts import CountErrors
 from estim.problem.curve import POINTS as PLAIN
 from estim.problem.curve import Motion, SpeedCurve
@@ -288,42 +288,42 @@ def campaign(request, tmp_path: Path, replica: Path, rng: np.random.Generator):
     return load_campaign(tmp_path / "campaign.toml")
 
 
-def test_a_study_poses_and_fits_its_runs_and_knows_what_may_be_asked(
+def test_a_campaign_poses_its_runs_and_knows_what_may_be_asked(
     campaign, rng: np.random.Generator
 ) -> None:
-    study, names = campaign.study, campaign.run_names[:2]
-    joint = study.problem(names, campaign.tables)
+    names = campaign.run_names[:2]
+    joint = campaign.problem(names)
     assert isinstance(joint, Problem)
     assert tuple(run.name for run in joint.runs) == names
     for run in joint.runs:
         assert run.parameters <= set(joint.names)
         assert (
             (run.motion is None)
-            == (study.body_of(run.name) is None)
+            == (campaign.body_of(run.name) is None)
             == (run.words.what == PLAIN.what)
         )
-        alone = study.problem([run.name], campaign.tables)
+        alone = campaign.problem([run.name])
         assert joint.restricted([run]).n_par == alone.n_par
-    problem = study.problem(names[:1], campaign.tables)
-    fit = study.fit(problem, campaign.tables, rng=rng)
+    problem = campaign.problem(names[:1])
+    fit = fit_problem(problem, rng=rng)
     assert isinstance(fit, Fit)
     assert fit.success
-    study.check(names[0], campaign.tables)
-    study.require_draws(problem)
-    assert study.place_of_unknowns(names[0])[0] in ("runs", "curve")
-    if study.formula is None:
-        study.require_body()
-        study.require_speeds(names, "a command")
-        study.require_complete(names, "a command")
-        models = study.noise_models(names[0], campaign.tables[names[0]])
+    campaign.check(names[0])
+    campaign.require_draws(problem)
+    assert campaign._place_of_unknowns(names[0])[0] in ("runs", "curve")
+    if campaign.formula is None:
+        campaign.require_body()
+        campaign.require_speeds(names, "a command")
+        campaign.require_complete(names, "a command")
+        models = campaign.noise_models(names[0])
         assert len(models) > 1
-        assert study.problem(names[:1], campaign.tables, noise=models[0].table).n_obs > 0
+        assert campaign.problem(names[:1], noise=models[0].table).n_obs > 0
     else:
         refused = (
-            study.require_body,
-            lambda: study.require_speeds(names, "a command"),
-            lambda: study.require_complete(names, "a command"),
-            lambda: study.noise_models(names[0], campaign.tables[names[0]]),
+            campaign.require_body,
+            lambda: campaign.require_speeds(names, "a command"),
+            lambda: campaign.require_complete(names, "a command"),
+            lambda: campaign.noise_models(names[0]),
         )
         for ask in refused:
             with pytest.raises(InputError, match=r"campaign\.toml:\d+: 'curve'"):

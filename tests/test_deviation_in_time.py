@@ -52,7 +52,7 @@ def along(t: np.ndarray, *, pushed: float | None = None) -> Along:
     curve, motion = (MotionCurve(False), RollingMotion(False, None, True))
     if pushed is not None:
         curve, motion = DisturbedMotionCurve(False, Setting()), DisturbedMotion(False, None, True)
-    return Trajectory(motion, None).along(
+    return Trajectory(motion).along(
         Points(curve, t, 0.0 * t, arguments),
         {},
         Independent(Scale(0.001), Scale(), np.ones(t.size)),
@@ -167,7 +167,7 @@ def test_a_body_that_friction_holds_stays_where_it_stopped() -> None:
     points = Points(MotionCurve(False), t, 0.0 * t, held)
     _, v = points.curve.state(t, held)
     assert v[0, -1] == 0.0
-    found = Trajectory(RollingMotion(False, None, True), None).along(
+    found = Trajectory(RollingMotion(False, None, True)).along(
         points, {}, Independent(Scale(0.001), Scale(), np.ones(t.size)), about=None
     )
     still = v[0] == 0.0

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from estim import Component, DataSet, Poisson, fit_curve, fit_curves, load_campaign
 from estim.common import InputError
-from estim.fitting import fit_optimum
+from estim.fitting.optimum import fit_optimum
 
 T = np.linspace(0.0, 6.0, 30)
 RNG = np.random.default_rng(3)

@@ -22,7 +22,7 @@ from estim.cli import commands as cli
 from estim.curves import DataSet, guesses, linear_in, read_formula
 from estim.curves.dimensions import dimensions_of
 from estim.curves.guesses import guess_starts
-from estim.fitting import fit_optimum
+from estim.fitting.optimum import fit_optimum
 
 NONLINEAR = [path for path in [*FILES, FOLDER / f"{HARDEST}.dat"] if path.stem not in LINEAR]
 QUICK = ("Bennett5", "Chwirut2", "Eckerle4", "Kirby2", "MGH09", "MGH17", "Rat43", "Roszman1")

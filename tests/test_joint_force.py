@@ -5,6 +5,7 @@ the runs agree, and coverage.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,18 +19,18 @@ from test_deviation_study import moved
 from wheels import FINE, FIRST, PHI, SIGMA, Wheel, places, white_fit
 
 from estim.campaign import Campaign, load_campaign
-from estim.campaign.shared_force import sharing_runs
 from estim.checks import check_consistency, check_goodness
 from estim.common import InputError
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.force import shared_force_shapes, track
 from estim.deviation.grid import FORCE_SCALE, START_SD, prior_grid
-from estim.deviation.joint import Together
+from estim.deviation.joint import Together, sharing_runs
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.noise import formed_about
 from estim.deviation.residuals import Residuals
-from estim.deviation.trajectory import Rows, Trajectory
+from estim.deviation.trajectory import Trajectory
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
@@ -169,7 +170,7 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Fit:
         tilt=('phi_deg = "-5.5(1)"', "phi_deg = -5.5"),
         kappa=('kappa = "0.746(7)"', "kappa = 0.746"),
     )
-    return held.fit(
+    return fit_problem(
         held.problem([f"class-unbalanced_{i}" for i in (1, 2, 3)]), rng=np.random.default_rng(1)
     )
 
@@ -178,9 +179,10 @@ def test_a_constant_force_answers_as_the_rolling_resistance_does(joint: Fit) -> 
     problem, named = joint.problem, joint.problem.named(joint.values)
     run = problem.runs[0]
     t, theta = np.loadtxt(WHEEL / "class-unbalanced_1.csv", delimiter=",", skiprows=2)[:, :2].T
-    course = Trajectory(
-        run.body, theta, Rows(t, np.zeros(t.size, dtype=np.int64), np.searchsorted(t, run.t))
-    )
+    assert run.rows is not None
+    assert np.array_equal(run.rows.positions, theta)
+    assert np.array_equal(run.rows.kept, np.searchsorted(t, run.t))
+    course = Trajectory.of(run)
 
     formed, _ = formed_about(course, run.noise.base, run.points, named, scale=0.02)
     along = course.along(run.points, named, run.noise.base, about=formed.speed)
@@ -259,6 +261,12 @@ def _resistance(fit: Fit) -> tuple[float, float]:
     return float(fit.values[i]), float(np.sqrt(fit.cov[i, i]))
 
 
+def _from_the_stated_values(campaign: Campaign, names: Sequence[str]) -> Fit:
+    """Near which they are: nothing is sought from afar."""
+    problem = campaign.problem(names)
+    return fit_problem(problem, rng=np.random.default_rng(1), near=problem.start())
+
+
 def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_of_its_own(
     tmp_path: Path,
 ) -> None:
@@ -267,22 +275,19 @@ def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_
     """
     resistances = [0.030, 0.030, 0.030, 0.030, 0.020]
     held = rolled(tmp_path, resistances, tilt="-5.5")
-    fits = [held.fit(held.problem([name]), rng=np.random.default_rng(1)) for name in held.run_names]
+    fits = [_from_the_stated_values(held, [name]) for name in held.run_names]
     values, sds = np.array([_resistance(fit) for fit in fits]).T
     weights = sds**-2.0
     distance = float(weights @ np.square(values - weights @ values / weights.sum()))
     assert stats.chi2.sf(distance, 4) < 0.003
     for tilt in ("-5.5", "-5.5(1)"):
         every = rolled(tmp_path, resistances, tilt=tilt)
-        fit = every.fit(every.problem(every.run_names), rng=np.random.default_rng(1))
-        found = check_consistency(fit)
+        found = check_consistency(_from_the_stated_values(every, every.run_names))
         # a tilt that was stated, of which runs say next to nothing, adds none
         assert found.dof == 4
         assert found.chi2 == pytest.approx(distance, rel=0.2)
         assert found.suspects == ("r4",)
-        assert check_consistency(
-            every.fit(every.problem(every.run_names[:4]), rng=np.random.default_rng(1))
-        ).agree
+        assert check_consistency(_from_the_stated_values(every, every.run_names[:4])).agree
     # the line that is offered heals it
     (offered,) = re.findall(
         r"let c_rr vary from run to run: (between_runs = {rolling_resistance = [0-9.]+}), "
@@ -293,16 +298,13 @@ def test_runs_whose_own_values_differ_do_not_agree_though_each_may_have_a_force_
         (tmp_path / "c.toml").read_text().replace("[shared]\n", f"[shared]\n{offered}\n")
     )
     varying = load_campaign(tmp_path / "c.toml")
-    assert check_consistency(
-        varying.fit(varying.problem(varying.run_names), rng=np.random.default_rng(1))
-    ).agree
+    assert check_consistency(_from_the_stated_values(varying, varying.run_names)).agree
 
 
 def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
     every = campaign(tmp_path)
     problem = every.problem(every.run_names)
-    levels = {run.name: every.study.levels(run.name) for run in problem.runs}
-    shared = sharing_runs(problem.runs, levels, "unmodelled_force")
+    shared = sharing_runs(problem.runs)
     assert {label: len(runs) for label, runs in shared.items()} == {
         "body balanced": 4,
         "body unbalanced": 3,
@@ -310,8 +312,7 @@ def test_the_level_of_the_key_says_which_runs_share(tmp_path: Path) -> None:
     file = f'file = "{WHEEL}/class-balanced_2.csv"'
     own = campaign(tmp_path, own=(file, f"{file}\nunmodelled_force = 0.01"))
     problem = own.problem(own.run_names)
-    levels = {run.name: own.study.levels(run.name) for run in problem.runs}
-    shared = sharing_runs(problem.runs, levels, "unmodelled_force")
+    shared = sharing_runs(problem.runs)
     assert {label: len(runs) for label, runs in shared.items()} == {
         "body balanced": 3,
         "class-balanced_2": 1,

@@ -18,6 +18,7 @@ from estim.common import InputError
 from estim.deviation.bad_frame_search import MOST, PRIOR, BadFrames, Frames, find_bad_frames
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import prior_grid
+from estim.fitting import fit_problem
 from estim.problem.differences import Differences
 from estim.words import tell
 
@@ -220,7 +221,7 @@ def test_counts_that_a_real_wheels_encoder_loses_are_named_and_its_moment_stays(
         (tmp_path / "spoiled.csv").write_text("\n".join([*lines[: head + 1], *spoiled]))
         campaign = load_campaign(tmp_path / "wheel.toml")
         fits.append(
-            campaign.fit(campaign.problem(["class-balanced_2"]), rng=np.random.default_rng(1))
+            fit_problem(campaign.problem(["class-balanced_2"]), rng=np.random.default_rng(1))
         )
     clean, found = fits
     assert clean.forces[0].bad.jumps == ()

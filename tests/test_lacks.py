@@ -21,6 +21,7 @@ from estim.deviation.generic import correlated_shapes, deviation_shapes, relativ
 from estim.deviation.kernels import root, without_mean
 from estim.deviation.linearised import linearise
 from estim.deviation.residual_part import see_deviation
+from estim.fitting import fit_problem
 from estim.fitting.discrepancy import fit_discrepancy
 from estim.fitting.optimum import fit_optimum
 from estim.problem.observations import Discrepancy
@@ -69,7 +70,7 @@ def asked(folder: Path, keys: str, text: str = LINE) -> Path:
 
 def found(folder: Path, keys: str, rng: np.random.Generator):
     campaign = load_campaign(asked(folder, keys))
-    return campaign.fit(campaign.problem(["first"]), rng=rng)
+    return fit_problem(campaign.problem(["first"]), rng=rng)
 
 
 def test_a_wave_is_found_with_its_size_and_widens_what_it_can_be_mistaken_for(folder, rng):
@@ -180,9 +181,9 @@ def test_too_many_points_are_told_what_to_do(tmp_path):
 
 def test_correlated_errors_of_a_joint_fit_widen_each_run(folder, rng):
     campaign = load_campaign(asked(folder, "correlated = true"))
-    fit = campaign.fit(campaign.problem(["first", "second"]), rng=rng)
+    fit = fit_problem(campaign.problem(["first", "second"]), rng=rng)
     assert [one.run for one in fit.deviations] == ["first", "second"]
-    single = campaign.fit(campaign.problem(["first"]), rng=rng)
+    single = fit_problem(campaign.problem(["first"]), rng=rng)
     assert np.all(np.diag(fit.cov) < np.diag(single.cov))
 
 
@@ -302,7 +303,7 @@ def test_what_shows_is_that_of_dense_matrices(folder):
         design,
         precision=np.zeros((2, 2)),
     )
-    seen = see_deviation(linear, run, {"deviation": 0.05})
+    seen = see_deviation(linear, run, (shape.times(0.05),))
     scaled = np.sqrt(3.0) * np.abs(X[:, None] - X) / shape.length
     kernel = 0.04**2 * (1.0 + scaled) * np.exp(-scaled)
     plain = np.linalg.inv(kernel + 1e-4 * np.eye(40))

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from estim import fit_curve, load_campaign
-from estim.campaign.forced import trajectory_of
 from estim.checks.goodness import Goodness
-from estim.deviation import BadFrames, FreeStart, bad_frames, pose_forces, trajectory
+from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_forces, trajectory
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
 from estim.fitting import screen
@@ -76,18 +75,11 @@ def _posed(path: Path, monkeypatch: pytest.MonkeyPatch, dense: int):
     values[problem.names.index("kappa[light]")] = 0.45
     values[[i for i, p in enumerate(problem.parameters) if p.unit == "s"]] = 0.0
     (run,) = problem.runs
-    followed = trajectory_of(run, campaign.tables["long"])
     named = problem.named(values)
-    free = FreeStart(run.noise, followed, BadFrames()).likelihood(run.points, named)
-    bad = bad_frames(run, followed, problem, values, known=BadFrames())
+    free = FreeStart(run.noise, Trajectory.of(run), BadFrames()).likelihood(run.points, named)
+    bad = bad_frames(run, problem, values, known=BadFrames())
     posed = pose_forces(
-        {"long": (run,)},
-        {"long": followed},
-        problem,
-        values,
-        without=np.ones(problem.n_par),
-        bad={"long": bad},
-        alone={},
+        problem, values, without=np.ones(problem.n_par), bad={"long": bad}, alone={}
     )
     return problem, named, free, posed, bad
 
@@ -106,9 +98,7 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
     problem = campaign.problem(["long"], usual=True)
     (run,) = problem.runs
     values = np.array([TRUTH.get(name, 0.0) for name in problem.names])
-    found = bad_frames(
-        run, trajectory_of(run, campaign.tables["long"]), problem, values, known=BadFrames()
-    )
+    found = bad_frames(run, problem, values, known=BadFrames())
     return [(jump.kind, jump.row) for jump in found.jumps]
 
 
@@ -207,9 +197,9 @@ def test_bands_say_what_whole_matrices_say(tmp_path, monkeypatch, noise):
     assert [(jump.kind, jump.row) for jump in bad.jumps] == [("frame", 150)]
     np.testing.assert_allclose(bad.jumps[0].size, whole_bad.jumps[0].size, rtol=1e-8)
     np.testing.assert_allclose(
-        posed.found[0].force.mean,
-        whole_posed.found[0].force.mean,
-        atol=1e-8 * np.max(np.abs(whole_posed.found[0].force.mean)),
+        posed.forces[0].force.mean,
+        whole_posed.forces[0].force.mean,
+        atol=1e-8 * np.max(np.abs(whole_posed.forces[0].force.mean)),
     )
 
 

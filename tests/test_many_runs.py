@@ -247,7 +247,7 @@ def test_response_to_errors_is_the_same_run_by_run_and_dense(rng, monkeypatch):
     problem, _ = lines(MANY, rng, Normal(1.0, 0.5))
     posterior = problem.linearised(problem.start())
     roots, slopes = (
-        posterior.narrow_jacobians(problem.start()),
+        [jacobian for jacobian, _ in posterior.narrow_scoring(problem.start())],
         posterior.prior_slopes(problem.start()),
     )
     errors, of_priors = (
@@ -266,7 +266,10 @@ def test_response_to_errors_is_the_same_run_by_run_and_dense(rng, monkeypatch):
 def test_spreads_of_each_run_are_the_blocks_of_the_inverse(rng):
     problem, ys = lines(MANY, rng, Normal(1.0, 0.5))
     roots, slopes = (
-        problem.linearised(problem.start()).narrow_jacobians(problem.start()),
+        [
+            jacobian
+            for jacobian, _ in problem.linearised(problem.start()).narrow_scoring(problem.start())
+        ],
         1.0 / np.array([0.5, 1.0, *[0.7] * MANY]),
     )
     design, _ = dense(ys, (2.0, 2.0))
@@ -370,13 +373,13 @@ def test_simulated_residuals_of_each_run_are_those_of_all_runs_together(rng):
     )
     problem = Problem(problem.parameters, (*precise, *problem.runs[2:]))
     fit = fit_least_squares(problem, rng=rng, n_start=1)
-    root = fit.posterior.narrow_jacobians(fit.values)[0]
+    root = fit.posterior.narrow_scoring(fit.values)[0][0]
     design, _ = dense(ys, (2.0, 2.0))
     design[: 2 * X.size] *= 10.0
     rows, spread_of_all = design[: X.size], np.linalg.inv(design.T @ design)
     taken = rows @ spread_of_all @ rows.T
     spread = arrow.spreads_by_runs(
-        fit.posterior.narrow_jacobians(fit.values),
+        [jacobian for jacobian, _ in fit.posterior.narrow_scoring(fit.values)],
         problem.columns,
         fit.posterior.prior_slopes(fit.values),
     )[0]

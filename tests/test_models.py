@@ -23,20 +23,22 @@ from test_noise import CAMPAIGN, DIFFERENTIATED, TIMES
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import InputError, Stream, stream
-from estim.deviation import MixtureErrors, pose_without_force, replicas
+from estim.curves import RollingMotion
+from estim.deviation import MixtureErrors, Trajectory, pose_without_force, replicas
 from estim.deviation.components import Shape, diagonalise
 from estim.deviation.grid import SCALES, Grid, noise_grid
 from estim.deviation.linearised import linearise
 from estim.deviation.mixture import keep_probable
 from estim.deviation.residuals import Residuals
 from estim.explanation import predictive_checks
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
 from estim.reports import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
 from estim.studies import START, Ground, ModelComparison, compare_models
-from estim.studies.models import APART, check_same_points, recommend
+from estim.studies.models import APART, check_same_points, fit_model, recommend
 from model import Body
 from model.simulate import simulate_positions
 
@@ -152,7 +154,7 @@ def test_a_model_without_a_force_has_the_numbers_of_the_stated_noise(
     tmp_path: Path, plain: ModelComparison
 ) -> None:
     fit, complete = plain.rows[0].analysis.fit, rolled(tmp_path, shared="unmodelled_force = 0\n")
-    stated = complete.fit(complete.problem(["r"], usual=True), rng=stream(1, Stream.FIT))
+    stated = fit_problem(complete.problem(["r"], usual=True), rng=stream(1, Stream.FIT))
     assert stated.names == fit.names
     np.testing.assert_allclose((fit.values - stated.values) / stated.sds, 0.0, atol=0.05)
     assert all(0.95 < ratio < 1.1 for ratio in fit.sds / stated.sds)
@@ -170,14 +172,19 @@ def line_problem(y: np.ndarray, x: np.ndarray) -> Problem:
 
 
 def test_an_evidence_with_room_for_the_noise_is_the_sum_over_its_sizes(
-    rng: np.random.Generator,
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(Trajectory, "speed", lambda *_: None)  # of a straight line
     x = np.linspace(0.0, 1.0, 12)
     for size in (0.1, 0.16):  # as stated, and larger
         y = 0.3 + 0.8 * x + size * rng.standard_normal(x.size)
         problem = line_problem(y, x)
         white = fit_least_squares(problem, rng=rng)
-        noises, shared = pose_without_force([problem.runs], {}, problem, white.values, bad={})
+        (run,) = problem.runs
+        roomy = replace(run, motion=RollingMotion(False, None, True), force=1.0)
+        noises, shared = pose_without_force(
+            Problem(problem.parameters, (roomy,)), white.values, bad={}
+        )
         assert shared == ()
         run = replace(problem.runs[0], noise=noises[problem.runs[0].name])
         fit = fit_least_squares(
@@ -427,7 +434,7 @@ def test_a_model_without_resistance_does_not_bring_back_the_end_of_a_braked_run(
     models = {model.name: model for model in braked.curve_models(["r"])}
     checked = {}
     for name in ("paper", "rolling-resistance"):
-        fit = braked.fit_model(models[name], bad={}, rng=np.random.default_rng(1))
+        fit = fit_model(models[name], bad={}, rng=np.random.default_rng(1))
         draws = np.random.default_rng(2).multivariate_normal(fit.values, fit.cov, 1000)
         draws = draws[np.isfinite(fit.problem.log_prior(draws))]
         checked[name] = {

@@ -14,8 +14,9 @@ from joint_runs import U_OFFSET, U_TILT, U_Y, readings
 
 from estim import load_campaign
 from estim.calibration.experiment import PointDesign
-from estim.calibration.trial import Engine, Plan, _experiment, posterior_draws
+from estim.calibration.trial import Engine, TrialPlan, _experiment, posterior_draws
 from estim.checks.diagnosis import _counting_alike
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Independent, Scale
 from estim.problem.observations import Parameter
@@ -178,7 +179,7 @@ def test_a_force_changes_nothing_about_how_readings_count() -> None:
     campaign = load_campaign(REPLICA)
     problem = campaign.problem(["heavy-02", "heavy-04"])
     plain = replace(problem, runs=tuple(replace(run, force=0.0) for run in problem.runs))
-    fits = [campaign.fit(one, rng=np.random.default_rng(1)) for one in (problem, plain)]
+    fits = [fit_problem(one, rng=np.random.default_rng(1)) for one in (problem, plain)]
     assert [len(fit.problem.groups) for fit in fits] == [1, 2]
     pulls = []
     for fit in fits:
@@ -203,7 +204,7 @@ def test_it_is_told_where_flat_weights_would_show() -> None:
 def test_ranks_of_joint_fits_are_those_of_truths_that_are_read_anew() -> None:
     problem = readings(3, np.random.default_rng(1))
     values, posed, _ = _experiment(
-        Plan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
+        TrialPlan(PointDesign(problem), "sbc", problem.start(), problem.names, Engine(), 1),
         np.random.default_rng(5),
     )
     for value, before, after in zip(values, problem.parameters, posed.parameters, strict=True):

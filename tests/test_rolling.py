@@ -16,6 +16,7 @@ from estim.common import Kind
 from estim.curves.disturbed import DisturbedMotion, Setting
 from estim.curves.rolling import RollingMotion
 from estim.distributions import normal_tail
+from estim.fitting import fit_problem
 from estim.pipeline import analyse
 from estim.problem.priors import Uniform
 from estim.reports.analysis import analysis_report
@@ -75,7 +76,7 @@ def campaign_of(tmp_path, shared="", noise=""):
 def rolled(campaign, rng, n_draw=4000):
     """The check of the only run, on draws of the normal approximation."""
     problem = campaign.problem(["a"])
-    fit = campaign.fit(problem, rng=rng)
+    fit = fit_problem(problem, rng=rng)
     draws = rng.multivariate_normal(fit.values, fit.cov, n_draw)
     return check_rolling(problem, draws, rng=rng)[0], problem.named(draws)
 
@@ -243,7 +244,7 @@ def test_the_figure_shows_both_forces_and_the_stated_friction(tmp_path, rng):
     campaign = campaign_of(tmp_path, 'friction = "0.14(2)"')
     found, _ = rolled(campaign, rng, 300)
     problem = campaign.problem(["a"])
-    draws = np.repeat(campaign.fit(problem, rng=rng).values[None, :], 50, axis=0)
+    draws = np.repeat(fit_problem(problem, rng=rng).values[None, :], 50, axis=0)
     (ax,) = rolling_figure(problem, draws, [found]).axes
     lines = {line.get_label(): np.asarray(line.get_ydata()) for line in ax.lines}
     assert set(lines) == {"N/(M g)", "|F|/N", "stated friction"}
@@ -274,7 +275,7 @@ def test_friction_is_looked_up_as_other_quantities_are(tmp_path):
     grip = campaign.problem(["a"]).runs[0].motion.grip
     assert (grip.low, grip.high, type(grip)) == (0.1, 0.3, Uniform)
     assert "friction" not in "".join(campaign.problem(["a"]).names)
-    assert grip_of(campaign.source, campaign.study.levels("a")) is not None
+    assert grip_of(campaign.source, campaign.levels("a")) is not None
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,7 @@ from estim.campaign import TableChoices, campaign_of_table, load_campaign
 from estim.campaign.table_campaign import text_of_table
 from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
+from estim.fitting import fit_problem
 from estim.fitting.optimum import fit_optimum
 
 FORMULA = "a*exp(-x/tau) + c"
@@ -68,7 +69,7 @@ def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None
         load_campaign(table.parent / "kept.toml"),
         json.loads((out / "result.json").read_text()),
     )
-    fit = kept.fit(kept.problem(["data"]), rng=np.random.default_rng(1))
+    fit = fit_problem(kept.problem(["data"]), rng=np.random.default_rng(1))
     assert result["parameters"]["tau"]["unit"] == "s"
     assert result["runs"]["data"]["x"] == "time (s)"
     assert result["runs"]["data"]["y"] == "U (V)"
@@ -190,7 +191,7 @@ def test_a_curve_by_name_needs_no_starts(tmp_path: Path) -> None:
     assert 'model = "gaussian + line"' in text
     assert text.partition("[curve.parameters]")[2].split("\n\n")[0].strip() == "sigma = {low = 0.5}"
     campaign = campaign_of_table(path, TableChoices(formula="gaussian + line", u_y="0.1"))
-    fit = campaign.fit(campaign.problem(campaign.run_names), rng=np.random.default_rng(1))
+    fit = fit_problem(campaign.problem(campaign.run_names), rng=np.random.default_rng(1))
     named = dict(
         zip(fit.names, zip(fit.values, np.sqrt(np.diag(fit.cov)), strict=True), strict=True)
     )
@@ -467,8 +468,8 @@ def test_of_two_columns_the_first_is_x_unless_the_names_or_the_formula_say_anoth
     (tmp_path / "two.csv").write_text(
         header + "\n" + "".join(f"{0.5 * i:g},{0.8 * i + 0.01 * (i % 3):g}\n" for i in range(9))
     )
-    study = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula)).study
-    assert (study.x_column, study.y_column) == axes
+    posed = campaign_of_table(tmp_path / "two.csv", TableChoices(formula=formula))
+    assert (posed.x_column, posed.y_column) == axes
 
 
 @pytest.mark.parametrize(
@@ -500,8 +501,8 @@ def test_where_formula_and_header_disagree_one_line_asks_and_the_answer_is_taken
     assert f'(--x "{first}" --y "{second}", or --x "{second}" --y "{first}")' in said
     if formula == "v*x + b":
         for x, y in ((first, second), (second, first)):
-            study = campaign_of_table(file, TableChoices(formula=formula, x=x, y=y)).study
-            assert (study.x_column, study.y_column) == (x, y)
+            posed = campaign_of_table(file, TableChoices(formula=formula, x=x, y=y))
+            assert (posed.x_column, posed.y_column) == (x, y)
 
 
 def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from estim.campaign import as_complete, load_campaign
 from estim.checks import check_goodness, tolerated_pattern
-from estim.fitting import finish, fit_least_squares
+from estim.fitting import finish, fit_least_squares, fit_problem
 from estim.words import tell
 from model import Body, trajectory
 
@@ -137,7 +137,7 @@ def test_fit_settles_where_the_resistance_is_held_at_zero(
         )
     case = Case("jump", "default", "speeds", replica=39, seed=1)
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
-    fit = campaign.fit(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
+    fit = fit_problem(campaign.problem(["r"], usual=True), rng=np.random.default_rng(1))
     assert fit.at_bound == ("rolling_resistance",)
     assert fit.success is not cut_off
 
@@ -191,7 +191,7 @@ def test_neighbours_that_are_alike_are_borne_beside_a_force_and_no_larger_than_s
     _, campaign, _, _ = recorded(tmp_path, case.name, generator(case), priors=case.priors)
     problem = campaign.problem(["r"], usual=True)
     (borne,) = check_goodness(
-        campaign.fit(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1)
+        fit_problem(problem, rng=np.random.default_rng(1)), rng=np.random.default_rng(1)
     )
     assert borne.alike == ("autocorrelation",)
     assert borne.failed == ()

@@ -15,7 +15,7 @@ from estim import fit_curve
 from estim.campaign.table_campaign import TableChoices, campaign_of_table
 from estim.cli.commands import cli
 from estim.common import InputError, NumericalError
-from estim.fitting import Fit, profile_intervals
+from estim.fitting import Fit, fit_problem, profile_intervals
 from estim.pipeline import sample_curve
 
 SINKING = "y0 - v*x + v*tau*(1 - exp(-x/tau))"
@@ -168,7 +168,7 @@ def by_command(file: Path, formula: str, *, u_y: float | None, low: dict[str, fl
         low={name: str(end) for name, end in low.items()},
     )
     campaign = campaign_of_table(file, choices)
-    return campaign.fit(campaign.problem(campaign.run_names), rng=np.random.default_rng(7))
+    return fit_problem(campaign.problem(campaign.run_names), rng=np.random.default_rng(7))
 
 
 DECAY, PEAK, SWING = "a*exp(-x/tau) + c", "gaussian + constant", "A*exp(-x/tau)*cos(w*x + p) + c"

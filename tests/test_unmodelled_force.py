@@ -16,10 +16,10 @@ import pytest
 from scipy.optimize import approx_fprime
 from test_noise import CAMPAIGN, DIFFERENTIATED, INDEPENDENT, POSITIONS, TIMES, TRUTH
 
-from estim.campaign import Campaign, as_complete, forced, load_campaign
-from estim.campaign.bodies import RollingStudy
-from estim.campaign.forced import fit_with_forces
+from estim.campaign import Campaign, as_complete, load_campaign
 from estim.common import InputError
+from estim.fitting import fit_problem, forces
+from estim.fitting.forces import fit_with_forces
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
@@ -46,7 +46,9 @@ def body(folder: Path, *, noise: str = DIFFERENTIATED, shared: str = "", run: st
 
 
 def fitted(campaign: Campaign) -> Fit:
-    return campaign.fit(campaign.problem(["r"]), rng=np.random.default_rng(1))
+    problem = campaign.problem(["r"])
+    with campaign.placing(problem):
+        return fit_problem(problem, rng=np.random.default_rng(1))
 
 
 def wheel(folder: Path, force: str) -> Campaign:
@@ -97,9 +99,7 @@ def nearby(campaign: Campaign) -> Fit:
     white = fit_least_squares(problem, rng=rng, n_start=1, start=start)
     if not problem.runs[0].force:
         return white
-    study = campaign.study
-    assert isinstance(study, RollingStudy)
-    return fit_with_forces(white, campaign.tables, {"r": study.levels("r")}, rng=rng)
+    return fit_with_forces(white, rng=rng)
 
 
 def test_positions_as_read_know_the_same_force(tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_other_commands_refuse_it_where_it_is_stated(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"{place} a comparison"):
         campaign.noise_models("class-balanced_1")
     with pytest.raises(InputError, match=f"{place} estim energy"):
-        campaign.study.require_complete(["class-balanced_1"], "estim energy")
+        campaign.require_complete(["class-balanced_1"], "estim energy")
     with pytest.raises(InputError, match=f"{place} estim calibrate"):
         campaign.require_unknowns(campaign.problem(["class-balanced_1"]), drawn=True)
 
@@ -284,7 +284,7 @@ def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_c
     tmp_path: Path,
 ) -> None:
     campaign = wheel(tmp_path, "")
-    campaign.study.require_complete(["class-balanced_1"], "estim energy")
+    campaign.require_complete(["class-balanced_1"], "estim energy")
     alone = campaign.problem(["class-balanced_1"])
     campaign.require_unknowns(alone, drawn=True)
     together = campaign.problem(["class-balanced_1", "class-balanced_2"])
@@ -296,7 +296,7 @@ def test_a_joint_fit_has_forces_by_itself_and_other_commands_take_the_curve_as_c
         0.0,
     ]
     assert "estim energy" in said(energy)
-    assert campaign.fit(energy, rng=np.random.default_rng(1)).forces == ()
+    assert fit_problem(energy, rng=np.random.default_rng(1)).forces == ()
 
 
 def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_force_was_asked_for(
@@ -306,7 +306,7 @@ def test_a_run_that_cannot_be_linearised_is_fit_without_and_says_so_unless_a_for
         raise InputError("must be > 0 along the track", field="speed")
 
     white = fitted(body(tmp_path, shared=OFF))
-    monkeypatch.setattr(forced, "pose_forces", at_rest)
+    monkeypatch.setattr(forces, "pose_forces", at_rest)
     fit = fitted(body(tmp_path))
     assert fit.forces == ()
     assert np.array_equal(fit.values, white.values)

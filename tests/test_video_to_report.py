@@ -18,6 +18,7 @@ from estim.checks.deviations import wrong_curves
 from estim.checks.goodness import check_goodness
 from estim.cli.commands import cli
 from estim.common import Kind
+from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit
 from estim.fitting.optimum import fit_optimum
 from estim.pipeline import analyse
@@ -263,7 +264,7 @@ def with_deviation(
     (folder / "campaign.toml").write_text(campaign)
     loaded = load_campaign(folder / "campaign.toml")
     rng = np.random.default_rng(1)
-    fit = loaded.fit(loaded.problem([name]), rng=rng)
+    fit = fit_problem(loaded.problem([name]), rng=rng)
     return (
         fit,
         check_goodness(fit, rng=rng)[0].failed,

@@ -28,7 +28,7 @@ from estim.curves import (
     RollingMotion,
     Setting,
 )
-from estim.fitting import Fit, fit_least_squares
+from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.problem import Independent, Normal, Observations, Parameter, Problem, Scale
 from estim.words import tell
 from model import Body, speed
@@ -210,7 +210,7 @@ def replica(folder: Path, text: str, runs: list[str]) -> Fit:
         text = text.replace(f'"{before}', f'"{data}/replica/{before}')
     path.write_text(text)
     campaign = load_campaign(path)
-    return campaign.fit(campaign.problem(runs), rng=np.random.default_rng(1))
+    return fit_problem(campaign.problem(runs), rng=np.random.default_rng(1))
 
 
 REPLICA = (Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml").read_text()

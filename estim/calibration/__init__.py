@@ -6,11 +6,10 @@ from estim.calibration.calibration import (
     COVERAGE_SDS,
     UNIFORM_BELOW,
     Calibration,
-    coverage,
+    run_trials,
     coverage_sentence,
     direction,
     findings,
-    simulation_based_calibration,
 )
 from estim.calibration.experiment import campaign_design, follow, release_times
 from estim.calibration.trial import Engine, posterior_draws

@@ -3,13 +3,13 @@ truth, analysed as real ones.
 
 Two questions, each with its own answer:
 
-- `simulation_based_calibration`: truths drawn from the priors.  If data, likelihood and computation
-  belong together, the rank of a truth among posterior draws is uniform and an interval of
-  probability p holds it with probability p: exactly, for any priors (Talts, Betancourt, Simpson,
-  Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20 (2025) 461).  It finds
-  mistakes.  In joint fits readings of single runs (`estim.fitting.readings`) are read anew around
+- "sbc", simulation-based calibration: truths drawn from the priors. If data, likelihood and
+  computation belong together, the rank of a truth among posterior draws is uniform and an interval
+  of probability p holds it with probability p: exactly, for any priors (Talts, Betancourt, Simpson,
+  Vehtari, Gelman 2018, arXiv 1804.06788; Modrak et al., Bayesian Analysis 20 (2025) 461). It finds
+  mistakes. In joint fits readings of single runs (`estim.fitting.readings`) are read anew around
   the truth, which is what they are taken for: there ranks are uniform to first order.
-- `coverage`: one truth, the fitted values, so that it speaks of *this* experiment.  The experiment
+- "coverage": one truth, the fitted values, so that it speaks of *this* experiment.  The experiment
   is repeated together with the measurements that its normal and log-normal priors stand for: their
   centres are drawn anew around the truth with their own standard uncertainty.  With the centre
   held, a parameter that the data do not determine would be covered always or never.  Uniform and
@@ -42,10 +42,9 @@ from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
 from estim.calibration.trial import (
     N_RANK,
-    PROBABILITIES,
     Engine,
-    Plan,
     Trial,
+    TrialPlan,
     What,
     posterior_draws,
     reported_labels,
@@ -55,6 +54,7 @@ from estim.calibration.trial import (
 )
 from estim.calibration.uniformity import LEAST_P, uniformity_p_value
 from estim.common import (
+    PROBABILITIES,
     Amount,
     Finding,
     Kind,
@@ -139,9 +139,10 @@ class Calibration:
         return np.sqrt(p * (1.0 - p) / self.n_trial)
 
 
-def simulation_based_calibration(
+def run_trials(
     design: Experiment,
     fit: Fit,
+    what: What,
     *,
     n_trial: int,
     seed: int,
@@ -150,7 +151,11 @@ def simulation_based_calibration(
     progress: TrialProgress | None = None,
     store: PieceStore | None = None,
 ) -> Calibration:
-    """Ranks and coverage for `n_trial` truths drawn from the priors.
+    """Ranks and coverage for `n_trial` truths drawn from the priors ("sbc"), or coverage for as
+    many repetitions of the experiment at the fitted values ("coverage").
+
+    There the truth is the posterior mode; a parameter whose mode lies at a bound of its prior has
+    its posterior median instead, since no interval between quantiles can hold a bound.
 
     fit : of the real data; it tells which numbers of the report vary at all.
     store : keeps each trial, its `inputs` what decides the design.  The same seed gives the same
@@ -158,46 +163,35 @@ def simulation_based_calibration(
 
     Raises NumericalError where hardly any draw of the priors gives data.
     """
-    return _calibrate(
-        Plan(design, "sbc", fit.values, tuple(_varying(fit)), engine or Engine(), seed),
-        fit,
-        n_trial,
-        jobs,
-        progress,
-        store,
-    )
-
-
-def coverage(
-    design: Experiment,
-    fit: Fit,
-    *,
-    n_trial: int,
-    seed: int,
-    jobs: int = 1,
-    engine: Engine | None = None,
-    progress: TrialProgress | None = None,
-    store: PieceStore | None = None,
-) -> Calibration:
-    """Coverage for `n_trial` repetitions of the experiment at the fitted values.
-
-    The truth is the posterior mode; a parameter whose mode lies at a bound of its prior has its
-    posterior median instead, since no interval between quantiles can hold a bound.  Otherwise as
-    `simulation_based_calibration`.
-    """
-    chosen = engine or Engine()
-    truth = fit.values.copy()
-    if fit.at_bound:
-        draws, _, _ = posterior_draws(fit, chosen, stream(seed, Stream.CALIBRATION_TRUTH))
+    engine, truth, reported = engine or Engine(), fit.values.copy(), _varying(fit)
+    if what == "coverage" and fit.at_bound:
+        draws, _, _ = posterior_draws(fit, engine, stream(seed, Stream.CALIBRATION_TRUTH))
         bound = [fit.names.index(name) for name in fit.at_bound]
         truth[bound] = np.median(draws[:, bound], axis=0)
-    return _calibrate(
-        Plan(design, "coverage", truth, tuple(_varying(fit)), chosen, seed),
-        fit,
-        n_trial,
-        jobs,
-        progress,
-        store,
+    plan = TrialPlan(design, what, truth, tuple(reported), engine, seed)
+    trial = (
+        partial(run_trial, plan)
+        if store is None
+        else partial(_kept_trial, plan, store.given(*plan.inputs))
+    )
+    trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
+    return Calibration(
+        what=what,
+        runs=tuple(run.name for run in design.problem.runs),
+        reported=reported,
+        labels=reported_labels(fit.problem, fit.values),
+        truth=np.array([t.truth for t in trials]),
+        ranks=np.array([t.rank for t in trials]),
+        n_rank=N_RANK,
+        covered=np.array([t.covered for t in trials]),
+        probabilities=PROBABILITIES,
+        n_rejected=sum(t.n_rejected for t in trials),
+        how=Counter(t.how for t in trials),
+        n_short=sum(bool(t.shortfall) for t in trials),
+        failures=Counter(t.failure for t in trials if t.failure),
+        leaning=_leaning(fit),
+        engine=engine,
+        seed=seed,
     )
 
 
@@ -211,41 +205,7 @@ def _varying(fit: Fit) -> dict[str, str]:
     return reported_names(fit.problem, np.array([fit.values, fit.values + np.array(inward)]))
 
 
-def _calibrate(
-    plan: Plan,
-    fit: Fit,
-    n_trial: int,
-    jobs: int,
-    progress: TrialProgress | None,
-    store: PieceStore | None,
-) -> Calibration:
-    trial = (
-        partial(run_trial, plan)
-        if store is None
-        else partial(_kept_trial, plan, store.given(*plan.inputs))
-    )
-    trials = run_parallel(trial, range(n_trial), jobs=jobs, progress=progress)
-    return Calibration(
-        what=plan.what,
-        runs=tuple(run.name for run in plan.design.problem.runs),
-        reported=_varying(fit),
-        labels=reported_labels(fit.problem, fit.values),
-        truth=np.array([t.truth for t in trials]),
-        ranks=np.array([t.rank for t in trials]),
-        n_rank=N_RANK,
-        covered=np.array([t.covered for t in trials]),
-        probabilities=PROBABILITIES,
-        n_rejected=sum(t.n_rejected for t in trials),
-        how=Counter(t.how for t in trials),
-        n_short=sum(bool(t.shortfall) for t in trials),
-        failures=Counter(t.failure for t in trials if t.failure),
-        leaning=_leaning(fit),
-        engine=plan.engine,
-        seed=plan.seed,
-    )
-
-
-def _kept_trial(plan: Plan, store: PieceStore, index: int) -> Trial:
+def _kept_trial(plan: TrialPlan, store: PieceStore, index: int) -> Trial:
     return store.piece(f"trial {index}", Trial, partial(run_trial, plan, index))
 
 
@@ -266,13 +226,13 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
     Monte-Carlo standard deviations off; at one truth, where something leans on a prior that is no
     measurement, only if it is too small.
     """
-    found = []
+    faults = []
     least = max(UNIFORM_BELOW / max(len(calibration.reported), 1), 1.01 * LEAST_P)
     excused = calibration.what == "coverage" and bool(calibration.leaning)
     for name in calibration.reported:
         p_value = calibration.p_value(name) if calibration.what == "sbc" else 1.0
         if p_value < least:
-            found.append(
+            faults.append(
                 Finding(
                     Kind.RANKS_UNEVEN,
                     test=direction(calibration, name),
@@ -286,7 +246,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
             if p - held > COVERAGE_SDS * u or (held - p > COVERAGE_SDS * u and not excused):
                 how = direction(calibration, name) or ("narrow" if held < p else "wide")
                 numbers = {"probability": p, "errors": float(abs(held - p) / u)}
-                found.append(
+                faults.append(
                     Finding(
                         Kind.COVERAGE_OFF,
                         test=how,
@@ -297,7 +257,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                 )
     if calibration.n_failed > _MOST_FAILED * calibration.n_trial:
         worst = max(calibration.failures, key=lambda sentence: calibration.failures[sentence])
-        found.append(
+        faults.append(
             Finding(
                 Kind.TRIALS_FAILED,
                 size=calibration.n_failed,
@@ -305,7 +265,7 @@ def findings(calibration: Calibration) -> tuple[Finding, ...]:
                 names=(worst,),
             )
         )
-    return tuple(found)
+    return tuple(faults)
 
 
 def direction(calibration: Calibration, name: str) -> str:

@@ -40,7 +40,7 @@ _RELEASES = 400  # moments tried before the best is refined
 
 
 @runtime_checkable
-class Moving(Protocol):
+class Followed(Protocol):
     """A curve that can be followed in time."""
 
     def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
@@ -237,7 +237,7 @@ def _scattered(
 
 def follow(run: Observations, since: FloatArray, named: Values) -> FloatArray:
     """Positions at times since release, in their shape: (n_obs,) or (n, n_obs)."""
-    if not isinstance(run.curve, Moving):
+    if not isinstance(run.curve, Followed):
         raise InputError(
             "cannot be simulated: its curve does not say where the body is in time",
             field="run",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.calibration.experiment import Experiment
-from estim.common import InputError, Label, NumericalError, Stream, stream
+from estim.common import PROBABILITIES, InputError, Label, NumericalError, Stream, stream
 from estim.fitting import Fit, fit_least_squares
 from estim.problem import Parameter, Prior, Problem
 from estim.sampling import Target, adapt_proposal, certify, sample_posterior
@@ -23,7 +23,6 @@ from estim.sampling import Target, adapt_proposal, certify, sample_posterior
 IntArray = NDArray[np.int64]
 What = Literal["sbc", "coverage"]
 
-PROBABILITIES = (0.68, 0.95)
 N_RANK = 99
 _TRUSTED = 0.5  # k-hat
 _MOST_TRIES = 2000  # truths drawn for one simulated campaign
@@ -46,7 +45,7 @@ class Engine:
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class TrialPlan:
     """What is common to all trials.
 
     truth : (n_par,) the truth of every trial where `what` is "coverage".
@@ -87,7 +86,7 @@ class Trial:
     failure: str
 
 
-def run_trial(plan: Plan, index: int) -> Trial:
+def run_trial(plan: TrialPlan, index: int) -> Trial:
     """Trial number `index`: the same whatever the process and the other trials."""
     rng = stream(plan.seed, _KINDS[plan.what], index)
     values, problem, n_rejected = _experiment(plan, rng)
@@ -110,7 +109,7 @@ def run_trial(plan: Plan, index: int) -> Trial:
     return Trial(truth, rank, _covered(truth, numbers), n_rejected, how, shortfall, "")
 
 
-def _experiment(plan: Plan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
+def _experiment(plan: TrialPlan, rng: np.random.Generator) -> tuple[FloatArray, Problem, int]:
     """A truth, the problem that its simulated data pose, and how many had to be drawn again.
     Raises NumericalError.
     """

@@ -40,19 +40,10 @@ def edges(n_rank: int) -> FloatArray:
 @lru_cache(maxsize=32)
 def _tails(n: int, n_rank: int) -> FloatArray:
     """(n + 1, n_rank) two-sided tail probability of each count at each edge."""
-    from scipy.special import gammaln
+    from scipy.special import bdtr, bdtrc
 
-    k = np.arange(n + 1)[:, None]
-    z = edges(n_rank)
-    chance = np.exp(
-        gammaln(n + 1)
-        - gammaln(k + 1)
-        - gammaln(n - k + 1)
-        + k * np.log(z)
-        + (n - k) * np.log1p(-z)
-    )
-    # each tail summed from its end: no digits are lost
-    return 2.0 * np.minimum(np.cumsum(chance, axis=0), np.cumsum(chance[::-1], axis=0)[::-1])
+    k, z = np.arange(n + 1)[:, None], edges(n_rank)
+    return np.asarray(2.0 * np.minimum(bdtr(k, n, z), np.where(k > 0, bdtrc(k - 1, n, z), 1.0)))
 
 
 @lru_cache(maxsize=32)
@@ -60,13 +51,13 @@ def _null(n: int, n_rank: int) -> FloatArray:
     """(40000,) sorted statistics of uniform ranks."""
     rng = np.random.default_rng(20220301)
     table, columns = _tails(n, n_rank), np.arange(n_rank)
-    found = []
+    smallest = []
     for _ in range(_N_NULL // _CHUNK):
         counts = np.cumsum(
             rng.multinomial(n, np.full(n_rank + 1, 1.0 / (n_rank + 1)), size=_CHUNK), axis=1
         )[:, :-1]
-        found.append(np.min(table[counts, columns], axis=1))
-    return np.sort(np.concatenate(found))
+        smallest.append(np.min(table[counts, columns], axis=1))
+    return np.sort(np.concatenate(smallest))
 
 
 def uniformity_p_value(ranks: IntArray, n_rank: int) -> float:

@@ -3,21 +3,16 @@ first, `levels` for what runs share.
 """
 
 from estim.campaign.binding import gamma_of_body, gamma_origin, parted_bodies, resistance_of_body
-from estim.campaign.campaign import Campaign, load_campaign
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, Kind, NoiseTable, checked, read_campaign_file
 from estim.campaign.design import load_design, simulate_campaign
 from estim.campaign.forced import as_complete
 from estim.campaign.levels import body_levels
-from estim.campaign.others import (
-    Candidate,
-    CurveModel,
-    TableChoices,
-    campaign_of_table,
-    columns_of,
-    drafted_campaign,
-    pairs,
-    way_back,
-)
+from estim.campaign.loading import load_campaign
+from estim.campaign.curve_models import CurveModel
+from estim.campaign.new_campaign import columns_of, drafted_campaign
+from estim.campaign.selection import way_back
+from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.variation import (

@@ -15,7 +15,7 @@ from typing import cast
 
 from estim.campaign.campaign_file import RunTable
 from estim.campaign.levels import Levels
-from estim.campaign.quantities import Kind
+from estim.campaign.quantities import QuantityKind
 from estim.common import Notation, phrase
 from estim.curves import VaryingCurve, VaryingMotion, shift_of, spread_of
 from estim.problem import HalfNormal, Normal, Observations, Parameter, SpeedCurve
@@ -30,12 +30,12 @@ class Spread:
     """
 
     quantity: str
-    kind: Kind
+    kind: QuantityKind
     name: str
     scale: float
 
 
-def spreads_of(levels: Levels, kinds: Mapping[str, Kind]) -> dict[str, Spread]:
+def spreads_of(levels: Levels, kinds: Mapping[str, QuantityKind]) -> dict[str, Spread]:
     """Quantity -> how it varies, by the most particular level that says so; not those that the run
     states for itself.
 
@@ -135,5 +135,5 @@ def _varying(run: Observations, own: Mapping[str, Spread]) -> Observations:
     )
 
 
-def _said_by(run: RunTable, kind: Kind) -> bool:
+def _said_by(run: RunTable, kind: QuantityKind) -> bool:
     return any(getattr(run, key) is not None for key in kind.keys)

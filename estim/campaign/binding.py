@@ -25,13 +25,13 @@ from estim.campaign.parts import (
     spread_apart,
     weighed,
 )
-from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, Kind
+from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import DefaultError, Prior, as_prior
 from estim.propagation import Input
 from model import Body
 
-KINDS_OF_QUANTITIES: Mapping[str, Kind] = MappingProxyType({**QUANTITIES, **EFFECTS})
+KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType({**QUANTITIES, **EFFECTS})
 
 _SAME_SDS, _SAME_SHARE = 5.0, 0.05  # how far a stated gamma may be from that of the masses
 _MASSES = ("mass_disk_kg", "mass_particle_kg", "mass_trailing_kg")
@@ -240,7 +240,7 @@ def _suffix(source: CampaignFile, level: Level, name: str) -> str:
 
 
 def _checked(
-    source: CampaignFile, value: Quantity | Prior, kind: Kind, path: tuple[str | int, ...]
+    source: CampaignFile, value: Quantity | Prior, kind: QuantityKind, path: tuple[str | int, ...]
 ) -> float | Prior:
     """A number or a prior that respects the quantity's physical limit."""
     centre = value.value if isinstance(value, Quantity) else value.centre

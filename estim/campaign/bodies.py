@@ -1,4 +1,4 @@
-"""The rolling body as the study of a campaign: its quantities, and the problems that its runs pose.
+"""Campaigns of rolling bodies: their quantities, and the problems that its runs pose.
 
 A quantity is looked up at the run, then at its body, then under [shared]; where it is found decides
 what is one unknown: "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one body's runs, a bare
@@ -7,6 +7,7 @@ what is one unknown: "phi[heavy-04]" belongs to one run, "gamma[heavy]" to one b
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,32 +15,29 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign.between_runs import spreads_of, varied
 from estim.campaign.binding import KINDS_OF_QUANTITIES, Bound, bind_quantities, grip_of, total_mass
 from estim.campaign.blur import blur_cause, blurs
-from estim.campaign.campaign_file import CampaignFile, NoiseTable
+from estim.campaign.campaign import Campaign
+from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.causes import Sketch, Surroundings, sketches
 from estim.campaign.curve_models import ADDED, CurveModel, Outline, outlines
 from estim.campaign.effects import ramp_of, setting_of, with_full_curves
-from estim.campaign.expected_information import expected_information_of
 from estim.campaign.forced import (
-    KEY,
     Circumstances,
     Stance,
-    fit_with_forces,
     force_scale,
+    misfit_force,
     possible_force,
     refuse_force,
+    track_of,
 )
 from estim.campaign.levels import Levels, noise_level
-from estim.campaign.noise_models import Candidate, noise_candidates
+from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
-from estim.campaign.shared_force import tied_points
 from estim.campaign.unit_slips import unit_slips
-from estim.campaign.without_force import fit_without_force
 from estim.common import InputError, later, phrase, split_level
 from estim.curves import (
     DisturbedMotion,
@@ -50,53 +48,25 @@ from estim.curves import (
     RollingMotion,
     Setting,
 )
-from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Cause, Suspects
-from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
+from estim.fitting import FORCE_KEY
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
-from estim.reading import Run
-from estim.sampling import MAX_PARAMETERS
-
-_MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2  # of the fit
 
 
 @dataclass(frozen=True, eq=False)
-class RollingStudy:
+class RollingCampaign(Campaign):
     """Runs of rolling bodies: the phase curve with the quantities of a campaign file."""
 
-    source: CampaignFile
-
-    formula = None
-
-    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
-        """The columns of a rolling body are known by name."""
-        return ""
-
-    def problem(
-        self,
-        names: Sequence[str],
-        tables: Mapping[str, Run],
-        *,
-        noise: NoiseTable | None = None,
-        usual: bool = False,
-    ) -> Problem:
-        """The joint problem of the runs `names` with their tables.  Raises InputError.
-
-        noise : in place of the noise tables of the campaign.
-        usual : with the usual errors of length scale and clock where nothing is said of them.
-        """
-        return self._posed(names, tables, noise=noise, usual=usual)
-
-    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+    def suspects(self, names: Sequence[str]) -> Suspects:
         """The runs `names` as stated, and with what known physics, or the instruments, may add to
         them that the campaign does not say.
         """
-        plain = self._posed(names, tables, white=True)
+        plain = self._posed(names, white=True)
         causes = []
-        for sketch in sketches(self._surroundings(plain, tables)):
-            problem = self._posed(names, tables, white=True, sketch=sketch)
+        for sketch in sketches(self._surroundings(plain)):
+            problem = self._posed(names, white=True, sketch=sketch)
             added = tuple(name for name in problem.names if name not in plain.names)
-            posed = partial(self._posed, names, tables, sketch=sketch, usual=True)
+            posed = partial(self._posed, names, sketch=sketch, usual=True)
             causes.append(
                 Cause(
                     sketch.name,
@@ -109,20 +79,18 @@ class RollingStudy:
                 )
             )
         for interval, noise in blurs(
-            [self.levels(name) for name in names], [tables[name] for name in names]
+            [self.levels(name) for name in names], [self.tables[name] for name in names]
         ):
-            problem = self._posed(names, tables, white=True, noise=noise)
+            problem = self._posed(names, white=True, noise=noise)
             causes.append(
                 replace(
                     blur_cause(problem, interval),
-                    posed=partial(
-                        self._posed, names, tables, noise=noise, as_stated=True, usual=True
-                    ),
+                    posed=partial(self._posed, names, noise=noise, as_stated=True, usual=True),
                 )
             )
         for slip in unit_slips(self.source):
             try:
-                problem = RollingStudy(slip.source)._posed(names, tables, white=True)
+                problem = replace(self, source=slip.source)._posed(names, white=True)
             except InputError:
                 continue  # no such angle in radians
             added = tuple(name for name in problem.names if split_level(name)[0] in slip.quantities)
@@ -142,7 +110,7 @@ class RollingStudy:
         )
 
     def _surroundings(
-        self, plain: Problem, tables: Mapping[str, Run], *, without: frozenset[str] = frozenset()
+        self, plain: Problem, *, without: frozenset[str] = frozenset()
     ) -> tuple[Surroundings, ...]:
         """What is known of the runs; without : quantities that are taken as not said."""
         known = []
@@ -156,22 +124,20 @@ class RollingStudy:
                     sources,
                     total_mass(self.source, levels),
                     reach,
-                    tables[run.name].coordinate == "theta_rad",
+                    self.tables[run.name].coordinate == "theta_rad",
                     run.positions,
                 )
             )
         return tuple(known)
 
-    def curve_models(
-        self, names: Sequence[str], tables: Mapping[str, Run]
-    ) -> tuple[CurveModel, ...]:
-        """The models of the body of the runs `names` that can be compared, the simplest first."""
-        stated = self._posed(names, tables, compared=True)
+    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
+        self.problem(names)
+        stated = self._posed(names, compared=True)
         forced = all(run.force for run in stated.runs)
-        known = self._surroundings(stated, tables, without=ADDED)
+        known = self._surroundings(stated, without=ADDED)
         sources = {
             q: source
-            for run in self._surroundings(stated, tables)
+            for run in self._surroundings(stated)
             for q, source in run.sources.items()
             if source != 0.0
         }
@@ -180,7 +146,6 @@ class RollingStudy:
         for outline in outlines(sources, every, forced=forced):
             problem = self._posed(
                 names,
-                tables,
                 white=not forced,
                 outline=outline,
                 sketch=outline.sketch,
@@ -197,29 +162,9 @@ class RollingStudy:
             )
         return tuple(models)
 
-    def fit_model(
-        self,
-        model: CurveModel,
-        tables: Mapping[str, Run],
-        *,
-        bad: Mapping[str, BadFrames],
-        rng: np.random.Generator,
-    ) -> Fit:
-        """The posterior mode of a model of the body; bad : run -> frames that are shifted, in
-        models without a force.
-        """
-        problem = model.problem
-        if model.forced or not model.roomy:
-            return self.fit(problem, tables, rng=rng)
-        levels = {run.name: self.levels(run.name) for run in problem.runs}
-        return fit_without_force(
-            self._white_fit(problem, rng=rng), tables, levels, bad=bad, rng=rng
-        )
-
     def _posed(
         self,
         names: Sequence[str],
-        tables: Mapping[str, Run],
         *,
         noise: NoiseTable | None = None,
         white: bool = False,
@@ -239,12 +184,12 @@ class RollingStudy:
         physics: dict[str, Parameter] = {}
         unknowns: dict[str, Parameter] = {}
         runs = []
-        every = {name: observe(tables[name], self.levels(name), noise=noise) for name in names}
-        tied = tied_points(
-            {name: observed.y.size for name, observed in every.items()},
-            {name: self.levels(name) for name in names},
-            KEY,
-        )
+        every = {name: observe(self.tables[name], self.levels(name), noise=noise) for name in names}
+        tracks = {name: track_of(self.levels(name)) for name in names}
+        sharing = Counter(tracks.values())
+        points_on: Counter[str] = Counter()
+        for name in names:
+            points_on[tracks[name]] += every[name].y.size
         for name in names:
             levels = self.levels(name)
             bound = bind_quantities(self.source, levels, where=f"run '{name}'")
@@ -255,7 +200,7 @@ class RollingStudy:
             }
             observed = every[name]
             mass = total_mass(self.source, levels)
-            angular = tables[name].coordinate == "theta_rad"
+            angular = self.tables[name].coordinate == "theta_rad"
             # an encoder has no length scale
             bound = {
                 q: b
@@ -294,7 +239,7 @@ class RollingStudy:
             circumstances = Circumstances(
                 observed,
                 joint=len(names) > 1,
-                tied=tied[name],
+                tied=points_on[tracks[name]] if sharing[tracks[name]] > 1 else 0,
                 replaced=noise is not None and not as_stated,
             )
             stance = (
@@ -302,7 +247,15 @@ class RollingStudy:
                 if white
                 else (possible_force if compared else force_scale)(levels, circumstances)
             )
-            runs.append(replace(posed, force=stance.scale, complete=stance.complete))
+            runs.append(
+                replace(
+                    posed,
+                    force=stance.scale,
+                    complete=stance.complete,
+                    track=tracks[name],
+                    asked=stance.asked,
+                )
+            )
         centres = {name: p.prior.centre for name, p in (physics | unknowns).items()}
         runs = with_full_curves(runs, {name: ramp_of(self.levels(name)) for name in names}, centres)
         spreads = {name: spreads_of(self.levels(name), KINDS_OF_QUANTITIES) for name in names}
@@ -321,89 +274,40 @@ class RollingStudy:
         """The tables of the campaign file that speak of a run."""
         return Levels(self.source, [run.name for run in self.source.runs].index(name))
 
-    def fit(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        *,
-        rng: np.random.Generator,
-        near: FloatArray | None = None,
-    ) -> Fit:
-        """The posterior mode; where there are few parameters, scans through the range of each look
-        for further ones, unless it is `near` a place.
-        """
-        fit = self._white_fit(problem, rng=rng) if near is None else refit(problem, near)
-        if not any(run.force for run in problem.runs):
-            return fit
-        return fit_with_forces(
-            fit,
-            tables,
-            {run.name: self.levels(run.name) for run in problem.runs},
-            rng=rng,
-            scanned=near is None,
-        )
-
-    def _white_fit(self, problem: Problem, *, rng: np.random.Generator) -> Fit:
-        """The mode with the stated noise alone."""
-        fit = fit_least_squares(
-            problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS
-        )
-        # where the body does not move nothing is determined: few starts lead away from there
-        if fit.singular:
-            further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
-            fit = further if further.chi2 < fit.chi2 else fit
-        return scanned_fit(fit, rng=rng) if problem.n_par <= MAX_PARAMETERS else fit
-
-    def expected_information(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        values: FloatArray,
-        sizes: Mapping[str, ForceSize],
-    ) -> FloatArray:
-        """With an unmodelled force beside the curve of every run of known `sizes`.  Raises
-        InputError where that cannot be linearised.
-        """
-        return expected_information_of(
-            problem,
-            tables,
-            {run.name: self.levels(run.name) for run in problem.runs},
-            values,
-            sizes,
-        )
-
-    def check(self, name: str, tables: Mapping[str, Run]) -> None:
-        """Raises InputError where the data of a run cannot be what the campaign says of them."""
-        observed = self.problem([name], tables).runs[0]
+    def check(self, name: str) -> None:
+        observed = self._posed([name]).runs[0]
         bound = bind_quantities(self.source, self.levels(name), where=f"run '{name}'")
         sources = {quantity: b.source for quantity, b in bound.items()}
         check_speeds(
             observed,
             sources,
-            angular=tables[name].coordinate == "theta_rad",
-            file=tables[name].file,
+            angular=self.tables[name].coordinate == "theta_rad",
+            file=self.tables[name].file,
         )
 
     def body_of(self, name: str) -> str | None:
-        """The name of the body of a run."""
         return next(run.body for run in self.source.runs if run.name == name)
 
-    def unit_of(self, argument: str, name: str) -> str:
+    def _unit_of(self, argument: str, name: str) -> str:
         """The SI's."""
         return KINDS_OF_QUANTITIES[argument].unit if argument in KINDS_OF_QUANTITIES else "1"
 
-    def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
-        """The models of the noise that the data of a run and its noise table allow.  Raises
-        InputError where there is only one.
-        """
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         return noise_candidates(
             self.levels(name),
-            table,
-            lambda noise: self.problem([name], {name: table}, noise=noise).runs[0].noise,
+            self.tables[name],
+            lambda noise: self._posed([name], noise=noise).runs[0].noise,
         )
 
-    def place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
-        """Where in the file the unknowns of a run are declared."""
+    def _placed(self, error: InputError, problem: Problem) -> InputError:
+        """The error at the line of the key that asks for a force, where it is about one."""
+        name, level = split_level(error.field or "")
+        return misfit_force(self.levels(level[1:-1]), error) if name == FORCE_KEY else error
+
+    def refuse_discrepancy(self, command: str) -> None:
+        """A body has no such curve; its force is foreseen."""
+
+    def _place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
         return ("runs", [run.name for run in self.source.runs].index(name))
 
     def require_body(self) -> None:
@@ -416,16 +320,10 @@ class RollingStudy:
         self.require_complete([run.name for run in problem.runs], "estim calibrate")
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where an unmodelled force was asked for, which `command` does not
-        know.
-        """
         for name in names:
             refuse_force(self.levels(name), command)
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where a run is not fit as speeds with normal errors, which is what
-        `command` knows.
-        """
         for name in names:
             table, path, _ = noise_level(self.levels(name))
             if table.model == "positions":
@@ -493,4 +391,5 @@ def _observations(
         motion=motion,
         words=motion.words(),
         positions=observed.positions,
+        rows=observed.rows,
     )

@@ -1,38 +1,33 @@
-"""A campaign: its file, the tables of its runs, and the study that says what they measure."""
+"""A campaign: its file and the tables of its runs.
+
+What its runs measure is either a rolling body (`bodies`) or a curve of the user's own
+(`own_curve`): both are classes of `Campaign`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
-import numpy as np
-
-from estim.arrays import FloatArray
-from estim.campaign.binding import parts_fact
-from estim.campaign.bodies import RollingStudy
-from estim.campaign.campaign_file import CampaignFile, NoiseTable, RunTable, read_campaign_file
+from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_models import CurveModel
-from estim.campaign.derived import read_derived, with_derived
-from estim.campaign.dialect_table import dialect_of
-from estim.campaign.noise_models import Candidate
-from estim.campaign.own_curve import read_curve_study
-from estim.campaign.study import Study
-from estim.campaign.truth import read_truth
-from estim.common import InputError, code, kind_words, later, listed, markdown, phrase, table
+from estim.campaign.derived import with_derived
+from estim.campaign.levels import Path as Place
+from estim.campaign.noise_models import NoiseModel
+from estim.common import InputError, code, kind_words, later, markdown, phrase, table
 from estim.curves import SoughtQuantity
-from estim.deviation import BadFrames
 from estim.explanation import Suspects
-from estim.fitting import Fit
 from estim.problem import Problem
-from estim.reading import COLUMNS, Run, compare_intervals, is_timed_track, is_tracker_file, read_run
+from estim.reading import Run
 
 _HEADS = (later("run"), later("body"), later("file"), later("fitted points"), later("unknowns"))
 
 
 @dataclass(frozen=True, eq=False)
-class Campaign:
+class Campaign(ABC):
     """A campaign and the tables of its runs, read and checked.  `problem` poses the inference for
     some of its runs.
 
@@ -41,7 +36,6 @@ class Campaign:
 
     source: CampaignFile
     tables: Mapping[str, Run]
-    study: Study
     derived: tuple[SoughtQuantity, ...] = ()
     truth: Mapping[str, float] = field(default_factory=dict)
 
@@ -76,15 +70,13 @@ class Campaign:
     @property
     def formula(self) -> str | None:
         """The user's own curve as written, None for a rolling body."""
-        return self.study.formula
+        return None
 
     def columns(self, names: Sequence[str]) -> str:
         """Which columns of the files of the runs `names` are x and y, in words; "" where their
         names are fixed.
         """
-        return "; ".join(
-            dict.fromkeys(filter(None, (self.study.columns(name, self.tables) for name in names)))
-        )
+        return ""
 
     @property
     def published(self) -> Path | None:
@@ -126,10 +118,10 @@ class Campaign:
                 )
         try:
             return with_derived(
-                self.study.problem(names, self.tables, noise=noise, usual=usual),
+                self._posed(names, noise=noise, usual=usual),
                 self.derived,
                 self._bodies,
-                self.study.unit_of,
+                self._unit_of,
             )
         except InputError as error:
             if error.file is not None or error.field not in {
@@ -142,42 +134,15 @@ class Campaign:
 
     @property
     def _bodies(self) -> dict[str, str | None]:
-        return {name: self.study.body_of(name) for name in self.source.names}
+        return {name: self.body_of(name) for name in self.source.names}
 
-    def fit(
-        self, problem: Problem, *, rng: np.random.Generator, near: FloatArray | None = None
-    ) -> Fit:
-        """The posterior mode of a problem of this campaign; near : (n_par,) the only place to look
-        for it, where that is known.
-
-        Raises InputError where the data determine none.
-        """
-        return self.study.fit(problem, self.tables, rng=rng, near=near)
-
-    def suspects(self, names: Sequence[str]) -> Suspects:
-        """The runs `names` as stated, and with each thing that they may have beside it."""
-        return self.study.suspects(names, self.tables)
-
-    def noise_models(self, name: str) -> tuple[Candidate, ...]:
-        """The models of the noise that the data of a run allow.  Raises InputError where there is
-        only one.
-        """
-        return self.study.noise_models(name, self.tables[name])
-
-    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
-        """The models of the runs `names`, fit together, that can be compared, the simplest first.
-        Raises InputError where there is only one.
-        """
-        self.problem(names)
-        return self.study.curve_models(names, self.tables)
-
-    def fit_model(
-        self, model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator
-    ) -> Fit:
-        """The posterior mode of one of them; bad : run -> frames that another model shows to be
-        shifted.
-        """
-        return self.study.fit_model(model, self.tables, bad=bad, rng=rng)
+    @contextmanager
+    def placing(self, problem: Problem) -> Iterator[None]:
+        """While a problem of this campaign is fit: an error has its place in the files."""
+        try:
+            yield
+        except InputError as error:
+            raise error if error.file is not None else self._placed(error, problem) from None
 
     def _repr_markdown_(self) -> str:
         """What a notebook shows: title, kind of data, and the runs with their points and
@@ -189,7 +154,7 @@ class Campaign:
             rows.append(
                 (
                     name,
-                    self.study.body_of(name) or "",
+                    self.body_of(name) or "",
                     self.source.files[name],
                     f"{problem.n_obs}",
                     ", ".join(problem.names),
@@ -212,125 +177,74 @@ class Campaign:
                 "uncertainty or a prior"
             )
             name = problem.runs[0].name
-            raise self.source.places.error(
-                rule, self.study.place_of_unknowns(name), field=f"run {name}"
-            )
+            raise self.source.places.error(rule, self._place_of_unknowns(name), field=f"run {name}")
         if drawn:
-            self.study.require_draws(problem)
+            self.require_draws(problem)
 
+    @abstractmethod
+    def _posed(
+        self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
+    ) -> Problem:
+        """`problem` of runs that are there, without what is derived."""
 
-def load_campaign(
-    path: str | Path, *, only: str | None = None, asked: Collection[str] = ()
-) -> Campaign:
-    """The campaign in the TOML file at `path`, with the tables of its runs.
+    @abstractmethod
+    def check(self, name: str) -> None:
+        """Raises InputError where the data of a run cannot be what the campaign says of them."""
 
-    only : the one run that is read, as if there were no other; None: all of them.
-    asked : runs whose tables are wanted, all of them where it is empty; a track is compared with
-        the others of the campaign that can be read, and says which cannot.
+    @abstractmethod
+    def body_of(self, name: str) -> str | None:
+        """The name of the body of a run, None where there is none."""
 
-    Raises InputError with file, line, field, rule and value for whatever breaks a rule; every run
-    that is wanted is posed as a problem once, so that a mistake in any of them shows at once.
-    """
-    source = read_campaign_file(Path(path))
-    if only is not None:
-        return bound(source, only=(only,))
-    return bound(source, only=tuple(asked), compared=True) if asked else bound(source)
+    @abstractmethod
+    def _unit_of(self, argument: str, name: str) -> str:
+        """The unit of an argument of the curve of a run, "1" where nobody said one."""
 
+    @abstractmethod
+    def suspects(self, names: Sequence[str]) -> Suspects:
+        """The runs `names` as stated, and with each thing that they may have beside it."""
 
-def bound(
-    source: CampaignFile, *, only: Collection[str] | None = None, compared: bool = False
-) -> Campaign:
-    """The campaign of a file that was read, with the tables of its runs, or of the runs `only`,
-    `compared` with the others.  Raises InputError.
-    """
-    only = source.names if only is None else only
-    study: Study
-    tables: Mapping[str, Run]
-    if source.curve is not None:
-        study, tables = read_curve_study(source, source.curve, only=only)
-    else:
-        rolling, read = RollingStudy(source), _read_runs(source, only, compared)
-        study = rolling
-        tables = {
-            name: _with_fact(run, parts_fact(source, rolling.levels(name)))
-            for name, run in read.items()
-        }
-    tables = {
-        name: _with_fact(tables[name], source.out_of_folder(source.files[name]))
-        for name in source.files
-        if name in tables
-    }
-    campaign = Campaign(
-        source,
-        MappingProxyType(tables),
-        study,
-        read_derived(source.derived, source.places),
-        read_truth(source),
-    )
-    for name in campaign.run_names:
-        study.check(name, campaign.tables)
-    if campaign.derived and campaign.run_names:
-        campaign.problem(campaign.run_names)
-    return campaign
+    @abstractmethod
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
+        """The models of the noise that the data of a run allow.  Raises InputError where there is
+        only one.
+        """
 
+    @abstractmethod
+    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
+        """The models of the runs `names`, fit together, that can be compared, the simplest first.
+        Raises InputError where there is only one.
+        """
 
-def _read_runs(source: CampaignFile, only: Collection[str], compared: bool) -> Mapping[str, Run]:
-    read = {
-        run.name: _read(source, source.file_of(i), run)
-        for i, run in enumerate(source.runs)
-        if run.name in only
-    }
-    others, unread = dict[str, Run](), list[str]()
-    if compared and any(is_timed_track(run) for run in read.values()):
-        for i, run in enumerate(source.runs):
-            try:
-                others |= (
-                    {} if run.name in read else {run.name: _read(source, source.file_of(i), run)}
-                )
-            except InputError:
-                unread.append(run.name)
-    runs = compare_intervals(
-        {
-            run.name: {**read, **others}[run.name]
-            for run in source.runs
-            if run.name in read or run.name in others
-        }
-    )
-    fact = (
-        phrase(
-            "its frame rate was not compared with that of {runs}, because their files cannot be "
-            "read",
-            runs=listed(unread),
-        )
-        if unread
-        else None
-    )
-    return {
-        name: _with_fact(runs[name], fact if is_timed_track(runs[name]) else None) for name in read
-    }
+    @abstractmethod
+    def _placed(self, error: InputError, problem: Problem) -> InputError:
+        """An error of the fit of a problem with its place in the campaign, where it has one."""
 
+    @abstractmethod
+    def _place_of_unknowns(self, name: str) -> Place:
+        """Where in the file the unknowns of a run are declared."""
 
-def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
-    levels = (
-        (("runs", source.runs.index(run)), run),
-        (("bodies", run.body), source.bodies[run.body]),
-        (("shared",), source.shared),
-    )
-    dialect = dialect_of(
-        levels[:1] if is_tracker_file(path) or run.choices is not None else levels, source.places
-    )
-    with source.reading(path, COLUMNS):
-        table = read_run(path, name=run.name, choices=run.choices, dialect=dialect)
-    if not run.leave_out_s:
-        return table
-    try:
-        return table.without(run.leave_out_s)
-    except InputError as error:
-        raise source.places.error(
-            error.rule, ("runs", source.runs.index(run), "leave_out_s"), value=error.value
-        ) from None
+    @abstractmethod
+    def require_draws(self, problem: Problem) -> None:
+        """Raises InputError where a prior cannot be drawn from, or data cannot be simulated."""
 
+    @abstractmethod
+    def require_body(self) -> None:
+        """Raises InputError where there is no rolling body to speak of."""
 
-def _with_fact(run: Run, said: str | None) -> Run:
-    """A run with one more fact, where there is one."""
-    return run if said is None else replace(run, facts=(*run.facts, said))
+    @abstractmethod
+    def require_complete(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where an unmodelled force was asked for, which `command` does not
+        know.
+        """
+
+    @abstractmethod
+    def require_speeds(self, names: Sequence[str], command: str) -> None:
+        """Raises InputError where a run is not fit as speeds with normal errors, which is what
+        `command` knows.
+        """
+
+    @abstractmethod
+    def refuse_discrepancy(self, command: str) -> None:
+        """Raises InputError where a curve of the user's own may lack something, which `command`
+        does not foresee.
+        """

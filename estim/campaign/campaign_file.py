@@ -24,11 +24,10 @@ from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.part_table import PartTable
 from estim.campaign.plan_table import NO_PLAN, PlanTable, check_plan
 from estim.campaign.prior_table import PriorTable, Value, read_prior
-from estim.campaign.track_table import choices_of
 from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
 from estim.problem import Prior
-from estim.reading import TOML_BYTES, Choices, Places, Unit, leads_out, parse_toml, read_text
+from estim.reading import TOML_BYTES, Places, Unit, leads_out, parse_toml, read_text
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -125,11 +124,6 @@ class RunTable(LevelTable, forbid_unknown_fields=True, frozen=True, kw_only=True
     drop_duplicates: bool | None = None
     leave_out_s: list[float] | None = None
 
-    @property
-    def choices(self) -> Choices | None:
-        """How a file of the program Tracker is to be read; None where nothing is said."""
-        return choices_of(self)
-
 
 class LineTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     file: str
@@ -175,9 +169,9 @@ class CampaignFile:
     """A campaign file as read, structure checked, numbers not yet interpreted.
 
     files : run -> its file as written.
-    runs : of rolling bodies; empty where the curve is the user's own.
-    curve : None where the runs are of rolling bodies.
     plan : what might be measured next.  derived : the raw `derived` table.
+    published, shared, bodies, runs, line, trials, parts : of rolling bodies.
+    curve : None where the runs are of rolling bodies.
     written : the text of a campaign that stands in no file, else "".
     """
 
@@ -186,17 +180,17 @@ class CampaignFile:
     places: Places
     title: str
     kind: Kind
-    published: str | None
-    shared: LevelTable
-    bodies: Mapping[str, LevelTable]
+    derived: Mapping[str, Any]
     files: Mapping[str, str]
-    runs: tuple[RunTable, ...]
-    line: LineTable | None
-    parts: Mapping[str, PartTable]
-    curve: OwnCurve | None = None
-    plan: PlanTable = NO_PLAN
+    plan: PlanTable
+    published: str | None = None
+    shared: LevelTable = field(default_factory=LevelTable)
+    bodies: Mapping[str, LevelTable] = field(default_factory=dict)
+    runs: tuple[RunTable, ...] = ()
+    line: LineTable | None = None
     trials: TrialsTable | None = None
-    derived: Mapping[str, Any] = field(default_factory=dict)
+    parts: Mapping[str, PartTable] = field(default_factory=dict)
+    curve: OwnCurve | None = None
     written: str = ""
 
     @property
@@ -273,13 +267,15 @@ def _of_text(path: Path, text: str, digest: str, measured: bool) -> CampaignFile
     return _checked_file(path, digest, tree, places, measured=measured)
 
 
-def campaign_file_of(text: str, path: Path, *, said: str) -> CampaignFile:
-    """The campaign in a text that stands in no file, as if it did at `path`.  said : how errors
+def campaign_file_of(text: str, path: Path, *, shown: str) -> CampaignFile:
+    """The campaign in a text that stands in no file, as if it did at `path`.  shown : how errors
     name it.  Raises InputError.
     """
-    tree, _ = parse_toml(text, said)
+    tree, _ = parse_toml(text, shown)
     digest = hashlib.sha256(text.encode()).hexdigest()
-    return replace(_checked_file(path, digest, tree, Places(said, {}), measured=True), written=text)
+    return replace(
+        _checked_file(path, digest, tree, Places(shown, {}), measured=True), written=text
+    )
 
 
 def _checked_file(
@@ -323,27 +319,22 @@ def _checked_file(
                 value=table.body,
             )
     files = {run.name: run.file for run in runs}
-    plan = (
-        NO_PLAN
-        if top.plan is None
-        else check_plan(checked(top.plan, PlanTable, places, ("plan",)), tuple(files), places)
-    )
     return CampaignFile(
         path,
         digest,
         places,
         top.title,
         top.kind,
-        top.published,
-        shared,
-        bodies,
+        top.derived,
         files,
-        runs,
-        line,
-        parts,
+        _plan(top, files, places, own_curve=False),
+        published=top.published,
+        shared=shared,
+        bodies=bodies,
+        runs=runs,
+        line=line,
         trials=trials,
-        plan=plan,
-        derived=top.derived,
+        parts=parts,
     )
 
 
@@ -356,27 +347,18 @@ def _with_own_curve(path: Path, digest: str, places: Places, top: _TopTable) -> 
     named = [checked(run, _CurveRun, places, ("runs", i)) for i, run in enumerate(top.runs)]
     check_run_names([run.name for run in named], places)
     files = {run.name: run.file for run in named}
-    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
-    plan = check_plan(plan, tuple(files), places, own_curve=True)
+    plan = _plan(top, files, places, own_curve=True)
     curve = OwnCurve(top.curve or {}, top.runs)
-    shared = LevelTable()
     return CampaignFile(
-        path,
-        digest,
-        places,
-        top.title,
-        top.kind,
-        None,
-        shared,
-        {},
-        files,
-        (),
-        None,
-        {},
-        curve,
-        plan,
-        derived=top.derived,
+        path, digest, places, top.title, top.kind, top.derived, files, plan, curve=curve
     )
+
+
+def _plan(
+    top: _TopTable, files: Mapping[str, str], places: Places, *, own_curve: bool
+) -> PlanTable:
+    plan = NO_PLAN if top.plan is None else checked(top.plan, PlanTable, places, ("plan",))
+    return check_plan(plan, tuple(files), places, own_curve=own_curve)
 
 
 T = TypeVar("T")

@@ -23,9 +23,13 @@ from estim.reading import Places, name_and_unit
 
 Place = tuple[str | int, ...]
 
-_UNIT = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,19}")
 _NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
-_MEANING = re.compile(r"[^|\n`]{1,120}")
+_PATTERNS = {
+    "unit": re.compile(r"[^\s$|\\`][^$|\\`\n]{0,19}"),
+    "name": _NAME,
+    "symbol": _NAME,
+    "meaning": re.compile(r"[^|\n`]{1,120}"),
+}
 
 
 class AxisTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -117,21 +121,18 @@ def y_axis(table: CurveTable) -> AxisTable:
     return axis_of(table.y) if table.y is not None else AxisTable("", phrase("events per cell"))
 
 
-def _allowed(pattern: re.Pattern[str], text: str) -> bool:
-    """Whether `text` keeps to a pattern, and no mark but blanks of all kinds is invisible."""
-    return pattern.fullmatch(text) is not None and " ".join(text.split()).isprintable()
-
-
-def check_printable(
-    places: Places, path: Place, *, unit: str | None, name: str | None, meaning: str | None
-) -> None:
-    """Raises InputError where one of the words of a quantity cannot be shown; None for a word that
-    was not said.
+def check_printable(places: Places, path: Place, words: Mapping[str, str | None]) -> None:
+    """Raises InputError where one of the `words` of a quantity (what it is: the word, None where it
+    was not said) is long, or holds a mark but blanks that is invisible.
     """
-    for text, limits in ((unit, _UNIT), (name, _NAME), (meaning, _MEANING)):
-        if text is not None and not _allowed(limits, text):
+    for what, text in words.items():
+        if text is not None and not (
+            _PATTERNS[what].fullmatch(text) and " ".join(text.split()).isprintable()
+        ):
+            *others, last = words
             raise places.error(
-                "must have a short unit, symbol and meaning that can be printed, without $ | \\ `",
+                f"must have a short {', '.join(others)} and {last} that can be printed, without "
+                "$ | \\ `",
                 path,
                 value=text,
             )
@@ -154,13 +155,8 @@ def check_words(
     axes: Sequence[AxisTable],
 ) -> None:
     for key, axis in zip(("x", "y"), axes, strict=True):
-        for word, allowed in ((axis.unit, _UNIT), (axis.name or axis.column, _NAME)):
-            if not _allowed(allowed, word):
-                raise source.places.error(
-                    "must have a short name and unit that can be printed, without $ | \\ `",
-                    ("curve", key),
-                    value=word,
-                )
+        words = {"name": axis.name or axis.column, "unit": axis.unit}
+        check_printable(source.places, ("curve", key), words)
     if axes[0].column == axes[1].column:
         raise source.places.error(
             "must name another column than x", ("curve", "y"), value=axes[1].column
@@ -181,13 +177,8 @@ def check_words(
                 )
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
-                for text, limits in ((entry.unit, _UNIT), (entry.meaning, _MEANING)):
-                    if text is not None and not _allowed(limits, text):
-                        rule = (
-                            "must have a short unit and meaning that can be printed, without $ "
-                            "| \\ `"
-                        )
-                        raise source.places.error(rule, (*path, "parameters", name), value=text)
+                entry_words = {"unit": entry.unit, "meaning": entry.meaning}
+                check_printable(source.places, (*path, "parameters", name), entry_words)
 
 
 def with_variable(

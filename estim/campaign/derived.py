@@ -40,7 +40,8 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
         kind: Any = DerivedTable if isinstance(entry, dict) else str
         table = checked(entry, kind, places, path)
         table = DerivedTable(table) if isinstance(table, str) else table
-        check_printable(places, path, unit=table.unit, name=table.symbol, meaning=table.meaning)
+        words = {"unit": table.unit, "symbol": table.symbol, "meaning": table.meaning}
+        check_printable(places, path, words)
         try:
             quantities.append(
                 seek(
@@ -94,18 +95,18 @@ def _always(run: Observations, problem: Problem) -> Mapping[str, Derived]:
 
 
 def _sources(
-    one: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]
+    quantity: SoughtQuantity, problem: Problem, bodies: Mapping[str, str | None]
 ) -> dict[str, str | float]:
     """What each name with a level means among the runs of `problem`; nothing for a level that is
     not among them.
     """
     resolved: dict[str, str | float] = {}
-    for written, (name, level) in one.of_levels.items():
+    for written, (name, level) in quantity.of_levels.items():
         if level not in bodies and level not in bodies.values():
             raise InputError(
                 f"names '{written}', but there is no run or body '{level}'",
-                field=one.name,
-                value=one.text,
+                field=quantity.name,
+                value=quantity.text,
             )
         runs = [run for run in problem.runs if level in (run.name, bodies[run.name])]
         for run in runs:
@@ -114,11 +115,11 @@ def _sources(
                     f"names '{written}', but no run has '{name}' ({', '.join(run.arguments)}), "
                     "and what is derived has no level"
                 )
-                raise InputError(rule, field=one.name, value=one.text)
+                raise InputError(rule, field=quantity.name, value=quantity.text)
         sources = {run.arguments[name] for run in runs}
         if len(sources) > 1:
             rule = f"names '{written}', which is not the same for all runs of '{level}': name a run"
-            raise InputError(rule, field=one.name, value=one.text)
+            raise InputError(rule, field=quantity.name, value=quantity.text)
         if sources:
             resolved[written] = sources.pop()
     return resolved

@@ -1,43 +1,27 @@
-"""The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, where it may
-stand, and the fit with it.
+"""The unmodelled force of a campaign: what the key `unmodelled_force` says of a run, and where it
+may stand.
 
 Where nothing is said it stands beside the curve of every run that it goes with; elsewhere the curve
-is taken as complete, and the reason is kept.  Two fits: one with white errors and a free start,
-which follows the data; one with the noise that `estim.deviation` makes at it.
+is taken as complete, and the reason is kept.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from estim.arrays import FloatArray
 from estim.campaign.levels import Level, Levels
 from estim.campaign.points import Observed
-from estim.campaign.shared_force import MOST_POINTS, sharing_runs
-from estim.common import Finding, InputError, Kind, NumericalError, later, phrase
-from estim.deviation import (
-    FORCE_SCALE,
-    BadFrames,
-    FreeStart,
-    Rows,
-    Trajectory,
-    bad_frames,
-    by_itself,
-    pose_forces,
-)
-from estim.fitting import Fit, fit_least_squares, refit, scanned_fit
-from estim.problem import Observations, Problem
-from estim.reading import Run
-from estim.sampling import MAX_PARAMETERS
+from estim.common import OF_BODY, Finding, InputError, later, phrase
+from estim.deviation import FORCE_SCALE
+from estim.fitting import FORCE_KEY, complete_as, taken_as_complete
+from estim.problem import Problem
 
-KEY = "unmodelled_force"
-# of fits in which bad frames are looked for; sds by which the last of them may move
-_ROUNDS, _STILL = 6, 0.1
+# of runs that share a force: the covariance of all of them is diagonalised some two dozen times
+MOST_POINTS = 1500
 _LARGEST = 1.0  # a force as large as the weight is no small thing that was left out
 
 
@@ -110,11 +94,12 @@ OBSTACLES = (
 @dataclass(frozen=True, eq=False)
 class Stance:
     """scale : of the prior of a force, in units of the weight, 0 for none.  complete : why there is
-    none; None where there is one.
+    none; None where there is one.  asked : whether the campaign speaks of it.
     """
 
     scale: float
     complete: Finding | None = None
+    asked: bool = False
 
 
 def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
@@ -152,7 +137,7 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
             level,
             f"does not go with {obstacle.what.format(**circumstances.named)}: {obstacle.instead}",
         )
-    return Stance(scale)
+    return Stance(scale, asked=True)
 
 
 def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
@@ -165,13 +150,8 @@ def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
         and not level.table.unmodelled_force
         and not any(obstacle.stands(circumstances) for obstacle in OBSTACLES)
     ):
-        return Stance(FORCE_SCALE)
+        return Stance(FORCE_SCALE, asked=True)
     return force_scale(levels, circumstances)
-
-
-def complete_as(reason: str, run: str) -> Finding:
-    """That the curve of a run is taken as complete, and why."""
-    return Finding(Kind.CURVE_COMPLETE, run=run, names=(reason,))
 
 
 def refuse_force(levels: Levels, command: str) -> None:
@@ -188,160 +168,33 @@ def refuse_force(levels: Levels, command: str) -> None:
 
 def as_complete(problem: Problem, command: str) -> Problem:
     """`problem` without the forces that nobody asked for, as `command` takes its curves."""
-    reason = phrase("{command} does not support an unmodelled force", command=command)
-    runs = (
-        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
-        for run in problem.runs
-    )
-    return replace(problem, runs=tuple(runs))
-
-
-def fit_with_forces(
-    white: Fit,
-    tables: Mapping[str, Run],
-    levels: Mapping[str, Levels],
-    *,
-    rng: np.random.Generator,
-    scanned: bool = True,
-) -> Fit:
-    """The posterior mode with the unmodelled force of every run that has one, from the fit `white`
-    without.
-
-    scanned : whether further optima are looked for, where there are few parameters.  Where a run
-        cannot be linearised the curves are taken as complete.  Raises InputError where its force
-        was asked for.
-    """
-    problem = white.problem
-    courses = {run.name: trajectory_of(run, tables[run.name]) for run in problem.runs if run.force}
-    if white.singular:
-        return _without_force(
-            white,
-            {name: levels[name] for name in courses},
-            later("some combination of the parameters is not determined at all"),
-        )
-    try:
-        free, bad = _free_fit(white, courses, rng=rng)
-        without = np.sqrt(np.diag(white.cov))
-        posed = pose_forces(
-            sharing_runs(problem.runs, levels, KEY),
-            courses,
-            problem,
-            free.values,
-            without=without,
-            bad=bad,
-            alone=_alone(free) if len(problem.runs) > 1 else {},
-        )
-    except InputError as error:
-        return _without_force(white, {name: levels[name] for name in courses}, error.rule)
-    runs = tuple(replace(run, noise=posed.noises.get(run.name, run.noise)) for run in problem.runs)
-    low, high = problem.support()
-    start = np.clip(free.values + posed.step, low, high)
-    fit = fit_least_squares(
-        Problem(problem.parameters, runs, posed.shared), rng=rng, n_start=1, start=start
-    )
-    fit = scanned_fit(fit, rng=rng) if scanned and problem.n_par <= MAX_PARAMETERS else fit
-    # of the many starts, of which the best led here
-    message = white.message if fit.success else fit.message
-    forces = posed.inferred_at(fit.values - free.values)
-    return replace(
-        fit,
-        forces=forces,
-        parts=posed.parts,
-        symmetry=white.symmetry,
-        n_start=white.n_start,
-        n_same=white.n_same,
-        message=message,
+    return taken_as_complete(
+        problem, phrase("{command} does not support an unmodelled force", command=command)
     )
 
 
-def _without_force(white: Fit, levels: Mapping[str, Levels], rule: str) -> Fit:
-    """The fit without forces, which cannot be linearised by `rule`.  Raises InputError where one
-    was asked for.
+def track_of(levels: Levels) -> str:
+    """What runs that share a force have in common: the body, whose profile and ramp it belongs to;
+    where the key stands at a run the force is that run's alone.
+
+    One force for two bodies is much worse than one for each, so a key under [shared] or at a body,
+    or none at all, gives each body one that its runs share.
     """
-    for run_levels in levels.values():
-        level = _stated(run_levels)
-        if level is not None:
-            raise _error(run_levels, level, f"cannot be linearised: {rule}")
-    reason = phrase("an unmodelled force cannot be linearised: {rule}", rule=phrase(rule))
-    runs = (
-        replace(run, force=0.0, complete=complete_as(reason, run.name)) if run.force else run
-        for run in white.problem.runs
-    )
-    return replace(
-        white, posterior=replace(white.posterior, problem=replace(white.problem, runs=tuple(runs)))
-    )
+    run = levels.run
+    return run.name if run.unmodelled_force is not None else f"{OF_BODY}{run.body}"
 
 
-def _free_fit(
-    white: Fit, courses: Mapping[str, Trajectory], *, rng: np.random.Generator
-) -> tuple[Fit, Mapping[str, BadFrames]]:
-    """The fit with a free start and the shifts of the frames that it shows to be bad, which are
-    looked for again until they are the same.
-
-    Frames of runs that are fit together are taken as good: each run by itself shows its bad ones.
-    """
-    problem = white.problem
-    bad = {name: BadFrames() for name in courses}
-    values = white.values
-    for _ in range(_ROUNDS):
-        noises = {
-            run.name: FreeStart(run.noise, courses[run.name], bad[run.name])
-            for run in problem.runs
-            if run.force
-        }
-        runs = tuple(replace(run, noise=noises.get(run.name, run.noise)) for run in problem.runs)
-        free = fit_least_squares(
-            Problem(problem.parameters, runs), rng=rng, n_start=1, start=values
-        )
-        if len(problem.runs) > 1:
-            return free, bad
-        updated = {
-            run.name: bad_frames(run, courses[run.name], problem, free.values, known=bad[run.name])
-            for run in problem.runs
-            if run.force
-        }
-        still = np.max(np.abs(free.values - values) / np.sqrt(np.diag(free.cov))) < _STILL
-        if all(
-            updated[name].same(bad[name]) and (still or not updated[name].jumps) for name in courses
-        ):
-            break
-        bad, values = updated, free.values
-    return free, updated
-
-
-def _alone(free: Fit) -> Mapping[str, FloatArray]:
-    """Run -> (n_par,) where its fit by itself ends, with its free start; what it does not depend
-    on, and runs without such a fit, as they are.
-    """
-    optima = {}
-    for run in free.problem.runs:
-        alone = free.problem.restricted((by_itself(run, free.problem),))
-        mine = np.array([free.names.index(name) for name in alone.names], dtype=np.int64)
-        values = free.values.copy()
-        with suppress(NumericalError):
-            values[mine] = refit(alone, free.values[mine]).values
-        optima[run.name] = values
-    return optima
-
-
-def trajectory_of(run: Observations, table: Run) -> Trajectory:
-    """The motion of a run and its readings: all rows of the table where the points are made of
-    them, else those that are fit.
-    """
-    t = table.columns.get("t_s")
-    every = np.arange(run.n_obs)
-    if run.t is None or t is None:
-        return Trajectory(run.body, None, Rows(np.full(run.n_obs, np.nan), 0 * every, every))
-    rows = np.searchsorted(t, run.t)
-    if run.noise.made_of_positions:
-        return Trajectory(run.body, table.columns[table.coordinate], Rows(t, table.lines, rows))
-    return Trajectory(run.body, None, Rows(run.t, table.lines[rows], every))
+def misfit_force(levels: Levels, error: InputError) -> InputError:
+    """An error of a fit about the force of a run, at the key's line."""
+    level = _stated(levels)
+    assert level is not None, "raised where it was asked for"
+    return _error(levels, level, error.rule, value=error.value)
 
 
 def _stated(levels: Levels) -> Level | None:
     """The level that says how large a force may be, None where nothing is said."""
-    return next((level for level in levels if getattr(level.table, KEY) is not None), None)
+    return next((level for level in levels if getattr(level.table, FORCE_KEY) is not None), None)
 
 
 def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:
-    return levels.error(rule, (*level.path, KEY), value=value)
+    return levels.error(rule, (*level.path, FORCE_KEY), value=value)

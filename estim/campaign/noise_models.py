@@ -17,7 +17,7 @@ from estim.reading import Run
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class NoiseModel:
     """One model of the noise: what it is called, what it takes for granted, its table."""
 
     name: str
@@ -27,7 +27,7 @@ class Candidate:
 
 def noise_candidates(
     levels: Levels, data: Run, posed: Callable[[NoiseTable], Noise]
-) -> tuple[Candidate, ...]:
+) -> tuple[NoiseModel, ...]:
     """The models of the noise that the table `data` of a run and its noise table allow.  Raises
     InputError where there is only one.
 
@@ -64,7 +64,7 @@ def noise_candidates(
             **{position: getattr(table, position)},
         )
         candidates.append(
-            Candidate(
+            NoiseModel(
                 "differentiated",
                 phrase("speeds from differences of positions, with the resulting covariance"),
                 differentiated,
@@ -77,7 +77,7 @@ def noise_candidates(
             )
             naive = msgspec.structs.replace(plain, **{speed: size})
             candidates.append(
-                Candidate(
+                NoiseModel(
                     "independent",
                     phrase("the same speeds as if their errors were independent (they are not)"),
                     naive,
@@ -102,18 +102,18 @@ def noise_candidates(
     return tuple(candidates)
 
 
-def _with_tails(name: str, words: str, plain: NoiseTable) -> list[Candidate]:
+def _with_tails(name: str, words: str, plain: NoiseTable) -> list[NoiseModel]:
     shapes: dict[str, str] = {
         "student-t": phrase("Student-t tails"),
         "mixture": phrase("a fraction of outlying frames"),
     }
     robust = [
-        Candidate(
+        NoiseModel(
             f"{name}, {shape}", f"{words}; {tails}", msgspec.structs.replace(plain, robust=shape)
         )
         for shape, tails in shapes.items()
     ]
-    return [Candidate(name, words, plain), *robust]
+    return [NoiseModel(name, words, plain), *robust]
 
 
 def _independent_size(noise: Noise) -> float:

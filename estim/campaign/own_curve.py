@@ -26,7 +26,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from estim.arrays import FloatArray
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, NoiseTable, OwnCurve, checked
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.curve_tables import (
@@ -46,7 +46,7 @@ from estim.campaign.curve_tables import (
     with_variable,
     y_axis,
 )
-from estim.campaign.noise_models import Candidate
+from estim.campaign.noise_models import NoiseModel
 from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, pose_run
 from estim.common import InputError, phrase, same_unit
 from estim.curves import (
@@ -60,37 +60,24 @@ from estim.curves import (
     started,
     units_of,
 )
-from estim.deviation import BadFrames, ForceSize
 from estim.explanation import Suspects
-from estim.fitting import (
-    Fit,
-    fit_discrepancy,
-    fit_optimum,
-    information,
-    is_resolved,
-    no_scatter,
-    refit,
-    silent_parameters,
-)
 from estim.problem import Parameter, Problem, shared_first
-from estim.reading import Places, Run, of_any_curve, run_of_table
+from estim.reading import Places, of_any_curve, run_of_table
 
 
-@dataclass(frozen=True, eq=False)
-class CurveStudy:
-    """The `[curve]` table and the runs of a campaign, read and checked.  `problem` poses the
-    inference for some of the runs.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CurveCampaign(Campaign):
+    """A campaign whose curve is the user's own: its `[curve]` table and runs, read and checked.
 
-    told : run -> its axes, whose units are those of its header where the campaign says none.
+    run_axes : run -> its axes, whose units are those of its header where the campaign says none.
     """
 
-    source: CampaignFile
     curve: Formula
     axes: AxisNames
     table: CurveTable
     runs: tuple[CurveRunTable, ...]
     asked: Unstarted
-    told: Mapping[str, AxisNames]
+    run_axes: Mapping[str, AxisNames]
 
     @property
     def formula(self) -> str:
@@ -104,71 +91,50 @@ class CurveStudy:
     def y_column(self) -> str:
         return y_axis(self.table).column
 
-    def columns(self, name: str, tables: Mapping[str, Run]) -> str:
-        """Which columns of the run's file are x, y and their uncertainties, in words."""
-        return self._run(name).columns_sentence(self.told[name], tables[name])
+    def columns(self, names: Sequence[str]) -> str:
+        sentences = (
+            self._run(name).columns_sentence(self.run_axes[name], self.tables[name])
+            for name in names
+        )
+        return "; ".join(dict.fromkeys(sentences))
 
     def _run(self, name: str) -> RunOfCurve:
         index = [run.name for run in self.runs].index(name)
         return RunOfCurve(self.source, self.table, self.runs[index], index)
 
-    def problem(
-        self,
-        names: Sequence[str],
-        tables: Mapping[str, Run],
-        *,
-        noise: NoiseTable | None = None,
-        usual: bool = False,
+    def _posed(
+        self, names: Sequence[str], *, noise: NoiseTable | None = None, usual: bool = False
     ) -> Problem:
-        """The joint problem of the runs `names` with their tables.  Raises InputError, also where
-        other noise is asked for.
+        """Raises InputError also where other noise is asked for.
 
         usual : changes nothing: what is usual of a user's own axes nobody knows
             (`[curve.shared_errors]` says it).
         """
         if noise is not None:
             raise self._only_noise()
-        components, runs = self._components(), {name: self._run(name) for name in names}
-        bound = {
-            name: {argument: self._bind(argument, run) for argument in self.curve.names}
-            for name, run in runs.items()
+        components = self._components()
+        shared = {
+            entry.parameter_name: entry.parameter(x_unit=self.axes.x_unit, y_unit=self.axes.y_unit)
+            for entry in components
         }
-        uses = Counter(
-            entry.name
-            for bindings in bound.values()
-            for entry in bindings.values()
-            if isinstance(entry, Parameter)
-        )
-        if any(count > 1 for count in uses.values()):
-            self._refuse_other_units(names)
+        runs = [self._run(name) for name in names]
         parameters: dict[str, Parameter] = {}
         of_noise: dict[str, Parameter] = {}
-        shared: dict[str, Parameter] = {}
         observed = []
-        for name, run in runs.items():
-            unknown = {
-                argument: entry
-                for argument, entry in bound[name].items()
+        for run, bound in zip(runs, self._bound(runs), strict=True):
+            name = run.table.name
+            # what runs share begins where the first of them found a start
+            entries = {
+                argument: parameters.get(entry.name, entry)
                 if isinstance(entry, Parameter)
+                else entry
+                for argument, entry in bound.items()
             }
-            if len(names) > 1:  # one that all other runs override is of this run
-                unknown = {
-                    argument: replace(entry, name=f"{argument}[{name}]")
-                    if uses[argument] == 1
-                    else entry
-                    for argument, entry in unknown.items()
-                }
-            known = {
-                argument: parameters.get(entry.name, entry) for argument, entry in unknown.items()
-            }
+            unknown = {a: entry for a, entry in entries.items() if isinstance(entry, Parameter)}
             chosen = {
                 argument
                 for argument, entry in unknown.items()
                 if entry.name not in parameters and is_unstarted(self._entry(argument, run))
-            }
-            values = {
-                argument: known[argument].prior if isinstance(entry, Parameter) else entry
-                for argument, entry in bound[name].items()
             }
             stated = {
                 argument: unit
@@ -177,10 +143,13 @@ class CurveStudy:
             }
             posed = pose_run(
                 run,
-                tables[name],
+                self.tables[name],
                 curve=self.curve,
-                axes=self.told[name],
-                values=values,
+                axes=self.run_axes[name],
+                values={
+                    argument: entry.prior if isinstance(entry, Parameter) else entry
+                    for argument, entry in entries.items()
+                },
                 units=stated,
                 components=components,
                 chosen=chosen,
@@ -193,22 +162,15 @@ class CurveStudy:
                 raise run.error(rule, "deviation")
             begun = self._started(posed.posed, {*self.curve.names} - chosen)
             parameters |= {
-                known[argument].name: replace(known[argument], prior=begun[argument].prior)
-                for argument in known
+                entry.name: replace(entry, prior=begun[argument].prior)
+                for argument, entry in unknown.items()
             }
-            shared |= {
-                entry.parameter_name: entry.parameter(
-                    x_unit=self.axes.x_unit, y_unit=self.axes.y_unit
-                )
-                for entry in components
-            }
-            arguments = {
-                argument: known[argument].name if isinstance(entry, Parameter) else entry
-                for argument, entry in bound[name].items()
+            sources = {
+                argument: entry.name if isinstance(entry, Parameter) else entry
+                for argument, entry in entries.items()
             }
             points, further = posed.observed(
-                self.axes,
-                MappingProxyType({**arguments, **{component: component for component in shared}}),
+                self.axes, MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
             )
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
@@ -224,6 +186,29 @@ class CurveStudy:
             (*shared_first(parameters.values(), observed), *shared.values(), *of_noise.values()),
             tuple(observed),
         )
+
+    def _bound(self, runs: Sequence[RunOfCurve]) -> list[dict[str, Parameter | float]]:
+        """Of each run argument of the curve -> its parameter, or an exact value; one that all other
+        runs override is of this run.
+        """
+        bound = [{name: self._bind(name, run) for name in self.curve.names} for run in runs]
+        uses = Counter(
+            entry.name
+            for of_run in bound
+            for entry in of_run.values()
+            if isinstance(entry, Parameter)
+        )
+        if any(count > 1 for count in uses.values()):
+            self._refuse_other_units([run.table.name for run in runs])
+        return [
+            {
+                argument: replace(entry, name=f"{argument}[{run.table.name}]")
+                if isinstance(entry, Parameter) and uses[argument] == 1 < len(runs)
+                else entry
+                for argument, entry in of_run.items()
+            }
+            for run, of_run in zip(runs, bound, strict=True)
+        ]
 
     def _started(self, posed: CurveProblem, held: Collection[str]) -> Mapping[str, Parameter]:
         """Argument -> parameter, with starts found from the points but for those `held`.  Raises
@@ -245,7 +230,7 @@ class CurveStudy:
             units = {
                 name: unit
                 for name in names
-                if (unit := getattr(self.told[name], f"{key}_unit")) != "1"
+                if (unit := getattr(self.run_axes[name], f"{key}_unit")) != "1"
             }
             for name, unit in units.items():
                 first, wanted = next(iter(units.items()))
@@ -256,63 +241,29 @@ class CurveStudy:
                     )
                     raise self.source.places.error(rule, ("curve", key))
 
-    def suspects(self, names: Sequence[str], tables: Mapping[str, Run]) -> Suspects:
+    def suspects(self, names: Sequence[str]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
         room = phrase(
             "another curve may explain them; if this one is known to be right, the errors "
             "of successive readings may be "
             "correlated: correlated = true under [curve]"
         )
-        return Suspects(self.problem(names, tables), room)
+        return Suspects(self._posed(names), room)
 
-    def fit(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        *,
-        rng: np.random.Generator,
-        near: FloatArray | None = None,
-    ) -> Fit:
-        """The posterior mode, found from afar, or `near` a place.  Raises InputError where the data
-        determine none.
+    def refuse_discrepancy(self, command: str) -> None:
+        """Raises InputError where the campaign asks for what a curve may lack, which `command` does
+        not know.
         """
-        try:
-            fit = fit_optimum(problem, rng=rng) if near is None else refit(problem, near)
-        except InputError as error:
-            raise self._place_of(error, problem, tables) from None
-        self._require_scatter(fit)
-        self._require_determined(fit)
-        return (
-            fit_discrepancy(fit, rng=rng)
-            if any(run.lacks is not None for run in problem.runs)
-            else fit
-        )
-
-    def expected_information(
-        self,
-        problem: Problem,
-        tables: Mapping[str, Run],
-        values: FloatArray,
-        sizes: Mapping[str, ForceSize],
-    ) -> FloatArray:
-        """Fisher information; what the curve may lack is not foreseen.  Raises InputError where the
-        campaign asks for that.
-        """
-        self._refuse_discrepancy("estim plan")
-        return information(problem.linearised(values), values)
-
-    def _refuse_discrepancy(self, command: str) -> None:
         for run in self.runs:
             self._run(run.name).refuse_discrepancy(command)
 
-    def check(self, name: str, tables: Mapping[str, Run]) -> None:
-        """Raises InputError where the data of a run pose no problem."""
-        self.problem([name], tables)
+    def check(self, name: str) -> None:
+        self._posed([name])
 
     def body_of(self, name: str) -> None:
         """A curve is no body."""
 
-    def unit_of(self, argument: str, name: str) -> str:
+    def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
         return self._word(argument, self._run(name), "unit") or follows.get(argument, "1")
@@ -321,118 +272,42 @@ class CurveStudy:
         """The unit or meaning that is stated of a parameter of a run."""
         return stated_word([run.table.parameters, self.table.parameters], argument, word)
 
-    def noise_models(self, name: str, table: Run) -> tuple[Candidate, ...]:
+    def noise_models(self, name: str) -> tuple[NoiseModel, ...]:
         """Raises InputError: the tables of a curve state one noise."""
         raise self._only_noise()
 
-    def curve_models(
-        self, names: Sequence[str], tables: Mapping[str, Run]
-    ) -> tuple[CurveModel, ...]:
+    def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
         """Raises InputError: the models that are compared are those of a rolling body."""
+        self.problem(names)
         raise self.source.places.error(
             "is a formula of your own; estim compare-models compares models of a rolling body",
             ("curve",),
         )
-
-    def fit_model(
-        self,
-        model: CurveModel,
-        tables: Mapping[str, Run],
-        *,
-        bad: Mapping[str, BadFrames],
-        rng: np.random.Generator,
-    ) -> Fit:
-        """The mode of the problem of a model."""
-        return self.fit(model.problem, tables, rng=rng)
 
     def _only_noise(self) -> InputError:
         return self.source.places.error(
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
         )
 
-    def place_of_unknowns(self, name: str) -> Place:
-        """Where in the file the unknowns of a run are declared."""
+    def _place_of_unknowns(self, name: str) -> Place:
         return ("curve", "parameters")
 
     def require_body(self) -> None:
-        """Raises InputError: there is no rolling body to speak of."""
         raise self.source.places.error(
             "has no rolling body, which this command is about", ("curve",)
         )
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError: what a user's own curve may lack is no business of commands that know
-        rolling bodies.
-        """
         self.require_body()
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError: points on a curve are no speeds."""
         self.require_body()
-
-    def _require_determined(self, fit: Fit) -> None:
-        """Raises InputError where neither the data nor a prior hold a parameter, so that no
-        posterior exists to draw from.
-        """
-        if fit.unheld is not None:
-            rule = (
-                "is hardly constrained by the data: far from here minus twice the log of "
-                "the posterior density is only "
-                f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
-                "draw from; give it limits (low and high), or a prior"
-            )
-            raise self.source.places.error(rule, self._place(fit.unheld.parameters[0].name))
-        flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
-        # not the standard deviations, which a parameter beside a limit does not have
-        curvature = np.sqrt(np.diag(fit.cov))
-        held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
-        unheld = [
-            name for name, known in zip(fit.names, held, strict=True) if name in flat and not known
-        ]
-        if not unheld:
-            return
-        if is_resolved(fit):
-            rule = (
-                "has terms that all but cancel at these x: rounding errors leave too few "
-                "digits to draw from the posterior; "
-                "write it in x - x0, with x0 in the middle of the data"
-            )
-            raise self.source.places.error(rule, ("curve", "expression"))
-        first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
-        path = self._place(first)
-        if not others:
-            raise self.source.places.error(
-                "is not determined by the data: give it limits (low and high), or a prior", path
-            )
-        together = " and ".join(f"'{other}'" for other in others)
-        rule = (
-            f"is not determined by the data, nor is {together}, only a combination of them: "
-            "give one a value, limits (low and high), or a prior"
-        )
-        raise self.source.places.error(rule, path)
-
-    def _require_scatter(self, fit: Fit) -> None:
-        """Raises InputError where nothing is stated of the size of the errors, and the residuals
-        are zero.
-        """
-        if self.table.noise is not None:
-            return
-        stated = {
-            run.name for run in self.runs if self.table.u_y is not None or run.u_y is not None
-        }
-        for run in fit.problem.runs:
-            if run.name not in stated and no_scatter(run, fit):
-                rule = (
-                    f"must be stated: the curve meets every point of run '{run.name}', so "
-                    "nothing shows their errors (were the data computed?)"
-                )
-                raise self.source.places.error(rule, ("curve", "u_y"))
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true
         value can be drawn from it.
         """
-        self._refuse_discrepancy("estim calibrate")
+        self.refuse_discrepancy("estim calibrate")
         if self.table.noise is not None and self.table.y is None:
             rule = (
                 "is not supported by estim calibrate, which simulates counts, not times: count "
@@ -447,12 +322,14 @@ class CurveStudy:
                 )
                 raise self.source.places.error(rule, self._place(parameter.name))
 
-    def _place_of(
-        self, error: InputError, problem: Problem, tables: Mapping[str, Run]
-    ) -> InputError:
-        """An error of the search for an optimum with its place: the first row at which alone the
-        curve is not finite at the start.
+    def _placed(self, error: InputError, problem: Problem) -> InputError:
+        """The error at its key or parameter; one of the search for an optimum at the first row at
+        which alone the curve is not finite at the start.
         """
+        if error.field in ("u_y", "expression"):
+            return self.source.places.error(error.rule, ("curve", error.field))
+        if error.field in problem.names:
+            return self.source.places.error(error.rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
@@ -460,7 +337,7 @@ class CurveStudy:
                     np.isfinite(run.curve.value(run.x, run.bind(named))), (1, run.n_obs)
                 )[0]
             if np.any(finite) and not np.all(finite):
-                table = tables[run.name]
+                table = self.tables[run.name]
                 row = int(np.argmax(table.columns[self.x_column] == run.x[int(np.argmin(finite))]))
                 return table.error(
                     "is where the curve is not finite, at the start and around: leave the "
@@ -504,7 +381,7 @@ class CurveStudy:
         return (
             source
             if isinstance(source, float)
-            else Parameter(named, self.unit_of(name, run.table.name), source, meaning)
+            else Parameter(named, self._unit_of(name, run.table.name), source, meaning)
         )
 
     def _entry(self, name: str, run: RunOfCurve) -> float | str | ParameterTable | None:
@@ -528,10 +405,10 @@ class CurveStudy:
         return tuple(components)
 
 
-def read_curve_study(
+def read_curve_campaign(
     source: CampaignFile, written_curve: OwnCurve, *, only: Collection[str]
-) -> tuple[CurveStudy, Mapping[str, Run]]:
-    """The curve of a campaign and the tables of the runs `only`.
+) -> CurveCampaign:
+    """The campaign of a curve of the user's own, with the tables of the runs `only`.
 
     Raises InputError with file, line, field, rule and value for whatever breaks a rule.
     """
@@ -555,22 +432,22 @@ def read_curve_study(
     }
     read = {name: run.read() for name, run in curve_runs.items()}
     run_axes = MappingProxyType(
-        {name: run.told(axes, read[name]) for name, run in curve_runs.items()}
-    )
-    study = CurveStudy(
-        source,
-        formula,
-        axes,
-        table,
-        runs,
-        BareFormula(formula) if named is None else named,
-        run_axes,
+        {name: run.axes_of(axes, read[name]) for name, run in curve_runs.items()}
     )
     tables = {
         name: replace(run_of_table(data, name), warnings=of_any_curve(data.warnings))
         for name, data in read.items()
     }
-    return study, MappingProxyType(tables)
+    return CurveCampaign(
+        source,
+        MappingProxyType(tables),
+        curve=formula,
+        axes=axes,
+        table=table,
+        runs=runs,
+        asked=BareFormula(formula) if named is None else named,
+        run_axes=run_axes,
+    )
 
 
 def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:

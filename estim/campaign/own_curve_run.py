@@ -88,7 +88,7 @@ class RunOfCurve:
     def events(self) -> bool:
         return self.curve.y is None
 
-    def said(self, key: str) -> tuple[Any, Place]:
+    def stated(self, key: str) -> tuple[Any, Place]:
         """What the run says of a key, else the curve, and where; None where neither does."""
         value = getattr(self.table, key, None)
         return (
@@ -99,7 +99,7 @@ class RunOfCurve:
 
     def error(self, rule: str, key: str, *, value: object = None) -> InputError:
         """An InputError at the line of a key."""
-        return self.source.places.error(rule, self.said(key)[1], value=value)
+        return self.source.places.error(rule, self.stated(key)[1], value=value)
 
     def place(self, parameter: str) -> Place:
         """Where a parameter is stated."""
@@ -113,7 +113,7 @@ class RunOfCurve:
     def columns(self) -> Mapping[str, str]:
         """Argument of `pose_curve` -> the column that gives it."""
         noise = self.curve.noise
-        stated = {key: self.said(key)[0] for key in ("u_y", "u_x", "correlated")}
+        stated = {key: self.stated(key)[0] for key in ("u_y", "u_x", "correlated")}
         columns: dict[str, object] = {"x": self.x, "y": self.y, "correlated": stated["correlated"]}
         columns |= {
             key: written.column
@@ -130,7 +130,7 @@ class RunOfCurve:
     def refuse_discrepancy(self, command: str) -> None:
         """Raises InputError where the curve may lack something, which `command` does not know."""
         for key in _LACKS:
-            if self.said(key)[0]:
+            if self.stated(key)[0]:
                 raise self.error(
                     f"does not go with {command}, which takes the curve as complete: leave "
                     "it out for that",
@@ -164,7 +164,7 @@ class RunOfCurve:
                 _require_unit_of_axis(table, self.columns[key], of, axis.unit)
         return table
 
-    def told(self, axes: AxisNames, table: Table) -> AxisNames:
+    def axes_of(self, axes: AxisNames, table: Table) -> AxisNames:
         """The axes with the units of the header where the campaign says none.  Raises InputError
         where it says another.
         """
@@ -225,7 +225,7 @@ class PosedRun:
     ) -> tuple[Observations, tuple[Parameter, ...]]:
         """The points, and what is unknown of their errors."""
         posed, name = self.posed, self.run.table.name
-        tails, unknown = shape_of(self.run.said("robust")[0], f"[{name}]")
+        tails, unknown = shape_of(self.run.stated("robust")[0], f"[{name}]")
         sigma = Scale(1.0)
         # the residuals say its size, together with what the curve lacks
         if not posed.stated and posed.lacks is not None:
@@ -284,7 +284,7 @@ def pose_run(
     rows, inside, excluded = _rows(run, data)
     size = _size(run, data, rows)
     priors = {name: value for name, value in values.items() if not isinstance(value, float)}
-    deviation, correlated = run.said("deviation")[0], run.said("correlated")[0]
+    deviation, correlated = run.stated("deviation")[0], run.stated("correlated")[0]
     along = (
         _column(run, data, rows, "correlated")
         if isinstance(correlated, str)
@@ -328,9 +328,9 @@ def pose_run(
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
     """Raises InputError for keys of a campaign alone that do not go with others."""
-    robust = run.said("robust")[0] is not None
+    robust = run.stated("robust")[0] is not None
     for key in ("robust", "every") if posed.counted is not None else ():
-        if run.said(key)[0] is not None:
+        if run.stated(key)[0] is not None:
             raise run.error(
                 "does not go with 'noise', which says how counts scatter: leave it out", key
             )
@@ -370,7 +370,7 @@ def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int6
         case "bins" | "trials" | "cells":
             path = ("curve", "noise", argument)
         case _:
-            path = run.said(argument)[1]
+            path = run.stated(argument)[1]
     return run.source.places.error(error.rule, path, value=error.value)
 
 
@@ -380,7 +380,7 @@ def _rows(
     """The rows that are fit, in order of x, which lie within the window (n_row,), and why others
     are left out.
     """
-    window, path = run.said("window")
+    window, path = run.stated("window")
     low = -math.inf if window is None or window.min is None else window.min
     high = math.inf if window is None or window.max is None else window.max
     if not low < high:
@@ -393,7 +393,7 @@ def _rows(
             "is normalised over it"
         )
         raise run.source.places.error(rule, path, field="window")
-    stated = run.said("every")[0]
+    stated = run.stated("every")[0]
     every = 1 if stated is None else stated
     if every < 1:
         raise run.error("takes one point of so many: it must be at least 1", "every", value=every)
@@ -409,7 +409,7 @@ def _rows(
         if every > 1
         else ()
     )
-    most = MAX_DENSE if run.said("u_x")[0] is not None else MAX_ROWS
+    most = MAX_DENSE if run.stated("u_x")[0] is not None else MAX_ROWS
     if not _MIN_ROWS <= rows.size <= most:
         cure = (
             f": say every = {-(-rows.size * every // most)}, or state a window"
@@ -424,7 +424,7 @@ def _rows(
             raise run.source.places.error(
                 rule, ("runs", run.index, "window"), field="window", value=int(rows.size)
             )
-        where = " where x has errors" if run.said("u_x")[0] is not None else ""
+        where = " where x has errors" if run.stated("u_x")[0] is not None else ""
         raise InputError(
             f"must be between {_MIN_ROWS} and {most}{where}{cure}",
             field="rows",
@@ -444,7 +444,7 @@ def _counting(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> Counting |
     if noise is None:
         return None
     if noise.model == "event-times":
-        window = run.said("window")[0]
+        window = run.stated("window")[0]
         return EventTimes(window.min, window.max, noise.cells)
     if noise.model == "binomial":
         return Binomial(
@@ -461,7 +461,7 @@ def _counting(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> Counting |
 
 def _error_of_x(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatArray | None:
     """Standard deviations of the abscissas, None where they are exact."""
-    written = run.said("u_x")[0]
+    written = run.stated("u_x")[0]
     if "u_x" in run.columns:
         return _column(run, data, kept, "u_x")
     if written is not None and not isinstance(written, int | float):
@@ -471,7 +471,7 @@ def _error_of_x(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | 
 
 def _size(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatArray | Prior | None:
     """Standard deviations of y, or the prior of theirs; None where nothing is said."""
-    written = run.said("u_y")[0]
+    written = run.stated("u_y")[0]
     if written is None:
         return None
     if "u_y" in run.columns:

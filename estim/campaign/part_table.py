@@ -27,7 +27,7 @@ class PartTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only
     angle_deg: Written | None = None
 
     @property
-    def said(self) -> tuple[str, ...]:
+    def stated(self) -> tuple[str, ...]:
         """The keys that hold a number."""
         return tuple(key for key in PART_UNITS if getattr(self, key) is not None)
 

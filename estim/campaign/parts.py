@@ -199,17 +199,17 @@ def _values(body: PartedBody) -> tuple[ArrayLike, ...]:
 def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Input]:
     """What was measured of a part, by "name.key"."""
     path = ("parts", name)
-    for key in table.said:
+    for key in table.stated:
         if key not in POSSIBLE[table.kind]:
             raise source.places.error(
                 f"does not go with a part of kind '{table.kind}'", (*path, key)
             )
-    for key in sorted(NEEDED[table.kind] - set(table.said)):
+    for key in sorted(NEEDED[table.kind] - set(table.stated)):
         raise source.places.error(
             f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}"
         )
     inputs = {}
-    for key in table.said:
+    for key in table.stated:
         try:
             value = read_quantity(getattr(table, key), field=key)
         except InputError as error:
@@ -360,31 +360,37 @@ def _disk(source: CampaignFile, body: str) -> tuple[str, ...] | None:
 
 
 def not_independent(
-    found: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]
+    quantities: Mapping[str, Quantity], correlation: FloatArray, stated: Iterable[str]
 ) -> tuple[str, str, float] | None:
     """The two of the quantities `stated` (which a fit takes from the parts) that are correlated
     most, and by how much; None for fewer than two.
     """
-    names: Sequence[str] = [name for name in found if name in set(stated) and found[name].u > 0.0]
+    names: Sequence[str] = [
+        name for name in quantities if name in set(stated) and quantities[name].u > 0.0
+    ]
     pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :]]
-    order = list(found)
+    order = list(quantities)
     if not pairs:
         return None
     a, b = max(pairs, key=lambda pair: abs(correlation[order.index(pair[0]), order.index(pair[1])]))
     return a, b, float(correlation[order.index(a), order.index(b)])
 
 
-def spread_apart(found: Mapping[str, Quantity]) -> float:
+def spread_apart(quantities: Mapping[str, Quantity]) -> float:
     """Standard uncertainty that the inertia ratio j would have if the quantities it is made of were
     independent.
     """
-    slopes = _ratios(found).inertia_ratio_gradient()
+    slopes = _ratios(quantities).inertia_ratio_gradient()
     return float(
         np.sqrt(
-            sum((slope * found[name].u) ** 2 for name, slope in slopes.items() if name in found)
+            sum(
+                (slope * quantities[name].u) ** 2
+                for name, slope in slopes.items()
+                if name in quantities
+            )
         )
     )
 
 
-def _ratios(found: Mapping[str, Quantity]) -> Body:
-    return Body(1.0, **{name: found[name].value for name in OF_PARTS if name in found})
+def _ratios(quantities: Mapping[str, Quantity]) -> Body:
+    return Body(1.0, **{name: quantities[name].value for name in OF_PARTS if name in quantities})

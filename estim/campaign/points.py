@@ -19,8 +19,9 @@ from estim.campaign.campaign_file import NoiseTable, WindowTable
 from estim.campaign.levels import Levels, Path, noise_level, read_at
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
-from estim.campaign.selection import MAX_DENSE, MAX_OBS, Selection, Window, check_count, select
+from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
 from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
+from estim.curves import MAX_DENSE
 from estim.problem import (
     STENCILS,
     Derivative,
@@ -29,6 +30,7 @@ from estim.problem import (
     Noise,
     Normal,
     Parameter,
+    Rows,
     Scale,
     Uniform,
     as_prior,
@@ -50,6 +52,7 @@ class Observed:
     """The points that are fit: abscissa x, ordinate y and time, (n_obs,) each; what was left out;
     noise and its unknowns.
 
+    rows : where the readings stand that they are or are made of.
     positions : whether the points are positions at known times.
     arguments : of the curve that are not physics (offset, and release_time of positions): a
         parameter's name or a fixed number.
@@ -63,6 +66,7 @@ class Observed:
     arguments: Mapping[str, str | float]
     excluded: tuple[Finding, ...]
     excluded_points: FloatArray
+    rows: Rows
     positions: bool = False
 
 
@@ -194,6 +198,7 @@ def _differentiated(
         arguments=zero,
         excluded=blank + selection.reasons,
         excluded_points=_others(position[rows], derivative.value, selection),
+        rows=Rows(t, run.lines, selected, position),
     )
 
 
@@ -271,6 +276,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
     check_count(selection, run, levels, blank)
     selected = selection.kept
+    t_selected = None if when is None else when[selected]
     zero, zero_parameter = _stated_offset(levels, units)
     noise = Independent(
         sigma=sigma,
@@ -283,7 +289,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     return Observed(
         x=where[selected],
         y=speed[selected],
-        t=None if when is None else when[selected],
+        t=t_selected,
         noise=noise,
         parameters=_some(
             zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters
@@ -291,6 +297,7 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
         arguments=zero,
         excluded=blank + selection.reasons,
         excluded_points=_others(where, speed, selection),
+        rows=Rows.of_points(selected.size, t_selected, run.lines[rows[selected]]),
     )
 
 
@@ -384,6 +391,7 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
         excluded=selection.reasons,
         excluded_points=_others(t, position, selection),
+        rows=Rows.of_points(x.size, x, run.lines[rows]),
     )
 
 
@@ -425,7 +433,7 @@ def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...
 
 
 def _by_row(
-    run: Run, column: str, sigma: Scale, said: bool, unit: str, levels: Levels, path: Path
+    run: Run, column: str, sigma: Scale, known: bool, unit: str, levels: Levels, path: Path
 ) -> tuple[Scale, FloatArray | None]:
     """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise
     table.
@@ -435,7 +443,7 @@ def _by_row(
     if unit != "m":
         rule = f"does not apply to a run in {unit}; start the column's name with _ to skip it"
         raise InputError(rule, field=column, file=run.file)
-    if said:
+    if known:
         raise levels.error(f"is stated twice: here and in the {column} column of {run.file}", path)
     return Scale(1.0), run.columns[column]
 

@@ -24,7 +24,7 @@ def _angle(symbol: str) -> Notation:
 
 
 @dataclass(frozen=True)
-class Kind:
+class QuantityKind:
     """A physical quantity of a campaign: how it is written, its keys with their factors to SI,
     unit, value where it is missing, meaning.
     """
@@ -46,9 +46,9 @@ class Kind:
         return phrase(self.english)
 
 
-QUANTITIES: Mapping[str, Kind] = MappingProxyType(
+QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType(
     {
-        "gamma": Kind(
+        "gamma": QuantityKind(
             Notation("γ"),
             {"gamma": 1.0},
             "1",
@@ -56,10 +56,10 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("distance of the centre of mass from the axle / R"),
             0.0,
         ),
-        "kappa": Kind(
+        "kappa": QuantityKind(
             Notation("κ"), {"kappa": 1.0}, "1", None, later("inertia of the disk / (M_D R²)"), 0.0
         ),
-        "theta0": Kind(
+        "theta0": QuantityKind(
             _angle("θ₀"),
             {"theta0_deg": _DEGREE, "theta0_rad": 1.0},
             "rad",
@@ -67,7 +67,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("angle of the particle at release"),
             high=2.0 * np.pi,
         ),
-        "phi": Kind(
+        "phi": QuantityKind(
             _angle("φ"),
             {"phi_deg": _DEGREE, "phi_rad": 1.0},
             "rad",
@@ -75,7 +75,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("tilt of the ramp"),
             high=0.5 * np.pi,
         ),
-        "theta0_zero": Kind(
+        "theta0_zero": QuantityKind(
             _angle("δθ₀"),
             {"theta0_zero_deg": _DEGREE, "theta0_zero_rad": 1.0},
             "rad",
@@ -83,7 +83,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("common zero error: added to the angle at release"),
             high=0.5 * np.pi,
         ),
-        "phi_zero": Kind(
+        "phi_zero": QuantityKind(
             _angle("δφ"),
             {"phi_zero_deg": _DEGREE, "phi_zero_rad": 1.0},
             "rad",
@@ -91,7 +91,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("common zero error: added to the tilt"),
             high=0.5 * np.pi,
         ),
-        "rolling_resistance": Kind(
+        "rolling_resistance": QuantityKind(
             Notation("c_rr"),
             {"rolling_resistance": 1.0},
             "1",
@@ -99,10 +99,10 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("coefficient of rolling resistance"),
             0.0,
         ),
-        "radius": Kind(
+        "radius": QuantityKind(
             Notation("R"), {"radius_m": 1.0}, "m", None, later("radius of the disk"), 0.0, False
         ),
-        "rho": Kind(
+        "rho": QuantityKind(
             Notation("ρ"),
             {"rho": 1.0},
             "1",
@@ -111,7 +111,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             0.0,
             False,
         ),
-        "trailing_fraction": Kind(
+        "trailing_fraction": QuantityKind(
             Notation("τ"),
             {"trailing_fraction": 1.0},
             "1",
@@ -119,7 +119,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("fraction of the mass that does not rotate"),
             0.0,
         ),
-        "particle_gyration": Kind(
+        "particle_gyration": QuantityKind(
             Notation("k_P"),
             {"particle_gyration": 1.0},
             "1",
@@ -127,7 +127,7 @@ QUANTITIES: Mapping[str, Kind] = MappingProxyType(
             later("radius of gyration of the particle / R"),
             0.0,
         ),
-        "g": Kind(
+        "g": QuantityKind(
             Notation("g"),
             {"g": 1.0},
             "m/s²",
@@ -149,13 +149,13 @@ def _effect(
     low: float = -np.inf,
     high: float = np.inf,
     too_large: str = "",
-) -> Kind:
-    return Kind(
+) -> QuantityKind:
+    return QuantityKind(
         Notation(symbol), {key: 1.0}, unit, 0.0, meaning, low, high=high, too_large=too_large
     )
 
 
-def _of_turn(symbol: str, key: str, meaning: str) -> Kind:
+def _of_turn(symbol: str, key: str, meaning: str) -> QuantityKind:
     return _effect(
         symbol,
         key,
@@ -166,14 +166,14 @@ def _of_turn(symbol: str, key: str, meaning: str) -> Kind:
     )
 
 
-def _scale(symbol: str, key: str, meaning: str, *, usual: float) -> Kind:
+def _scale(symbol: str, key: str, meaning: str, *, usual: float) -> QuantityKind:
     too_large = "is a fraction of the reading (0.01 means 1 %) and must be at most 0.5"
-    return Kind(
+    return QuantityKind(
         Notation(symbol), {key: 1.0}, "1", 0.0, meaning, high=0.5, too_large=too_large, usual=usual
     )
 
 
-GRIP = Kind(
+GRIP = QuantityKind(
     Notation("μ"),
     {"friction": 1.0},
     "1",
@@ -184,7 +184,7 @@ GRIP = Kind(
     too_large="must be at most 10",
 )
 
-EFFECTS: Mapping[str, Kind] = MappingProxyType(
+EFFECTS: Mapping[str, QuantityKind] = MappingProxyType(
     {
         "release_energy": _effect(
             "E₀",
@@ -234,7 +234,7 @@ EFFECTS: Mapping[str, Kind] = MappingProxyType(
         "moment_twice_sin": _of_turn(
             "b₂", "moment_twice_sin", later("resisting moment as sin 2θ / (M g R)")
         ),
-        "phi_slope": Kind(
+        "phi_slope": QuantityKind(
             Notation("φ′", "°/m", float(np.degrees(1.0))),
             {"phi_slope_deg_m": _DEGREE, "phi_slope_rad_m": 1.0},
             "rad/m",

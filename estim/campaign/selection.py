@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.campaign.levels import Levels
 from estim.common import Finding, InputError, Kind
+from estim.deviation import GUARD
 from estim.reading import Run
 from estim.words import tell
 
@@ -26,9 +27,6 @@ Mask = NDArray[np.bool_]
 
 _MIN_OBS = 5
 MAX_OBS = 10_000
-# where the covariance of the speeds does not stay the same but for a factor, and is diagonalised
-MAX_DENSE = 3000
-_GUARD = 5.0
 # of the largest speed: slower than this at its farthest, a body is taken to have turned there
 _SLOW = 0.25
 
@@ -89,7 +87,7 @@ def select(
         farthest = inside[np.argmax(position[inside])]
         if t is not None:
             leave_out(t > t[farthest], Kind.WAY_BACK)
-        guard = _GUARD * sigma_position
+        guard = GUARD * sigma_position
         if guard > 0.0 and not np.isfinite(window.low):
             leave_out(position < guard, Kind.BESIDE_RELEASE)
         slow = abs(speed[farthest]) < _SLOW * np.max(np.abs(speed[inside]))

@@ -14,9 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from estim.campaign.campaign import Campaign, bound
+from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
+from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
@@ -32,7 +33,7 @@ from estim.reading import (
     value_columns,
 )
 
-_SAID = "command line"
+_COMMAND_LINE = "command line"
 _ABSCISSAS = ("x", "t", "time")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
@@ -95,7 +96,7 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
     missing, with the option that says it.
     """
     text = text_of_table(file, choices)
-    return bound(campaign_file_of(text, file.parent / f"({_SAID})", said=_SAID))
+    return bound(campaign_file_of(text, file.parent / f"({_COMMAND_LINE})", shown=_COMMAND_LINE))
 
 
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
@@ -184,7 +185,7 @@ def run_name(file: Path) -> str:
 
 
 def _axes(
-    file: Path, formula: Formula, choices: TableChoices, said: Sequence[str], *, named: bool
+    file: Path, formula: Formula, choices: TableChoices, stated: Sequence[str], *, named: bool
 ) -> tuple[Axis, Axis, str | None, str | None]:
     """x, y, u_x and u_y: as stated; else the two columns that there are, or the one that the
     formula names and the column y; their columns u_NAME.
@@ -206,7 +207,9 @@ def _axes(
     values = value_columns(layout, (choices.u_x, choices.u_y))
     x_name, y_name = choices.x, choices.y
     called = [
-        name for name in values if y_name not in (name, _bare(name)) and _names(formula, name, said)
+        name
+        for name in values
+        if y_name not in (name, _bare(name)) and _names(formula, name, stated)
     ]
     # a parameter may be called like a column too
     called = [name for name in called if _bare(name).lower() in _ABSCISSAS] or called
@@ -275,11 +278,11 @@ def _bare(name: str) -> str:
     return name_and_unit(name)[0]
 
 
-def _names(formula: Formula, column: str, said: Sequence[str]) -> bool:
+def _names(formula: Formula, column: str, stated: Sequence[str]) -> bool:
     return (
         _bare(column) == "x"
         if formula.uses_x
-        else variable_of(formula, column, None, said) is not None
+        else variable_of(formula, column, None, stated) is not None
     )
 
 

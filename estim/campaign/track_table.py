@@ -4,7 +4,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
+from typing import Literal
+
+import msgspec
 
 from estim.campaign.dialect_table import DialectKeys
 from estim.reading import Choices, Unit
@@ -19,28 +21,14 @@ class TrackKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     drop_duplicates: bool | None = None
 
 
-class TrackSaid(Protocol):
-    """What any table with these keys has."""
-
-    @property
-    def track(self) -> str | None: ...
-    @property
-    def along(self) -> str | float | None: ...
-    @property
-    def unit(self) -> Unit | None: ...
-    @property
-    def release(self) -> Literal["first", "keep"] | float | None: ...
-    @property
-    def frame_ms(self) -> float | None: ...
-    @property
-    def drop_duplicates(self) -> bool | None: ...
+_KEYS = tuple(
+    key for key in TrackKeys.__struct_fields__ if key not in DialectKeys.__struct_fields__
+)
 
 
-def choices_of(run: TrackSaid) -> Choices | None:
-    """How a file of the program Tracker is to be read; None where nothing is said."""
-    stated = (run.track, run.along, run.unit, run.release, run.frame_ms, run.drop_duplicates)
-    if all(value is None for value in stated):
-        return None
-    along = "fit" if run.along is None else run.along
-    release = "first" if run.release is None else run.release
-    return Choices(run.track, along, run.unit, release, run.frame_ms, bool(run.drop_duplicates))
+def choices_of(run: msgspec.Struct) -> Choices | None:
+    """How a file of the program Tracker is to be read, by any table with these keys; None where
+    nothing is said.
+    """
+    stated = {key: value for key in _KEYS if (value := getattr(run, key)) is not None}
+    return Choices(**stated) if stated else None

@@ -12,11 +12,11 @@ from typing import TypeVar
 import msgspec
 
 from estim.campaign.binding import KINDS_OF_QUANTITIES
-from estim.campaign.bodies import RollingStudy
+from estim.campaign.bodies import RollingCampaign
 from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import CampaignFile, LevelTable, NoiseTable, RunTable
 from estim.campaign.levels import read_at
-from estim.campaign.own_curve import CurveStudy
+from estim.campaign.own_curve import CurveCampaign
 from estim.campaign.plan_table import PlannedRunTable
 from estim.campaign.prior_table import PriorTable, Value, times
 from estim.common import Quantity, read_quantity
@@ -109,8 +109,8 @@ def with_tables(campaign: Campaign, tables: Mapping[str, Run]) -> Campaign:
 
 def axis_columns(campaign: Campaign) -> tuple[str, str]:
     """The columns of x and y of a user's own curve."""
-    assert isinstance(campaign.study, CurveStudy), "asked of a campaign with a formula"
-    return campaign.study.x_column, campaign.study.y_column
+    assert isinstance(campaign, CurveCampaign), "asked of a campaign with a formula"
+    return campaign.x_column, campaign.y_column
 
 
 def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
@@ -146,7 +146,7 @@ def with_own_gamma(problem: Problem, runs: Sequence[NewRun]) -> Problem:
 
 
 def _of(source: CampaignFile, tables: Mapping[str, Run]) -> Campaign:
-    return Campaign(source, MappingProxyType(dict(tables)), RollingStudy(source))
+    return RollingCampaign(source, MappingProxyType(dict(tables)))
 
 
 def _further(like: RunTable, new: NewRun) -> RunTable:

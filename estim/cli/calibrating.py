@@ -5,6 +5,7 @@ written.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import click
 
@@ -49,7 +50,7 @@ def calibrate(
     runs: tuple[str, ...],
     joint: bool,
     simulations: int,
-    what: str,
+    what: Literal["sbc", "coverage", "both"],
     jobs: int,
     out: Path | None,
     seed: int,
@@ -66,14 +67,9 @@ def calibrate(
     It also means that processes were killed, twice (too little memory?): one line says so, and
     there is no report.
     """
-    from estim.calibration import (
-        campaign_design,
-        coverage,
-        coverage_sentence,
-        findings,
-        simulation_based_calibration,
-    )
+    from estim.calibration import campaign_design, coverage_sentence, findings, run_trials
     from estim.campaign import as_complete, load_campaign
+    from estim.fitting import fit_problem
     from estim.reports import calibration_report, unlike_fit
     from estim.words import tell
 
@@ -82,14 +78,13 @@ def calibrate(
     groups, trusted = groups_of(loaded, runs, joint=joint), True
     for group in groups:
         loaded.require_unknowns(loaded.problem(group), drawn=True)
-    chosen = {"sbc": simulation_based_calibration, "coverage": coverage}
     reserve_output(folder, "calibration.json", groups=groups)
     with finished_pieces(folder, resume=resume) as store:
         for group in groups:
             posed = loaded.problem(group)
-            fit = loaded.fit(
-                as_complete(posed, "estim calibrate"), rng=stream(seed, Stream.CALIBRATION_FIT)
-            )
+            complete = as_complete(posed, "estim calibrate")
+            with loaded.placing(complete):
+                fit = fit_problem(complete, rng=stream(seed, Stream.CALIBRATION_FIT))
             unlike = unlike_fit(posed, loaded.problem(group, usual=True))
             design = campaign_design(loaded, group, fitted=fit.values)
             calibrations = []
@@ -99,9 +94,10 @@ def calibrate(
                 ) as progress:
                     progress(0, simulations)
                     calibrations.append(
-                        chosen[kind](
+                        run_trials(
                             design,
                             fit,
+                            kind,
                             n_trial=simulations,
                             seed=seed,
                             jobs=jobs,

@@ -300,14 +300,14 @@ def energy(
     from estim.studies import drift_of, energy_along, energy_status
 
     loaded = load_campaign(campaign, asked=runs)
-    loaded.study.require_body()
+    loaded.require_body()
     analyses: list[Analysis] = []
     records: list[EnergyRecord] = []
     drifts: list[Drift] = []
     groups = groups_of(loaded, runs, joint=joint)
     names = [name for group in groups for name in group]
-    loaded.study.require_speeds(names, "estim energy")
-    loaded.study.require_complete(names, "estim energy")
+    loaded.require_speeds(names, "estim energy")
+    loaded.require_complete(names, "estim energy")
     folder = out or out_folder(campaign, "energy")
     reserve_output(folder, "result.json")
     for group in groups:
@@ -364,9 +364,9 @@ def reanalyse(
     from estim.studies import reanalyse as run_reanalysis
 
     loaded = load_campaign(campaign)
-    loaded.study.require_body()
+    loaded.require_body()
     folder = out or out_folder(campaign, "reanalysis")
-    loaded.study.require_speeds(loaded.run_names, "estim reanalyse")
+    loaded.require_speeds(loaded.run_names, "estim reanalyse")
     reserve_output(folder, "result.json")
     with finished_pieces(folder, resume=resume) as store:
         result = run_reanalysis(

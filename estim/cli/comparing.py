@@ -45,10 +45,8 @@ def compare(
         )
         for model in compared:
             report = analysis_report(campaign, model.analysis, figures=figures, profiles=False)
-            write_report(place / folder_of(model.candidate.name), report, within=folder)
-            conclude(
-                f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ()
-            )
+            write_report(place / folder_of(model.name), report, within=folder)
+            conclude(f"{', '.join(group)}, {model.name}", model.analysis.diagnosis.status, ())
         write_report(
             place, compare_report(campaign, compared, seed=seed, figures=figures), within=folder
         )

@@ -143,7 +143,7 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: bo
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)
-    loaded.study.require_body()
+    loaded.require_body()
     source, target = loaded.source, Target()
     trials = None if source.trials is None else read_trials(source)
     series = read_theta_min(source) if trials is None or source.line is not None else None

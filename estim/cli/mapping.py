@@ -61,7 +61,7 @@ def map_motions(
     from estim.words import tell
 
     loaded = load_campaign(campaign)
-    loaded.study.require_body()
+    loaded.require_body()
     line = None if loaded.source.line is None else read_theta_min(loaded.source)
     values = None if fitted is None else _fitted(loaded, fitted)
     folder = out or out_folder(campaign, "map")

@@ -52,7 +52,7 @@ from estim.problem import (
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
-MAX_DENSE = 3000  # of a covariance matrix, errors of x
+MAX_DENSE = 3000  # of a covariance matrix that is diagonalised, errors of x
 
 
 @dataclass(frozen=True, eq=False)

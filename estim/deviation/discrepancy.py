@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import phrase
+from estim.common import PROBABILITIES, phrase
 from estim.deviation.components import Deviation, Shape, diagonalise
 from estim.deviation.generic import (
     DEVIATION,
@@ -47,7 +47,6 @@ from estim.deviation.residuals import Residuals
 from estim.problem import Discrepancy, Observations, Problem, Wording
 
 _TIMES_NOISE = 2.0  # scale of correlated errors
-_PROBABILITIES = (0.68, 0.95)
 Interval = tuple[float, float]
 
 
@@ -150,7 +149,8 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
     covariance, shift, residuals, jacobian = _measured(run, problem, values, stated=lacks.stated)
     precision, pull = _beside(run, problem, values)
     scales = _scales(lacks, covariance, residuals)
-    deviation = _components(run, lacks, covariance, scales)
+    shapes = _shapes(run, lacks, scales)
+    deviation = _diagonalised(covariance, shapes, relative_grid(stated=lacks.stated))
     without = _sds(deviation.whiten(jacobian.T), precision)
     linear = linearise(
         deviation, residuals, jacobian, precision=precision, pull=pull, stated=lacks.stated
@@ -179,7 +179,7 @@ def pose_deviation(run: Observations, problem: Problem, values: FloatArray) -> P
         probability=linear.p_deviation,
         smooth=sizes.get(DEVIATION),
         correlated=sizes.get(TIME),
-        visible=see_deviation(linear, run, scales),
+        visible=see_deviation(linear, run, shapes),
         noise=(low, middle, high),
         conservative=lacks.stated and stated_is_conservative(linear),
         growth=growth_over(problem, linear, without),
@@ -251,13 +251,13 @@ def _sized(covariance: FloatArray, residuals: FloatArray, n_par: int) -> FloatAr
     return covariance * squares / max(1, residuals.size - n_par)
 
 
-def _components(
-    run: Observations, lacks: Discrepancy, covariance: FloatArray, scales: Mapping[str, float]
-) -> Deviation:
+def _shapes(
+    run: Observations, lacks: Discrepancy, scales: Mapping[str, float]
+) -> tuple[Shape, ...]:
+    """What was asked for, each in units of the scale of its amplitude."""
     groups = [deviation_shapes(run.x)] if lacks.deviation else []
     groups += [correlated_shapes(lacks.along)] if lacks.along is not None else []
-    shapes = tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
-    return _diagonalised(covariance, shapes, relative_grid(stated=lacks.stated))
+    return tuple(shape.times(scales[shape.kind]) for shape in equally_probable(*groups))
 
 
 def _diagonalised(covariance: FloatArray, shapes: tuple[Shape, ...], grid: Grid) -> Deviation:
@@ -320,7 +320,7 @@ def _intervals(
             for edge in (low, high)
         )
         ends = {}
-        for p in _PROBABILITIES:
+        for p in PROBABILITIES:
             places = below + (above - below) * np.array([0.5 - 0.5 * p, 0.5 + 0.5 * p])
             ends[p] = tuple(
                 np.clip(value + linear.quantiles(direction, places), low, high).tolist()

@@ -11,7 +11,7 @@ The size of the force stays as it is: what further data would say about it is no
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,6 @@ from estim.deviation.force import FORCE, OWN, Response, force_kernel, own_kind
 from estim.deviation.joint import Tracked
 from estim.deviation.kernels import without_mean
 from estim.deviation.residuals import stacked
-from estim.deviation.trajectory import Trajectory
 from estim.problem import Observations, Posterior, Problem, StackedPoints
 
 
@@ -61,11 +60,7 @@ def force_sizes(posterior: Posterior, values: FloatArray) -> dict[str, ForceSize
 
 
 def expected_root(
-    runs: Sequence[Observations],
-    courses: Mapping[str, Trajectory],
-    problem: Problem,
-    values: FloatArray,
-    size: ForceSize,
+    runs: Sequence[Observations], problem: Problem, values: FloatArray, size: ForceSize
 ) -> FloatArray:
     """J (n_obs, n_par) with J^T J the information that `runs`, which share a force of this size,
     give about the parameters at `values`.
@@ -74,7 +69,7 @@ def expected_root(
     """
     named = problem.named(values)
     points = StackedPoints(tuple(run.points for run in runs))
-    tracked, several = Tracked.of(runs, points, courses, named, scale=1.0), len(runs) > 1
+    tracked, several = Tracked.of(runs, points, named, scale=1.0), len(runs) > 1
     track, responses = tracked.track, tracked.responses
     lever = Response.stacked(responses).force
     between = size.between() if several else np.zeros(size.lengths.size)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.common import LEVELS
 from estim.deviation.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.deviation.linearised import Linearised, mixture_quantiles
 
-BAND = (0.025, 0.16, 0.5, 0.84, 0.975)
 _LOST = 0.01
 
 
@@ -24,8 +24,8 @@ class Force:
     part of the rolling resistance).
 
     x : (n_node,) m or rad.
-    mean, sd : (n_node,).  quantiles : (5, n_node) at BAND.  All of the way out, where the body also
-        came back.
+    mean, sd : (n_node,).  quantiles : (5, n_node) at `LEVELS`.  All of the way out, where the body
+        also came back.
     back : quantiles of the way back; None where there is none.
     probability : P(a > 0).
     amplitude, length : quantiles 0.16, 0.5, 0.84 of the size and the distance over which it
@@ -149,8 +149,8 @@ class Seen:
         )
 
     def quantiles(self) -> FloatArray:
-        """(5, n_place) at BAND."""
-        return mixture_quantiles(self.weights, self.means, self.sds, BAND)
+        """(5, n_place) at `LEVELS`."""
+        return mixture_quantiles(self.weights, self.means, self.sds, LEVELS)
 
 
 def see(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> Seen:

@@ -111,7 +111,7 @@ class Sharing(Stated):
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """noises : run -> its noise with the force.  shared : what ties runs together.  found : one
+    """noises : run -> its noise with the force.  shared : what ties runs together.  forces : one
     force a group.
 
     step, cov : (n_par,), (n_par, n_par) where the posterior of all runs then is, from the white
@@ -121,7 +121,7 @@ class Posed:
 
     noises: Mapping[str, Noise]
     shared: tuple[Together, ...]
-    found: tuple[FoundForce, ...]
+    forces: tuple[FoundForce, ...]
     step: FloatArray
     cov: FloatArray
     parts: NormalParts | None
@@ -129,7 +129,7 @@ class Posed:
     def inferred_at(self, step: FloatArray) -> tuple[FoundForce, ...]:
         """What was found, where the mode lies `step` (n_par,) from the point of linearisation."""
         moved = float(np.max(np.abs(step - self.step) / np.sqrt(np.diag(self.cov))))
-        return tuple(replace(force, moved=moved) for force in self.found)
+        return tuple(replace(force, moved=moved) for force in self.forces)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +227,20 @@ def noises_of(
     return noises, tuple(shared)
 
 
+def sharing_runs(runs: Sequence[Observations]) -> dict[str, tuple[Observations, ...]]:
+    """Name of the run, or what runs that share a force have in common -> these runs; those without
+    a force are left out.
+    """
+    groups: dict[str, list[Observations]] = {}
+    for run in runs:
+        if run.force:
+            groups.setdefault(run.track, []).append(run)
+    return {
+        track if len(members) > 1 else members[0].name: tuple(members)
+        for track, members in groups.items()
+    }
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Forced(Stack):
     """label : what the runs have in common.  tracked : what a force does to them."""
@@ -236,8 +250,6 @@ class _Forced(Stack):
 
 
 def pose_forces(
-    groups: Mapping[str, Sequence[Observations]],
-    courses: Mapping[str, Trajectory],
     problem: Problem,
     values: FloatArray,
     *,
@@ -245,32 +257,29 @@ def pose_forces(
     bad: Mapping[str, BadFrames],
     alone: Mapping[str, FloatArray],
 ) -> Posed:
-    """The forces of `groups` of runs, linear about `values` (n_par,), those of a white fit with
-    free starts.
+    """The forces of the runs of a problem, linear about `values` (n_par,), those of a white fit
+    with free starts.
 
-    groups : what the runs of a group have in common -> its runs, which share a force where there
-        are several.  Other runs lack nothing.
     without : (n_par,) standard deviations with the stated noise alone and exact starts.
     bad : run -> frames whose shifts are unknown too, of a run that shares nothing.
     alone : run -> (n_par,) where a white fit of this run by itself ends; of runs fit together.
         Raises InputError where a body hardly moves somewhere along its track.
     """
     prior, lacking = priors_at(problem, values), []
-    for label, members in groups.items():
-        runs = tuple(members)
-        group = _forced(label, runs, courses, problem, values, bad)
+    for label, runs in sharing_runs(problem.runs).items():
+        group = _forced(label, runs, problem, values, bad)
         if group.formed.speed is not None:  # now that the force is known, the speeds are
             read = group.points.y - group.formed.shift - group.beside(*prior).errors()
             speeds = np.split(read, np.cumsum([run.n_obs for run in runs])[:-1])
-            group = _forced(label, runs, courses, problem, values, bad, speeds=speeds)
+            group = _forced(label, runs, problem, values, bad, speeds=speeds)
         lacking.append(group)
     posterior = Beside.of(lacking, problem, values)
     noises, shared = noises_of(lacking, posterior.linear, WithForce)
     forces = []
     for group, linear in zip(lacking, posterior.linear, strict=True):
-        found = _found(group, linear, values, without, problem, posterior.data)
+        force = _described(group, linear, values, without, problem, posterior.data)
         each = tuple(
-            _told_alone(run, courses, problem, values, alone[run.name])
+            _told_alone(run, problem, values, alone[run.name])
             for run in group.runs
             if run.name in alone
         )
@@ -283,7 +292,7 @@ def pose_forces(
                 group.formed,
                 group.tracked.alongs[0],
             )
-        forces.append(replace(found, alone=each, completed=completed))
+        forces.append(replace(force, alone=each, completed=completed))
     n, first = problem.n_par, posterior.linear[0]
     parts = (
         normal_parts(
@@ -296,18 +305,18 @@ def pose_forces(
 
 
 def bad_frames(
-    run: Observations, course: Trajectory, problem: Problem, values: FloatArray, *, known: BadFrames
+    run: Observations, problem: Problem, values: FloatArray, *, known: BadFrames
 ) -> BadFrames:
     """The frames of `run` that are shifted, linear about `values` as above.  Raises InputError as
     `pose_forces` does.
 
     known : what was found about other values: it is kept where it still has a size.
     """
-    here = _forced(run.name, (run,), {run.name: course}, problem, values, {run.name: known})
+    here = _forced(run.name, (run,), problem, values, {run.name: known})
     (about,) = here.points.runs
     if here.formed.speed is not None:
         about = points_about(about, here.formed.speed)
-    frames = course.frames(about, problem.named(values), run.noise)
+    frames = Trajectory.of(run).frames(about, problem.named(values), run.noise)
     if frames is None:
         return BadFrames()
     precision, pull = priors_at(problem, values)
@@ -345,7 +354,6 @@ class Tracked:
         cls,
         runs: Sequence[Observations],
         points: StackedPoints,
-        courses: Mapping[str, Trajectory],
         named: Named,
         *,
         scale: float,
@@ -357,7 +365,7 @@ class Tracked:
         """
         formed, stated, alongs = [], [], []
         for run, own, speed in zip(runs, points.runs, speeds or [None] * len(runs), strict=True):
-            course = courses[run.name]
+            course = Trajectory.of(run)
             residuals, errors = formed_about(
                 course, run.noise, own, named, scale=scale, speed=speed
             )
@@ -376,7 +384,6 @@ class Tracked:
 def _forced(
     label: str,
     runs: tuple[Observations, ...],
-    courses: Mapping[str, Trajectory],
     problem: Problem,
     values: FloatArray,
     bad: Mapping[str, BadFrames],
@@ -387,7 +394,7 @@ def _forced(
     named, several = problem.named(values), len(runs) > 1
     frames = BadFrames() if several else bad.get(runs[0].name, BadFrames())
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
-    tracked = Tracked.of(runs, points, courses, named, scale=runs[0].force, speeds=speeds)
+    tracked = Tracked.of(runs, points, named, scale=runs[0].force, speeds=speeds)
     radius = tracked.alongs[0].radian
     shapes = (
         shared_force_shapes(tracked.track, tracked.responses, radius=radius)
@@ -412,17 +419,13 @@ def _forced(
 
 
 def _told_alone(
-    run: Observations,
-    courses: Mapping[str, Trajectory],
-    problem: Problem,
-    values: FloatArray,
-    there: FloatArray,
+    run: Observations, problem: Problem, values: FloatArray, there: FloatArray
 ) -> TrialInformation:
     """What one of several runs says by itself, as in a fit of this run alone, linear about its own
     white fit `there`; for steps from `values`.
     """
     precision, pull = priors_at(problem, there)
-    linear = _forced(run.name, (by_itself(run, problem),), courses, problem, there, {}).beside(
+    linear = _forced(run.name, (by_itself(run, problem),), problem, there, {}).beside(
         precision, pull
     )
     information, score = likelihood_information(linear, (precision, precision @ pull))
@@ -447,7 +450,7 @@ def by_itself(run: Observations, problem: Problem) -> Observations:
     )
 
 
-def _found(
+def _described(
     group: _Forced,
     linear: Linearised,
     values: FloatArray,

@@ -20,9 +20,6 @@ from estim.deviation.linearised import Linearised
 from estim.problem import Observations, Prior, Problem, Root
 
 _PARTS = (0.5, 0.9, 0.99, 0.999)  # of the linearised posterior: the wide components hold its tails
-# where frames are judged the noise may be any larger than stated
-_ANY_SCALE, _COARSE = (1.0, 1.6, 2.5, 4.0, 6.3, 10.0), 12
-
 
 TrialInformation = tuple[FloatArray, FloatArray]
 """Information (n_par, n_par) and score (n_par,) at values of the parameters: what some runs,

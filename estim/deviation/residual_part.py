@@ -11,16 +11,14 @@ that fits it best (least squares over the points, M = 1 - J (J^T C0^-1 J)^-1 J^T
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.deviation.components import Family
-from estim.deviation.generic import DEVIATION
+from estim.deviation.components import Shape
 from estim.deviation.inferred_force import see
-from estim.deviation.kernels import distances, exponential, matern32
 from estim.deviation.linearised import Linearised
 from estim.problem import Observations
 
@@ -30,8 +28,8 @@ class ResidualPart:
     """The part of a deviation that shows, at the points, unit of y.
 
     x : (n_obs,).
-    quantiles : (5, n_obs) at BAND.  mean : (n_obs,).  residuals : (n_obs,) of the curve that fits
-        best.
+    quantiles : (5, n_obs) at `LEVELS`.  mean : (n_obs,).
+    residuals : (n_obs,) of the curve that fits best.
     """
 
     x: FloatArray
@@ -50,39 +48,16 @@ class ResidualPart:
         return float(np.max(np.abs(self.mean)))
 
 
-def see_deviation(
-    linear: Linearised, run: Observations, scales: Mapping[str, float]
-) -> ResidualPart:
-    """What shows of the deviation of `run` under the posterior `linear`.  scales : kind -> unit of
-    its amplitudes.
+def see_deviation(linear: Linearised, run: Observations, shapes: Sequence[Shape]) -> ResidualPart:
+    """What shows of the deviation of `run` under the posterior `linear`.  shapes : that its
+    components were made of, one for each family.
     """
-    whiten, lacks = linear.deviation.whiten, run.lacks
-    assert lacks is not None, "asked of runs that may lack something"
-    rest = _rest(whiten(np.eye(run.n_obs)), whiten(linear.jacobian.T), linear.jacobian)
-    along = run.x if lacks.along is None else lacks.along
-    seen = see(
-        linear,
-        (
-            _prior(family, run.x if family.kind == DEVIATION else along, scales, rest)
-            for family in linear.deviation.families
-        ),
-    )
+    whiten = linear.deviation.whiten
+    whitener, slopes = whiten(np.eye(run.n_obs)), whiten(linear.jacobian.T)
+    # (n_obs, n_obs) M
+    rest = np.eye(run.n_obs) - linear.jacobian @ np.linalg.pinv(slopes.T, rcond=1e-10) @ whitener.T
+    kernels = [rest @ shape.covariance for shape in shapes]
+    seen = see(linear, [(kernel, np.einsum("ij,ij->i", kernel, rest)) for kernel in kernels])
     return ResidualPart(
         run.x, seen.quantiles(), np.asarray(seen.weights @ seen.means), rest @ linear.residuals
     )
-
-
-def _rest(whitener: FloatArray, j: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """(n_obs, n_obs) M; whitener: W as rows, j: (n_par, n_obs) whitened."""
-    return np.asarray(
-        np.eye(jacobian.shape[0]) - jacobian @ np.linalg.pinv(j.T, rcond=1e-10) @ whitener.T
-    )
-
-
-def _prior(
-    family: Family, along: FloatArray, scales: Mapping[str, float], rest: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """M K (n_obs, n_obs) and the diagonal of M K M^T (n_obs,) for unit amplitude."""
-    correlation = matern32 if family.kind == DEVIATION else exponential
-    kernel = rest @ (scales[family.kind] ** 2 * correlation(distances(along), family.length))
-    return kernel, np.einsum("ij,ij->i", kernel, rest)

@@ -18,7 +18,7 @@ from estim.arrays import FloatArray
 
 # sds of a reading, by which the body moves to either side; readings for a line
 _REACH, _FEW = 2.0, 5
-_GUARD = 5.0  # sds from the release or from a turning point
+GUARD = 5.0  # sds from the release or from a turning point
 
 
 def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> FloatArray:
@@ -31,7 +31,7 @@ def settled(t: FloatArray, x: FloatArray, speed: FloatArray, sd: float) -> Float
     way).  Readings that are farther apart stay as they are.
     speed : (n_row,) of the curve, unit of x per s.
     """
-    least = float(np.max(speed)) * np.sqrt(_GUARD * 2.0 * sd / np.ptp(x))
+    least = float(np.max(speed)) * np.sqrt(GUARD * 2.0 * sd / np.ptp(x))
     if not least > 0.0:  # a curve that never moves, which is said elsewhere
         return x
     reach = _REACH * sd / np.maximum(speed, least)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.deviation.bad_frame_search import Frames
@@ -14,7 +14,16 @@ from estim.deviation.force import Response, Track, speed_response, track
 from estim.deviation.grid import START_SD
 from estim.deviation.in_time import Moving, response_in_time
 from estim.deviation.smoothing import settled
-from estim.problem import Differences, Motion, Named, Noise, Points, PositionCurve
+from estim.problem import (
+    Differences,
+    Motion,
+    Named,
+    Noise,
+    Observations,
+    Points,
+    PositionCurve,
+    Rows,
+)
 
 _STEP = 2e-3  # rad, over which inertia and height of a body are smooth
 
@@ -36,29 +45,17 @@ class Along:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Where the readings of a run stand: t (n_row,) s, nan where unknown, and lines (n_row,) of the
-    file.  kept : (n_obs,) those of the points.
-    """
-
-    t: FloatArray
-    lines: NDArray[np.int64]
-    kept: NDArray[np.int64]
-
-
-@dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A motion that was measured.
-
-    positions : (n_row,) all that were read, where the points are speeds made of them; else None,
-        and the points are what was read.
-    rows : of the readings, known wherever `positions` are; else None where nobody asks which of
-        them are bad.
+    """A motion that was measured.  rows : of the readings; None where nobody asks which of them are
+    bad.
     """
 
     motion: Motion
-    positions: FloatArray | None
     rows: Rows | None = None
+
+    @classmethod
+    def of(cls, run: Observations) -> Trajectory:
+        return cls(run.body, run.rows)
 
     def speed(self, points: Points, named: Named, noise: Noise) -> FloatArray | None:
         """(n_obs,) speeds of the curve at the points, where the readings have little of their
@@ -96,20 +93,23 @@ class Trajectory:
         """(n_obs,) positions of points that are speeds, with little of the errors of the readings
         that these speeds are made of.
         """
-        if self.positions is None or noise.of_positions(here.points, named) is None:
+        if (
+            self.rows is None
+            or self.rows.positions is None
+            or noise.of_positions(here.points, named) is None
+        ):
             return here.points.x
-        assert self.rows is not None, "known where positions are"
-        return here.points.x + (self._settled(here, noise, named) - self.positions)[self.rows.kept]
+        settled_there = self._settled(here, noise, named) - self.rows.positions
+        return here.points.x + settled_there[self.rows.kept]
 
     def _settled(self, here: _Here, noise: Noise, named: Named) -> FloatArray:
         """(n_row,) the readings, for every place at which something is asked of the curve that must
         not know their errors.
         """
-        assert self.positions is not None, "asked where speeds are made of positions"
-        assert self.rows is not None, "known where positions are"
-        return settled(
-            self.rows.t, self.positions, here.speed(self.positions), _reading(noise, named)
-        )
+        assert self.rows is not None, "asked where speeds are made of positions"
+        positions = self.rows.positions
+        assert positions is not None, "asked where speeds are made of positions"
+        return settled(self.rows.t, positions, here.speed(positions), _reading(noise, named))
 
     def frames(self, points: Points, named: Named, noise: Noise) -> Frames | None:
         """The readings of which some may be bad, and what each does to the points; None where they
@@ -120,11 +120,12 @@ class Trajectory:
         here = _Here(self.motion, points, points.bind(named))
         matrix, reading = noise.of_positions(points, named), _reading(noise, named)
         t, lines = self.rows.t, self.rows.lines
-        if matrix is not None and self.positions is not None:
+        positions = self.rows.positions
+        if matrix is not None and positions is not None:
             slope = here.row(points.curve.local(points.x, here.arguments).slope, points.x.size)
             velocity = here.speed(self._settled(here, noise, named))
             return Frames(
-                matrix, velocity, reading, True, t, self.positions, lines, self.rows.kept, slope
+                matrix, velocity, reading, True, t, positions, lines, self.rows.kept, slope
             )
         sd = float(
             np.hypot(

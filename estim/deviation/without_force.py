@@ -12,7 +12,7 @@ Runs that would share a force share the size of their noise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -22,20 +22,11 @@ from estim.deviation.bad_frame_search import BadFrames
 from estim.deviation.components import Shape
 from estim.deviation.errors import MixtureErrors
 from estim.deviation.grid import noise_grid
-from estim.deviation.joint import Beside, Stack, Together, noises_of
-from estim.deviation.noise import StatedErrors, WithForce, formed_about, normal_covariance
-from estim.deviation.residuals import Residuals, stacked
+from estim.deviation.joint import Beside, Stack, Together, noises_of, sharing_runs
+from estim.deviation.noise import WithForce, formed_about
+from estim.deviation.residuals import stacked
 from estim.deviation.trajectory import Trajectory
-from estim.problem import (
-    Named,
-    Noise,
-    Observations,
-    Points,
-    Problem,
-    StackedPoints,
-    Wording,
-    stacked_root,
-)
+from estim.problem import Named, Noise, Observations, Problem, StackedPoints, Wording, stacked_root
 
 
 class Roomy(WithForce):
@@ -46,26 +37,19 @@ class Roomy(WithForce):
 
 
 def pose_without_force(
-    groups: Sequence[Sequence[Observations]],
-    courses: Mapping[str, Trajectory],
-    problem: Problem,
-    values: FloatArray,
-    *,
-    bad: Mapping[str, BadFrames],
+    problem: Problem, values: FloatArray, *, bad: Mapping[str, BadFrames]
 ) -> tuple[Mapping[str, Noise], tuple[Together, ...]]:
     """Run -> its noise, and what ties runs together; made about `values` (n_par,), those of a fit
     with the stated noise.
 
-    groups : runs that would share a force.
     bad : run -> its bad frames, of runs that are fit alone.
     """
-    stacks = [_stack(tuple(runs), courses, problem, values, bad) for runs in groups]
+    stacks = [_stack(runs, problem, values, bad) for runs in sharing_runs(problem.runs).values()]
     return noises_of(stacks, Beside.of(stacks, problem, values).linear, Roomy)
 
 
 def _stack(
     runs: tuple[Observations, ...],
-    courses: Mapping[str, Trajectory],
     problem: Problem,
     values: FloatArray,
     bad: Mapping[str, BadFrames],
@@ -74,7 +58,7 @@ def _stack(
     frames = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
     about = [
-        _formed(courses.get(run.name), run.noise, own, named)
+        formed_about(Trajectory.of(run), run.noise, own, named, scale=1.0)
         for run, own in zip(runs, points.runs, strict=True)
     ]
     formed = stacked([residuals for residuals, _ in about])
@@ -90,16 +74,6 @@ def _stack(
         frames.columns(points.y.size),
         formed,
     )
-
-
-def _formed(
-    course: Trajectory | None, noise: Noise, points: Points, named: Named
-) -> tuple[Residuals, StatedErrors]:
-    """As beside a force, where the points are a body's."""
-    if course is not None:
-        return formed_about(course, noise, points, named, scale=1.0)
-    stated = normal_covariance(noise, points, named)
-    return Residuals(stated.shift), stated
 
 
 def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: float) -> FloatArray:

@@ -19,16 +19,22 @@ from estim.fitting.edges import (
 )
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, prior_sds
+from estim.fitting.forces import (
+    FORCE_KEY,
+    complete_as,
+    expected_information,
+    fit_without_force,
+    taken_as_complete,
+)
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
+from estim.fitting.mode import fit_problem, fit_white
 from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
 from estim.fitting.optimum import (
+    MAX_PARAMETERS,
     N_START,
     Optimum,
     find_optimum,
     refit_with_noise,
-    fit_optimum,
-    is_resolved,
-    scanned_fit,
     with_other_modes,
 )
 from estim.fitting.profile import Contour, ProfileInterval, contour, profile_intervals

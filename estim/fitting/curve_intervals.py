@@ -25,7 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, format_quantity, format_rounded, phrase
+from estim.common import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    Kind,
+    format_quantity,
+    format_rounded,
+    phrase,
+)
 from estim.distributions import student_quantile, student_tail
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
@@ -35,7 +43,6 @@ from estim.fitting.profile import profile_intervals
 
 Ends = Mapping[float, tuple[float, float]]
 
-PROBABILITIES = (0.68, 0.95)
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 _SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which s misleads
 

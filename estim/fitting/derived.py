@@ -16,11 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label
+from estim.common import PROBABILITIES, Label
 from estim.distributions import student_quantile
 from estim.problem import Derived, Observations
 
-PROBABILITIES = (0.68, 0.95)
 _STEP = 0.01  # standard deviations, of differences
 # relative difference of a half interval from a standard deviation beyond which ± misleads
 _BENT = 0.2

@@ -70,6 +70,7 @@ _MOST_DESCENTS = 24  # from the dips of one round of scans
 # there
 _HELD = 18.0
 _ROUNDS = 3  # of scans, each from a better point
+MAX_PARAMETERS = 14  # of problems that are scanned, and have a second opinion
 
 
 @dataclass(frozen=True, eq=False)
@@ -305,10 +306,10 @@ def is_resolved(fit: Fit) -> bool:
 
 
 def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
-    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`); the
-    best of all becomes the fit.
+    """`fit` with the further optima that scans of its parameters meet (`estim.fitting.screen`),
+    where these are few; the best of all becomes the fit.
     """
-    if fit.singular:
+    if fit.singular or fit.problem.n_par > MAX_PARAMETERS:
         return fit
     with np.errstate(all="ignore"):
         simpler = fit.problem.for_search()
@@ -362,7 +363,7 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
 
 
 def refit_with_noise(
-    problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator, scanned: bool = True
+    problem: Problem, fits: Sequence[Fit], *, rng: np.random.Generator
 ) -> Fit | None:
     """The mode of a problem with another noise than that of a fit to the same points: nothing has
     to be sought from afar again.
@@ -370,7 +371,7 @@ def refit_with_noise(
     It is sought from all optima of that of `fits` which has the points and the curve of `problem`.
     Where that fit has one optimum, and explains the points by the noise that was stated, another
     noise has no other; elsewhere the centre of the priors is a start too, and scans look for
-    further ones, if `scanned`.  None where none has, or where a curve lacks something, whose noise
+    further ones.  None where none has, or where a curve lacks something, whose noise
     is no other noise alone.
     """
     known = next(
@@ -387,7 +388,7 @@ def refit_with_noise(
     if known.p_value > _EXPLAINED and not len(known.others):
         return fit_least_squares(problem, rng=rng, n_start=1, start=places[0])
     fit = fit_least_squares(problem, rng=rng, n_start=1, further=places)
-    return scanned_fit(fit, rng=rng) if scanned else fit
+    return scanned_fit(fit, rng=rng)
 
 
 def _same_curves(a: Problem, b: Problem) -> bool:

@@ -13,6 +13,7 @@ from estim.measurement.model_file import MeasurementModel
 from estim.measurement.region import Region, regions
 from estim.measurement.second_order import second_order_u
 from estim.propagation import (
+    MOST_VALUES,
     BatchProgress,
     Budget,
     Interval,
@@ -25,7 +26,6 @@ from estim.propagation import (
     propagate_monte_carlo,
 )
 
-_MOST_VALUES = 20_000_000  # of draws times outputs
 _MOST_DRAWS = 4_000_000  # beyond those that the Monte Carlo takes to settle
 _FURTHER = 4  # times as many draws where the comparison is not decided
 _LOOSE = 0.05  # of the interval's length: what both its ends must be known to, to be quoted at all
@@ -117,7 +117,7 @@ def _sampled(
     rng: np.random.Generator,
     progress: BatchProgress | None,
 ) -> tuple[MonteCarloResult, Validation]:
-    most, wanted = min(_MOST_DRAWS, _MOST_VALUES // len(model.outputs)), model.draws
+    most, wanted = min(_MOST_DRAWS, MOST_VALUES // len(model.outputs)), model.draws
     while True:
         sampled = propagate_monte_carlo(
             model.values,

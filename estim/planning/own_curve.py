@@ -14,7 +14,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
-from estim.fitting import Fit
+from estim.fitting import Fit, expected_information
 from estim.planning.changes import Wish
 from estim.planning.rolling import Outlook
 from estim.problem import Observations, Problem, Scale
@@ -59,8 +59,13 @@ class CurveBasis:
         problem = campaign.problem(self.names)
         self._require_places(problem, wish)
         problem, values = _errors_times(problem, self._values(problem), wish.error)
-        information = campaign.study.expected_information(problem, tables, values, {})
-        return Outlook(problem, values, information, campaign, MappingProxyType({}))
+        return Outlook(
+            problem,
+            values,
+            expected_information(problem, values, {}),
+            campaign,
+            MappingProxyType({}),
+        )
 
     def _values(self, problem: Problem) -> FloatArray:
         fitted = dict(zip(self.fit.names, self.fit.values, strict=True))

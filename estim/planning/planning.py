@@ -25,7 +25,7 @@ from estim.calibration import Engine, posterior_draws
 from estim.campaign import Campaign, as_complete, quantity_of_key
 from estim.checks import check_goodness, check_stated_values, failed_tests, stated_values
 from estim.common import Finding, InputError, Stream, phrase, split_level, stream, wrong
-from estim.fitting import Fit
+from estim.fitting import Fit, fit_problem
 from estim.planning.changes import (
     BETTER,
     MORE,
@@ -108,13 +108,15 @@ def plan(
     if any(run.positions for run in problem.runs):
         problem = as_complete(problem, "estim plan")
     campaign.require_unknowns(problem)
+    campaign.refuse_discrepancy("estim plan")
     targets = targets_of(campaign, problem, wanted)
     asked = (
         *_asked_changes(campaign, problem),
         *planned_runs(campaign),
         *_asked_readings(campaign, names),
     )
-    fit = campaign.fit(problem, rng=stream(seed, Stream.PLAN_FIT))
+    with campaign.placing(problem):
+        fit = fit_problem(problem, rng=stream(seed, Stream.PLAN_FIT))
     tested = failed_tests(check_goodness(fit, rng=stream(seed, Stream.PLAN_TESTS)), dof=fit.dof)
     findings = wrong([*tested, stated_values(fit, check_stated_values(fit))])
     basis = (

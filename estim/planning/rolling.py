@@ -23,7 +23,7 @@ from estim.campaign import (
 )
 from estim.common import InputError, later, phrase, split_level
 from estim.deviation import ForceSize, force_sizes
-from estim.fitting import Fit
+from estim.fitting import Fit, expected_information
 from estim.planning.changes import Wish
 from estim.problem import Observations, Problem
 from estim.reading import Run
@@ -104,7 +104,7 @@ class RollingBasis:
             for name in (*self.names, *like)
             if (old := like.get(name, name)) in self.sizes
         }
-        information = campaign.study.expected_information(problem, tables, values, sizes)
+        information = expected_information(problem, values, sizes)
         return Outlook(
             problem,
             values,

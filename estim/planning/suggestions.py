@@ -28,8 +28,8 @@ def more_runs(campaign: Campaign, fit: Fit) -> tuple[Wish, ...]:
     wishes = [_once_more([run.name], campaign) for run in runs]
     if len(runs) > 1:
         wishes.append(_once_more([run.name for run in runs], campaign))
-    for body in dict.fromkeys(campaign.study.body_of(run.name) for run in runs):
-        own = [run for run in runs if campaign.study.body_of(run.name) == body]
+    for body in dict.fromkeys(campaign.body_of(run.name) for run in runs):
+        own = [run for run in runs if campaign.body_of(run.name) == body]
         wishes += _other_runs(own, fit, named, body or "")
     return tuple(wishes)
 
@@ -43,7 +43,7 @@ def planned_runs(campaign: Campaign) -> tuple[Wish, ...]:
             NewRun(_free_name(campaign, i, k), table.like, said) for k in range(table.repeats)
         )
         which = (
-            _which(campaign.study.body_of(table.like) or "", said)
+            _which(campaign.body_of(table.like) or "", said)
             if said
             else phrase(" like {run}", run=table.like)
         )

@@ -44,6 +44,7 @@ from estim.problem.observations import (
     Discrepancy,
     Observations,
     Parameter,
+    Rows,
     n_uses,
     shared_first,
     uses_of,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Label, Notation, phrase, split_level
@@ -76,6 +76,32 @@ class Discrepancy:
 
 
 @dataclass(frozen=True, eq=False)
+class Rows:
+    """Where the readings of a body's motion stand.
+
+    t : (n_row,) s, nan where unknown.  lines : (n_row,) of the file.  kept : (n_obs,) the rows of
+        the points.
+    positions : (n_row,) what was read, where the points are speeds made of it; else None, and the
+        points are what was read.
+    """
+
+    t: FloatArray
+    lines: NDArray[np.int64]
+    kept: NDArray[np.int64]
+    positions: FloatArray | None = None
+
+    @classmethod
+    def of_points(cls, n_obs: int, t: FloatArray | None, lines: NDArray[np.int64]) -> Rows:
+        """Of points that are what was read, at times t (n_obs,) on these lines (n_obs,), where
+        times are known.
+        """
+        every = np.arange(n_obs)
+        if t is None:
+            return cls(np.full(n_obs, np.nan), 0 * every, every)
+        return cls(t, lines, every)
+
+
+@dataclass(frozen=True, eq=False)
 class Observations:
     """The speeds of one run that are fit, with their curve and noise.
 
@@ -89,6 +115,10 @@ class Observations:
         positions.
     force : scale of the prior of an unmodelled force along the track, in units of the weight; 0 for
         none.
+    track : what runs that share such a force have in common.
+    asked : whether the campaign speaks of the force, so that it is not just taken as absent where
+        it cannot be had.
+    rows : of the readings of a body's motion, where they are known.
     complete : why the curve is taken as complete, where a force could have been asked for.
     lacks : what a plain curve may lack; None for nothing.
     sought : what a user wants computed from the parameters.
@@ -113,6 +143,9 @@ class Observations:
     words: Wording = POINTS
     positions: bool = False
     force: float = 0.0
+    track: str = ""
+    asked: bool = False
+    rows: Rows | None = None
     complete: Finding | None = None
     lacks: Discrepancy | None = None
     sought: tuple[DerivedQuantity, ...] = ()

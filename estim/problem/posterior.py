@@ -291,18 +291,12 @@ class Posterior:
 
     def jacobian(self, values: FloatArray) -> FloatArray:
         """(n_obs + n_par, n_par) derivatives of `residuals` at fixed noise parameters."""
-        parts = self.by_run(map(self._widened, self.narrow_jacobians(values), self.problem.columns))
-        return np.vstack([*parts, np.diag(self.prior_slopes(values))])
-
-    def narrow_jacobians(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each group (n_obs, n_used) derivatives of its residuals in the parameters that it
-        depends on (`Problem.columns`).
-        """
         named = self.problem.named(values)
-        return tuple(
-            likelihood.jacobian(named, names)
-            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
+        parts = self.by_run(
+            self._widened(likelihood.jacobian(named, names), columns)
+            for likelihood, names, columns in self._parts
         )
+        return np.vstack([*parts, np.diag(self.prior_slopes(values))])
 
     def prior_slopes(self, values: FloatArray) -> FloatArray:
         """(n_par,) derivatives of `prior_residuals`."""
@@ -314,11 +308,14 @@ class Posterior:
         )
 
     @cached_property
-    def _used(self) -> tuple[tuple[str, ...], ...]:
-        """For each group the names of the parameters that it depends on: derivatives in all others
-        are 0.
+    def _parts(self) -> tuple[tuple[Likelihood, tuple[str, ...], NDArray[np.int64]], ...]:
+        """For each group its likelihood, and names and places of the parameters that it depends on:
+        derivatives in all others are 0.
         """
-        return tuple(tuple(self.names[i] for i in columns) for columns in self.problem.columns)
+        return tuple(
+            (likelihood, tuple(self.names[i] for i in columns), columns)
+            for likelihood, columns in zip(self.likelihoods, self.problem.columns, strict=True)
+        )
 
     def _widened(self, part: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
         """(n, n_par) derivatives in all parameters from those (n, n_used) in `columns`."""
@@ -347,28 +344,22 @@ class Posterior:
         of `jacobian` elsewhere.
         """
         named = self.problem.named(values)
-        return tuple(
-            likelihood.scoring(named, names)
-            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
-        )
+        return tuple(likelihood.scoring(named, names) for likelihood, names, _ in self._parts)
 
     def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
         """For each group J (n, n_par) with J^T J the Fisher information of its data about the
         curve, the noise held.
         """
         named = self.problem.named(values)
-        parts = (
-            likelihood.information_root(named, names)
-            for likelihood, names in zip(self.likelihoods, self._used, strict=True)
+        return tuple(
+            self._widened(likelihood.information_root(named, names), columns)
+            for likelihood, names, columns in self._parts
         )
-        return tuple(map(self._widened, parts, self.problem.columns))
 
     def told(self, values: FloatArray) -> FloatArray:
         """(n_par, n_par) J^T J of `information_roots`, without their rows."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for likelihood, names, columns in zip(
-            self.likelihoods, self._used, self.problem.columns, strict=True
-        ):
+        for likelihood, names, columns in self._parts:
             root = likelihood.information_root(named, names)
             total[np.ix_(columns, columns)] += root.T @ root
         return total
@@ -387,8 +378,8 @@ class Posterior:
         priors.
         """
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
-        for group, likelihood, names, columns in zip(
-            self.problem.groups, self.likelihoods, self._used, self.problem.columns, strict=True
+        for group, (likelihood, names, columns) in zip(
+            self.problem.groups, self._parts, strict=True
         ):
             chosen = {name for run in group.runs for name in run.noise.parameters}
             total[np.ix_(columns, columns)] += likelihood.information(
@@ -417,15 +408,13 @@ class Posterior:
         """(n_par,) derivative of the log likelihood in the noise parameters, by central
         differences; zero for the others.
         """
-        names, gradient = self.problem.names, np.zeros(values.size)
-        chosen = [i for i, name in enumerate(names) if name in self.problem.noise_names]
-        ends = [_straddle(self.problem.parameters[i].prior, values[i]) for i in chosen]
+        gradient = np.zeros(values.size)
+        chosen = [i for i, name in enumerate(self.names) if name in self.problem.noise_names]
+        ends = np.array([_straddle(self.problem.parameters[i].prior, values[i]) for i in chosen])
         points = np.tile(values, (2 * len(chosen), 1))
-        for k, (i, (low, high)) in enumerate(zip(chosen, ends, strict=True)):
-            points[2 * k, i], points[2 * k + 1, i] = low, high
-        density = self.log_likelihood(points)
-        for k, (i, (low, high)) in enumerate(zip(chosen, ends, strict=True)):
-            gradient[i] = (density[2 * k + 1] - density[2 * k]) / (high - low)
+        points[np.arange(2 * len(chosen)), np.repeat(chosen, 2)] = ends.ravel()
+        density = self.log_likelihood(points).reshape(-1, 2)
+        gradient[chosen] = np.diff(density)[:, 0] / np.diff(ends)[:, 0]
         return gradient
 
 

@@ -7,6 +7,7 @@ Read `linear` first.  Stands alone on `common`.
 from estim.propagation.inputs import Input
 from estim.propagation.linear import LinearResult, propagate_linear
 from estim.propagation.monte_carlo import (
+    MOST_VALUES,
     BatchProgress,
     Interval,
     IntervalKind,

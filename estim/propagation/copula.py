@@ -16,8 +16,10 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import InputError
 from estim.propagation.inputs import PSD_TOLERANCE, Input
-from estim.propagation.scores import POSITIVE, SYMMETRIC, score
-from estim.propagation.skewed import skewed_coefficient
+from estim.propagation.scores import POSITIVE, score
+
+# of the sums over a normal variate: so far out that no moment of a t distribution is missed
+_STEP, _FAREST, _N_TERM = 0.005, 28.0, 80
 
 
 def copula_matrix(inputs: Sequence[Input], correlation: FloatArray) -> FloatArray:
@@ -74,70 +76,53 @@ def draw_inputs(
     return {quantity.name: drawn[quantity.name] for quantity in inputs}
 
 
-def standard_score(one: Input, z: FloatArray) -> FloatArray:
+def standard_score(quantity: Input, z: FloatArray) -> FloatArray:
     """(x - value)/scale at the normal quantile `z`, (n_draw,): the increasing map from N(0, 1) to
     the input's distribution.
     """
-    relative = one.u / one.value if one.distribution in POSITIVE else 0.0
-    return score(z, one.distribution, dof=one.drawn_dof, shape=one.shape, relative=relative)
+    relative = quantity.u / quantity.value if quantity.distribution in POSITIVE else 0.0
+    return score(
+        z, quantity.distribution, dof=quantity.drawn_dof, shape=quantity.shape, relative=relative
+    )
 
 
 def _copula_coefficient(first: Input, second: Input, target: float) -> float:
+    """Correlation of two normal variates whose transforms to the distributions of two inputs have
+    correlation `target`.
+
+    sum_k a_k b_k rho^k over all degrees k of the orthonormal Hermite polynomials; the terms left
+    out go to the last odd and even one, so that rho = -1 and 1 are exact.
+    """
     from scipy.optimize import brentq
 
+    z = _STEP * (np.arange(-_FAREST / _STEP, _FAREST / _STEP) + 0.5)
+    weight = _STEP * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi)
+    scores = []
     for quantity in (first, second):
         if math.isinf(quantity.standard_deviation):
             rule = "cannot include a t distribution with dof <= 2 (it has no standard deviation)"
             raise InputError(rule, field="correlation", value=quantity.name)
-    if not (first.distribution in SYMMETRIC and second.distribution in SYMMETRIC):
-        return skewed_coefficient(
-            lambda z: standard_score(first, z),
-            lambda z: standard_score(second, z),
-            target,
-            (first.name, second.name),
-        )
-    z, weight = _half_line()
-    scores = [
-        standard_score(quantity, z) * quantity.drawn_scale / quantity.standard_deviation
-        for quantity in (first, second)
-    ]
-    product = _hermite(scores[0]) * _hermite(scores[1])
-    same = (first.distribution, first.drawn_dof, first.shape) == (
-        second.distribution,
-        second.drawn_dof,
-        second.shape,
-    )
-    largest = 1.0 if same else float(2.0 * np.sum(weight * scores[0] * scores[1]))
-    if abs(target) > largest:
+        score = standard_score(quantity, z)
+        off = score - np.sum(weight * score)
+        scores.append(off / math.sqrt(np.sum(weight * off**2)))
+    product = np.empty(_N_TERM)
+    below, here = np.zeros_like(z), np.ones_like(z)
+    for degree in range(_N_TERM):
+        product[degree] = np.prod([np.sum(weight * score * here) for score in scores])
+        below, here = here, (z * here - math.sqrt(degree) * below) / math.sqrt(degree + 1)
+    low = float(np.sum(weight * scores[0] * scores[1][::-1]))
+    high = float(np.sum(weight * scores[0] * scores[1]))
+    product[-1] += 0.5 * (high - low) - product[1::2].sum()
+    product[-2] += 0.5 * (high + low) - product[0::2].sum()
+    if not low <= target <= high:
+        symmetric = abs(low + high) < 1e-6
         rule = (
-            f"between '{first.name}' and '{second.name}' can be {largest:.4f} at most with "
-            "these distributions"
+            f"between '{first.name}' and '{second.name}' can be "
+            f"{f'{high:.4f} at most' if symmetric else f'{low:.4f} to {high:.4f}'} with these "
+            "distributions"
         )
         raise InputError(rule, field="correlation", value=target)
-    powers = 2 * np.arange(product.size) + 1
-    # the terms left out, so that rho = 1 gives the largest correlation exactly
-    product[-1] += largest - product.sum()
-    magnitude = brentq(
-        lambda rho: float(np.sum(product * rho**powers)) - abs(target), 0.0, 1.0, xtol=1e-14
+    powers = np.arange(_N_TERM)
+    return float(
+        brentq(lambda rho: float(np.sum(product * rho**powers)) - target, -1.0, 1.0, xtol=1e-14)
     )
-    return math.copysign(float(magnitude), target)
-
-
-def _half_line() -> tuple[FloatArray, FloatArray]:
-    step = 0.01
-    z = -step * (np.arange(1200, dtype=np.float64) + 0.5)
-    return z, np.asarray(step * np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi), dtype=np.float64)
-
-
-def _hermite(score: FloatArray, n_odd: int = 40) -> FloatArray:
-    """Coefficients of an odd function on the orthonormal Hermite polynomials of degree 1, 3, 5,
-    ...: (n_odd,).
-    """
-    z, weight = _half_line()
-    coefficients = np.empty(n_odd)
-    below, here = np.zeros_like(z), np.ones_like(z)
-    for degree in range(2 * n_odd):
-        if degree % 2 == 1:
-            coefficients[degree // 2] = 2.0 * np.sum(weight * score * here)
-        below, here = here, (z * here - math.sqrt(degree) * below) / math.sqrt(degree + 1)
-    return coefficients

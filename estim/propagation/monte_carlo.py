@@ -41,7 +41,7 @@ BatchProgress = Callable[[int, int], None]
 _LEAST_BLOCK = 10_000  # JCGM 101, 7.9.4 b
 _LEAST_BLOCKS = 10
 _MOST_DRAWS = 10_000_000
-_MOST_VALUES = 20_000_000  # of n_draw * n_out by default: 160 MB
+MOST_VALUES = 20_000_000  # of n_draw * n_out by default: 160 MB
 _STATISTICS = (
     later("mean"),
     "u",
@@ -183,7 +183,7 @@ def propagate_monte_carlo(
     value = evaluate_point(function, {quantity.name: quantity.value for quantity in checked})
     n_out = None if value.ndim == 0 else value.size
     sizes = _block_sizes(
-        n_draw, max_draw or min(_MOST_DRAWS, _MOST_VALUES // value.size), probability
+        n_draw, max_draw or min(_MOST_DRAWS, MOST_VALUES // value.size), probability
     )
     outputs: list[FloatArray] = []
     blocks: list[FloatArray] = []

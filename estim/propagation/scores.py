@@ -30,18 +30,6 @@ Distribution = Literal[
     "lognormal",
     "gamma",
 ]
-SYMMETRIC = frozenset(
-    {
-        "normal",
-        "rectangular",
-        "triangular",
-        "trapezoidal",
-        "curvilinear-trapezoidal",
-        "arcsine",
-        "t",
-        "standardised-t",
-    }
-)
 SHAPED = frozenset({"trapezoidal", "curvilinear-trapezoidal"})
 BOUNDED = ("rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine")
 POSITIVE = frozenset({"lognormal", "gamma"})

@@ -16,7 +16,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
-from estim.studies import Compared
+from estim.studies import Refit
 
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
 
@@ -40,7 +40,7 @@ class ComparedSummary(msgspec.Struct, frozen=True):
 
 
 def compare_report(
-    campaign: Campaign, compared: Sequence[Compared], *, seed: int, figures: bool = True
+    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: bool = True
 ) -> dict[str, bytes]:
     """The files of a comparison, next to which each model's own report may stand in a folder of its
     name.  figures : whether there are any.
@@ -85,20 +85,20 @@ def folder_of(name: str) -> str:
     return name.replace(", ", "-").replace(" ", "-")
 
 
-def _common(compared: Sequence[Compared]) -> list[Parameter]:
+def _common(compared: Sequence[Refit]) -> list[Parameter]:
     """The unknowns of the curve that all models have, those that matter first as in the problem."""
     problems = [c.analysis.problem for c in compared]
     names = set.intersection(*(set(p.names) - p.noise_names for p in problems))
     return [p for p in problems[0].parameters if p.name in names]
 
 
-def _summary(c: Compared, common: Sequence[Parameter]) -> ComparedSummary:
+def _summary(c: Refit, common: Sequence[Parameter]) -> ComparedSummary:
     analysis, certificate = c.analysis, c.analysis.certificate
     posterior = {p.name: analysis.summaries[analysis.problem.names.index(p.name)] for p in common}
     evidence = certificate if certificate is not None and certificate.reliable else None
     return ComparedSummary(
-        name=c.candidate.name,
-        words=c.candidate.words,
+        name=c.name,
+        words=c.words,
         data=c.data,
         n_obs=analysis.problem.n_obs,
         status=analysis.diagnosis.status,

@@ -12,6 +12,7 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
+    LEVELS,
     Markdown,
     Notation,
     Quantity,
@@ -26,7 +27,7 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, LEVELS, ORANGE, Figure, draw_bands, legend_below, new_figure
+from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page

@@ -11,8 +11,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
-from estim.common import phrase, significant
-from estim.drawing import GREY, LEVELS, ORANGE, Axes, Figure, draw_bands, grid, legend_below
+from estim.common import LEVELS, phrase, significant
+from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
 from estim.sampling import number

@@ -14,6 +14,7 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import (
+    LEVELS,
     Label,
     Notation,
     Quantity,
@@ -29,7 +30,6 @@ from estim.drawing import (
     BLUE,
     GREY,
     INK,
-    LEVELS,
     ORANGE,
     Axes,
     Figure,

@@ -21,8 +21,9 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, later, phrase
+from estim.common import LEVELS, Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
+from estim.fitting import MAX_PARAMETERS
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.importance import (
@@ -46,13 +47,11 @@ __all__ = [
 ]
 
 
-MAX_PARAMETERS = 14
 # of runs that share a force: a chain is all that they have beside importance sampling, no marginal
 # over runs
 MAX_TIED = 20
 _IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
-PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
 _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
 _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
@@ -213,7 +212,7 @@ def _summarise(
     sd = np.sqrt(variance)
     squares = weights**2
     quantiles, errors = {}, {}
-    for p in PROBABILITIES:
+    for p in LEVELS:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]

@@ -5,7 +5,8 @@ Read `reanalysis` first.
 """
 
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
-from estim.studies.comparison import Compared, compare_noise
+from estim.studies.comparison import compare_noise
+from estim.studies.refits import Refit
 from estim.studies.determination import Determination, determine
 from estim.studies.energy import (
     Drift,

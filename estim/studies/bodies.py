@@ -75,7 +75,9 @@ def weigh(source: CampaignFile, *, rng: np.random.Generator) -> BodyProperties:
             field="bodies",
             file=source.path,
         )
-    inputs = list({name: one for body in bodies for name, one in body.inputs.items()}.values())
+    inputs = list(
+        {name: quantity for body in bodies for name, quantity in body.inputs.items()}.values()
+    )
 
     def values(q: Mapping[str, Any]) -> Sequence[ArrayLike]:
         return [value for body in bodies for value in body.values(q)]

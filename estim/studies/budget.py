@@ -102,8 +102,8 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
     quantities = _quantities(fit)
     along = cov @ np.column_stack([q.gradient for q in quantities])  # S g
     slopes = np.abs(fit.posterior.prior_slopes(fit.values))  # 1/u_i
-    told = np.flatnonzero(slopes > 0.0)
-    stated = along[told] * slopes[told, None]
+    informative = np.flatnonzero(slopes > 0.0)
+    stated = along[informative] * slopes[informative, None]
     sds = np.sqrt(np.einsum("ij,ij->j", np.column_stack([q.gradient for q in quantities]), along))
     parts = parts_of_errors(fit.posterior, fit.values, along)
     rest = (
@@ -111,10 +111,12 @@ def uncertainty_budget(fit: Fit, draws: FloatArray) -> Budget | None:
         - np.sum(stated**2, axis=0)
         - sum((part**2 for part in parts.values()), np.zeros(sds.size))
     )
-    priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in told]
+    priors = [Source(fit.names[i], _kind_of(problem.parameters[i].prior)) for i in informative]
     further = [Source(name, "curve") for name in parts]
     values = np.column_stack([q.of(draws) for q in quantities])
-    drawn = _drawn([problem.parameters[i].prior for i in told], draws[:, told], values)
+    drawn = _drawn(
+        [problem.parameters[i].prior for i in informative], draws[:, informative], values
+    )
     nothing = np.full(sds.size, np.nan)
     return Budget(
         sources=(*priors, *further, Source(READINGS, READINGS)),
@@ -145,20 +147,24 @@ def _quantities(fit: Fit) -> list[_Quantity]:
     """The parameters of the curve, of many those that runs share first, and what was sought: once
     where it is the same for all runs.
     """
-    problem, found = fit.problem, list[_Quantity]()
+    problem, quantities = fit.problem, list[_Quantity]()
     noise = problem.noise_names
     for i in problem.foremost(_MOST):
         if fit.names[i] not in noise:
-            found.append(
+            quantities.append(
                 _Quantity(fit.names[i], np.eye(1, fit.values.size, i)[0], partial(_column, i))
             )
     by_name: dict[str, list[tuple[str, FloatArray, Callable[[FloatArray], FloatArray]]]] = {}
     for run in problem.runs:
-        wanted = {one.name for one in run.sought}
-        for one in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
-            of = partial(_derived, problem, run, one.name)
-            if one.name in wanted and np.all(np.isfinite(one.gradient)) and np.any(one.gradient):
-                by_name.setdefault(one.name, []).append((run.name, one.gradient, of))
+        wanted = {derived.name for derived in run.sought}
+        for derived in linear_derived(run, fit.names, fit.values, fit.cov) if wanted else ():
+            of = partial(_derived, problem, run, derived.name)
+            if (
+                derived.name in wanted
+                and np.all(np.isfinite(derived.gradient))
+                and np.any(derived.gradient)
+            ):
+                by_name.setdefault(derived.name, []).append((run.name, derived.gradient, of))
     for name, each in by_name.items():
         same = all(np.allclose(gradient, each[0][1], rtol=1e-6) for _, gradient, _ in each)
         shown = (
@@ -166,8 +172,8 @@ def _quantities(fit: Fit) -> list[_Quantity]:
             if same
             else [(f"[{run}]", gradient, of) for run, gradient, of in each[:_MOST]]
         )
-        found += [_Quantity(name + level, gradient, of) for level, gradient, of in shown]
-    return found
+        quantities += [_Quantity(name + level, gradient, of) for level, gradient, of in shown]
+    return quantities
 
 
 def _column(i: int, draws: FloatArray) -> FloatArray:

@@ -89,9 +89,11 @@ def known_values(
             field="--fit",
             value=fitted.place,
         )
-    found = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng, n_draw)
+    of_fit = _allowed(fitted, chosen, [parameters[fitted.names[i]] for i in chosen], rng, n_draw)
     return KnownValues(
-        draws | {fitted.names[i]: column(found[:, k]) for k, i in enumerate(chosen)}, n_draw, fitted
+        draws | {fitted.names[i]: column(of_fit[:, k]) for k, i in enumerate(chosen)},
+        n_draw,
+        fitted,
     )
 
 

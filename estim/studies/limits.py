@@ -68,14 +68,14 @@ def limits(fit: Fit, parameter: str) -> tuple[Limit, ...]:
     for i, name in enumerate(names):
         if i != own:
             groups.setdefault(name.partition("[")[0], []).append(i)
-    found = []
+    costs = []
     for group, members in groups.items():
         kept = [i for i in range(len(names)) if i not in members]
         known = float(
             np.sqrt(np.linalg.inv(matrix[np.ix_(kept, kept)])[kept.index(own), kept.index(own)])
         )
-        found.append(Limit(parameter, group, u, known))
-    return tuple(sorted(found, key=lambda limit: -limit.share))
+        costs.append(Limit(parameter, group, u, known))
+    return tuple(sorted(costs, key=lambda limit: -limit.share))
 
 
 def narrowing(

@@ -31,9 +31,11 @@ from estim.checks import LeaveOneOut, difference, leave_one_out
 from estim.common import InputError, PieceStore, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
+from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
 from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
+from estim.studies.refits import LOO_DRAWS, Refit, beside_the_best, same_points
 
 APART = 3.0  # of log evidence
 # of elpd: less, or less than so many of its standard errors, decides nothing
@@ -42,7 +44,7 @@ FACTORS = (0.5, 2.0)  # of the width of a prior
 # what the default adds beside parameters
 FORCE, START = later("the force"), later("the free start")
 _OF_START = ("release_energy", "release_speed")
-_LOO_DRAWS, _WIDTH_DRAWS = 2000, 8000
+_WIDTH_DRAWS = 8000
 
 
 class Ground(StrEnum):
@@ -77,32 +79,23 @@ class Width:
     u: float
 
 
-@dataclass(frozen=True, eq=False)
-class ComparedModel:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ComparedModel(Refit):
     """A model with its analysis.
 
     log_evidence, u_log_evidence : nan where there is none to compare, and then `lack` says why.
-    odds : log evidence below that of the best row; behind, behind_se : elpd below that of the best
-        row, with its standard error.
+    odds : log evidence below that of the best row.
     widths : of everything that it adds.
     predicted : of every run.
     """
 
     model: CurveModel
-    analysis: Analysis
-    loo: LeaveOneOut
     log_evidence: float
     u_log_evidence: float
     lack: NoEvidence | None
     odds: float
-    behind: float
-    behind_se: float
     widths: tuple[Width, ...]
     predicted: tuple[Predicted, ...]
-
-    @property
-    def ok(self) -> bool:
-        return self.analysis.diagnosis.ok
 
     @property
     def price_of_start(self) -> float:
@@ -111,9 +104,9 @@ class ComparedModel:
         """
         return max(
             (
-                one.change
-                for one in self.widths
-                if one.of == START and one.factor == 0.0 and one.change > 0.0
+                width.change
+                for width in self.widths
+                if width.of == START and width.factor == 0.0 and width.change > 0.0
             ),
             default=0.0,
         )
@@ -166,43 +159,47 @@ def compare_models(
         with nullcontext() if progress_of is None else progress_of(model.name) as progress:
             if progress is not None:
                 progress(0, phrase("fit"))
-            fit = campaign.fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
+            with campaign.placing(model.problem):
+                fit = fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
             bad = (
-                {found.run: found.bad for found in fit.forces if len(runs) == 1}
+                {force.run: force.bad for force in fit.forces if len(runs) == 1}
                 if model.forced
                 else bad
             )
             kept = None if store is None else store.given(campaign.digests(runs), model.name)
             analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
             analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
-            loo = leave_one_out(fit.posterior, analysis.chain.thinned(_LOO_DRAWS))
+            loo = leave_one_out(fit.posterior, analysis.chain.thinned(LOO_DRAWS))
             done[model.name] = (
                 analysis,
                 loo,
                 predictive_checks(
-                    fit.posterior,
-                    analysis.chain.thinned(_LOO_DRAWS),
-                    rng=stream(seed, Stream.AGAIN),
+                    fit.posterior, analysis.chain.thinned(LOO_DRAWS), rng=stream(seed, Stream.AGAIN)
                 ),
             )
     return _compared(models, done, seed)
+
+
+def fit_model(model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
+    """The posterior mode of a model; bad : run -> frames that are shifted, in models without a
+    force.
+    """
+    if model.forced or not model.roomy:
+        return fit_problem(model.problem, rng=rng)
+    return fit_without_force(fit_white(model.problem, rng=rng), bad=bad, rng=rng)
 
 
 def check_same_points(models: Sequence[CurveModel]) -> None:
     """Raises InputError where a model has other points than the first one: densities of different
     data cannot be compared.
     """
-    first = models[0].problem.runs
     for model in models[1:]:
-        for run, other in zip(model.problem.runs, first, strict=True):
-            if run.positions != other.positions or not (
-                np.array_equal(run.x, other.x) and np.array_equal(run.y, other.y)
-            ):
-                raise InputError(
-                    f"has other points than {models[0].name}, and cannot be compared with it",
-                    field="model",
-                    value=model.name,
-                )
+        if not same_points(model.problem, models[0].problem):
+            raise InputError(
+                f"has other points than {models[0].name}, and cannot be compared with it",
+                field="model",
+                value=model.name,
+            )
 
 
 def _compared(
@@ -210,24 +207,34 @@ def _compared(
     done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]],
     seed: int,
 ) -> ModelComparison:
-    found = {model.name: _evidence(done[model.name][0], model) for model in models}
-    highest = max((value for value, _, lack in found.values() if lack is None), default=math.nan)
-    best = max((loo for _, loo, _ in done.values()), key=lambda loo: loo.elpd)
-    rows = []
+    evidences = {model.name: _evidence(done[model.name][0], model) for model in models}
+    highest = max(
+        (value for value, _, lack in evidences.values() if lack is None), default=math.nan
+    )
+    compared = []
     for i, model in enumerate(models):
         analysis, loo, predicted = done[model.name]
-        value, u, lack = found[model.name]
-        behind, se = (0.0, 0.0) if loo is best else difference(best, loo)
-        widths = (
-            () if lack is not None else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i))
-        )
-        rows.append(
+        value, u, lack = evidences[model.name]
+        compared.append(
             ComparedModel(
-                model, analysis, loo, value, u, lack, highest - value, behind, se, widths, predicted
+                name=model.name,
+                words=model.words,
+                analysis=analysis,
+                loo=loo,
+                model=model,
+                log_evidence=value,
+                u_log_evidence=u,
+                lack=lack,
+                odds=highest - value,
+                widths=()
+                if lack is not None
+                else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i)),
+                predicted=predicted,
             )
         )
+    rows = beside_the_best(compared)
     by_evidence = all(row.lack is None for row in rows if row.ok)
-    return ModelComparison(tuple(rows), *recommend(rows, by_evidence=by_evidence), by_evidence)
+    return ModelComparison(rows, *recommend(rows, by_evidence=by_evidence), by_evidence)
 
 
 def recommend(rows: Sequence[ComparedModel], *, by_evidence: bool) -> tuple[str, Ground]:
@@ -322,7 +329,7 @@ def _widths(
     """From the draws: the posterior mean of new over old prior; by a computation of its own where
     too few draws tell.
     """
-    fit, draws, found = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
+    fit, draws, widths = analysis.fit, analysis.chain.thinned(_WIDTH_DRAWS), []
     for name in model.own:
         i = fit.names.index(name)
         prior = fit.problem.parameters[i].prior
@@ -333,17 +340,17 @@ def _widths(
             width = _width(
                 name, factor, wider.log_density(draws[:, i]) - prior.log_density(draws[:, i])
             )
-            found.append(
+            widths.append(
                 width
                 if math.isfinite(width.change)
                 else Width(name, factor, *_again(analysis, name, wider, rng))
             )
     if model.forced:
-        found += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
-        found += [
+        widths += [_width(FORCE, factor, _log_ratio(analysis, FORCE, factor)) for factor in FACTORS]
+        widths += [
             _width(START, factor, _log_ratio(analysis, START, factor)) for factor in (0.0, *FACTORS)
         ]
-    return tuple(found)
+    return tuple(widths)
 
 
 def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
@@ -363,7 +370,7 @@ def _width(of: str, factor: float, log_ratio: FloatArray) -> Width:
 
 def _log_ratio(analysis: Analysis, of: str, factor: float) -> FloatArray:
     """(n_draw,) of the likelihood with more or less room for a force, or for the start."""
-    fit, draws = analysis.fit, analysis.chain.thinned(_LOO_DRAWS)
+    fit, draws = analysis.fit, analysis.chain.thinned(LOO_DRAWS)
     ratio, named = np.zeros(draws.shape[0]), fit.problem.named(draws)
     for group, likelihood in zip(fit.problem.groups, fit.posterior.likelihoods, strict=True):
         assert isinstance(likelihood, MixtureErrors), "asked before"

@@ -93,12 +93,12 @@ def _band(
     problem, run = analysis.problem, analysis.problem.runs[i]
     of_curve = [p for p in problem.parameters if p.name in run.curve_parameters]
     measured = {p.name: (p.prior.centre, p.prior.sd) for p in of_curve if p.prior.measured}
-    found = {
+    of_paper = {
         p.name: number
         for p in of_curve
         if p.name not in measured and (number := _number_of(p, published)) is not None
     }
-    stated = measured | {name: (number.value, number.u or 0.0) for name, number in found.items()}
+    stated = measured | {name: (number.value, number.u or 0.0) for name, number in of_paper.items()}
     inputs = [Input(name, value, u) for name, (value, u) in stated.items() if u > 0.0]
     centre = problem.named(analysis.fit.values) | {
         name: np.asarray(value) for name, (value, _) in stated.items()
@@ -137,7 +137,7 @@ def _band(
         u=u,
         mc_low=mc_low,
         mc_high=on_grid(drawn.symmetric.high),
-        published={name: number.value for name, number in found.items()},
+        published={name: number.value for name, number in of_paper.items()},
         held=tuple(sorted(run.curve_parameters - set(stated))),
         budget=budget_along(linear, x),
         posterior_half=half,

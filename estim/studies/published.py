@@ -55,14 +55,14 @@ def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
 
 
 def compare_published(
-    numbers: Sequence[PublishedNumber], found: Sequence[tuple[str, str | None, Quantity, str]]
+    numbers: Sequence[PublishedNumber], reanalysed: Sequence[tuple[str, str | None, Quantity, str]]
 ) -> tuple[PublishedValue, ...]:
     """Every published number that `found` (parameter, body or None, value, how) speaks of, in the
     order published.
     """
     rows = []
     for number in numbers:
-        for parameter, body, value, how in found:
+        for parameter, body, value, how in reanalysed:
             if parameter == number.parameter and (
                 number.body is None or body is None or body == number.body
             ):

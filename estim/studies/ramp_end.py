@@ -45,7 +45,7 @@ def ramp_end_of(
     if level is None or level.table.ramp_length_m is None:
         return RampEnd(recorded, "recorded")
     start = next(
-        (one.table.ramp_start_m for one in levels if one.table.ramp_start_m is not None), 0.0
+        (other.table.ramp_start_m for other in levels if other.table.ramp_start_m is not None), 0.0
     )
     length = level.table.ramp_length_m - start
     if not (math.isfinite(length) and length > 0.0):

@@ -16,7 +16,7 @@ import numpy as np
 
 from estim.campaign import Campaign, gamma_of_body, gamma_origin
 from estim.common import PieceStore, Quantity, Status, Stream, phrase, run_parallel, stream
-from estim.fitting import Fit
+from estim.fitting import Fit, fit_problem
 from estim.line import LineAnalysis, ThetaMinSeries, analyse_line, read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Progress, Target
@@ -73,11 +73,13 @@ class Reanalysis:
     @property
     def statuses(self) -> dict[str, Status]:
         """What was analysed -> its status."""
-        found = {
+        by_name = {
             f"run {name}": analysis.diagnosis.status for name, analysis in self.single_runs.items()
         }
-        found |= {f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies}
-        return found | ({} if self.line is None else {"line": self.line.status})
+        by_name |= {
+            f"joint fit of {body.body}": body.joint.diagnosis.status for body in self.bodies
+        }
+        return by_name | ({} if self.line is None else {"line": self.line.status})
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +181,8 @@ class _TaskRunner:
                 for name, value in zip(problem.names, problem.start(), strict=True)
             ]
         )
-        return self.campaign.fit(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
+        with self.campaign.placing(problem):
+            return fit_problem(problem, rng=stream(self.seed, Stream.NARROWING), near=near)
 
 
 def reanalyse(
@@ -198,7 +201,7 @@ def reanalyse(
 
     Raises InputError; NumericalError where processes are killed, twice.
     """
-    campaign.study.require_speeds(campaign.run_names, _COMMAND)
+    campaign.require_speeds(campaign.run_names, _COMMAND)
     paper, numbers = _published(campaign)
     work = _TaskRunner(
         campaign,
@@ -222,7 +225,7 @@ def reanalyse(
         single_runs,
         tuple(bodies),
         paper,
-        compare_published(numbers, _found(campaign, line, bodies)),
+        compare_published(numbers, _numbers_of(campaign, line, bodies)),
         seed,
     )
 
@@ -248,8 +251,8 @@ def _in_parallel(work: _TaskRunner, progress_of: ProgressOf, jobs: int) -> dict[
             n_done += 1
             progress(100 * n_done // len(pieces), phrase("{what}: done", what=_shown(piece)))
 
-        found = run_parallel(work, pieces, jobs=jobs, tell=tell, wait_on_error=False)
-    return dict(zip(pieces, found, strict=True))
+        results = run_parallel(work, pieces, jobs=jobs, tell=tell, wait_on_error=False)
+    return dict(zip(pieces, results, strict=True))
 
 
 def _shown(piece: _TaskKey) -> str:
@@ -290,17 +293,17 @@ def _body(
     )
 
 
-def _found(
+def _numbers_of(
     campaign: Campaign, line: LineAnalysis | None, bodies: list[BodyAnalysis]
 ) -> list[tuple[str, str | None, Quantity, str]]:
     """What the reanalysis has to say on published numbers: parameter, body, value, how it was
     found.
     """
-    found: list[tuple[str, str | None, Quantity, str]] = []
+    numbers: list[tuple[str, str | None, Quantity, str]] = []
     for b in bodies:
         draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            found.append(
+            numbers.append(
                 (
                     "gamma",
                     b.body,
@@ -324,7 +327,7 @@ def _found(
                         n=len(b.energies),
                         body=b.body,
                     )
-                found.append((base, b.body, value, how))
+                numbers.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
             worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
             means = [e.mean_relative for e in b.energies]
@@ -332,15 +335,15 @@ def _found(
             u = float(np.mean([m.u for m in means]))
             over = phrase("mean magnitude over the runs of {body}", body=b.body)
             most = phrase("largest over the runs of {body}", body=b.body)
-            found.append(("energy_change_mean", b.body, Quantity(mean, u), over))
-            found.append(
+            numbers.append(("energy_change_mean", b.body, Quantity(mean, u), over))
+            numbers.append(
                 ("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most)
             )
     if line is not None and line.status == "ok":
-        found.append(
+        numbers.append(
             ("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line"))
         )
-        found.append(
+        numbers.append(
             (
                 "gamma_line",
                 line.series.body,
@@ -348,4 +351,4 @@ def _found(
                 phrase("Bayesian line"),
             )
         )
-    return found
+    return numbers

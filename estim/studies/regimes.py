@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import Finding, InputError
+from estim.common import LEVELS, Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
 from estim.problem import Observations
 from estim.studies.known_values import FittedValues, KnownValues, known_values
 from estim.studies.ramp_end import RampEnd, ramp_end_of
-from estim.studies.run_places import LEVELS, RunPlace, farthest_recorded, place_of
+from estim.studies.run_places import RunPlace, farthest_recorded, place_of
 
 _N_DRAW, _N_PHI = 2000, 361
 # m between contours, and how many at most
@@ -101,7 +101,7 @@ def map_bodies(
     ramp_length (m from the release) : in place of what the campaign says.
     fitted : a fit, in place of what was stated.  Raises InputError.
     """
-    of_run = {name: campaign.study.body_of(name) for name in campaign.run_names}
+    of_run = {name: campaign.body_of(name) for name in campaign.run_names}
     chosen = tuple(dict.fromkeys(bodies)) or tuple(
         dict.fromkeys(body for body in of_run.values() if body is not None)
     )

@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.checks import way_of
-from estim.common import Finding, Kind
+from estim.common import LEVELS, Finding, Kind
 from estim.curves import placed, stop_of
 from estim.problem import Observations
 
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 _SURELY_NOT = 0.001  # probability below which a run cannot have done what its recording shows
 
 

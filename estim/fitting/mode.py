@@ -1,0 +1,118 @@
+"""The posterior mode of a problem, whatever its curves may lack: the stage between a problem and
+its posterior.
+
+A body's curve is searched from draws of its priors, one of the user's own from afar
+(`estim.fitting.optimum`); then comes what the curves may lack, if anything.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from estim.arrays import FloatArray
+from estim.common import InputError
+from estim.fitting.discrepancy import fit_discrepancy
+from estim.fitting.forces import fit_with_forces
+from estim.fitting.least_squares import Fit, fit_least_squares, refit
+from estim.fitting.optimum import fit_optimum, is_resolved, scanned_fit
+from estim.fitting.unconstrained import no_scatter, silent_parameters
+from estim.problem import Observations, Problem, Unstated
+
+_MANY_RUNS, _STARTS, _FEW_STARTS = 16, 8, 2
+
+
+def fit_problem(
+    problem: Problem, *, rng: np.random.Generator, near: FloatArray | None = None
+) -> Fit:
+    """The posterior mode of a problem of a campaign; near : (n_par,) the only place to look for it,
+    where that is known.
+
+    Raises InputError, with a parameter or the key of a campaign as its field, where the data
+    determine none.
+    """
+    fit = fit_white(problem, rng=rng) if near is None else refit(problem, near)
+    if any(run.motion is None for run in problem.runs):
+        _require_scatter(fit)
+        _require_determined(fit)
+    if any(run.lacks is not None for run in problem.runs):
+        return fit_discrepancy(fit, rng=rng)
+    if any(run.force for run in problem.runs):
+        return fit_with_forces(fit, rng=rng, scanned=near is None)
+    return fit
+
+
+def fit_white(problem: Problem, *, rng: np.random.Generator) -> Fit:
+    """The mode with the stated noise alone."""
+    if any(run.motion is None for run in problem.runs):
+        return fit_optimum(problem, rng=rng)
+    fit = fit_least_squares(
+        problem, rng=rng, n_start=_STARTS if len(problem.runs) <= _MANY_RUNS else _FEW_STARTS
+    )
+    # where the body does not move nothing is determined: few starts lead away from there
+    if fit.singular:
+        further = fit_least_squares(problem, rng=rng, n_start=4 * _STARTS)
+        fit = further if further.chi2 < fit.chi2 else fit
+    return scanned_fit(fit, rng=rng)
+
+
+def _require_scatter(fit: Fit) -> None:
+    """Raises InputError where nothing is stated of the size of the errors, and the residuals are
+    zero.
+    """
+    for run in fit.problem.runs:
+        if _unstated(run, fit.problem) and no_scatter(run, fit):
+            raise InputError(
+                f"must be stated: the curve meets every point of run '{run.name}', so "
+                "nothing shows their errors (were the data computed?)",
+                field="u_y",
+            )
+
+
+def _unstated(run: Observations, problem: Problem) -> bool:
+    if run.lacks is not None:
+        return not run.lacks.stated
+    priors = {p.name: p.prior for p in problem.parameters}
+    return any(isinstance(priors[name], Unstated) for name in run.noise.parameters)
+
+
+def _require_determined(fit: Fit) -> None:
+    """Raises InputError where neither the data nor a prior hold a parameter, so that no posterior
+    exists to draw from.
+    """
+    if fit.unheld is not None:
+        rule = (
+            "is hardly constrained by the data: far from here minus twice the log of "
+            "the posterior density is only "
+            f"{fit.unheld.size:.1f} above its least, so that no posterior exists to "
+            "draw from; give it limits (low and high), or a prior"
+        )
+        raise InputError(rule, field=fit.unheld.parameters[0].name)
+    flat = [p.name for p in fit.problem.parameters if not math.isfinite(p.prior.sd)]
+    # not the standard deviations, which a parameter beside a limit does not have
+    curvature = np.sqrt(np.diag(fit.cov))
+    held = np.isfinite(curvature) & (curvature > 0.0) & (not fit.singular)
+    unheld = [
+        name for name, known in zip(fit.names, held, strict=True) if name in flat and not known
+    ]
+    if not unheld:
+        return
+    if is_resolved(fit):
+        rule = (
+            "has terms that all but cancel at these x: rounding errors leave too few "
+            "digits to draw from the posterior; "
+            "write it in x - x0, with x0 in the middle of the data"
+        )
+        raise InputError(rule, field="expression")
+    first, *others = [name for name in silent_parameters(fit) if name in flat] or unheld
+    if not others:
+        raise InputError(
+            "is not determined by the data: give it limits (low and high), or a prior", field=first
+        )
+    together = " and ".join(f"'{other}'" for other in others)
+    raise InputError(
+        f"is not determined by the data, nor is {together}, only a combination of them: "
+        "give one a value, limits (low and high), or a prior",
+        field=first,
+    )
