@@ -99,7 +99,7 @@ def diagnose(
             *([] if conflict.flagrant else _convergence(fit, chain)),
             *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability),
-            *open_sides(fit.problem, fit.values, np.sqrt(np.diag(fit.cov))),
+            *open_sides(fit, np.sqrt(np.diag(fit.cov))),
             *_bounds(fit),
             *failed_tests(goodness, dof=fit.dof),
             *beyond_their_priors(fit.forces),

@@ -82,7 +82,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
-        left_open = open_sides(fixed.problem, best.values, sds)
+        left_open = open_sides(fixed, sds, dof=float(np.min(dofs)))
         unheld = {finding.parameters[0].name for finding in left_open}
         sds[[name in unheld for name in names]] = np.nan
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
