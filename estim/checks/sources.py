@@ -95,7 +95,7 @@ class Copies:
     def alone(self, name: str) -> Quadratic:
         """What one source says where the others may have any values."""
         mine = self.of(name)
-        return _fitted(
+        return fitted(
             self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine)
         )
 
@@ -105,7 +105,7 @@ class Copies:
         if len(self.sources) == 1:
             return np.zeros((mine.size, mine.size)), np.zeros(mine.size)
         return _tied(
-            *_fitted(
+            *fitted(
                 self.information, self.score, np.setdiff1d(np.arange(self.score.size), mine), mine
             ),
             len(self.sources) - 1,
@@ -120,10 +120,12 @@ def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     )
 
 
-def _fitted(
+def fitted(
     information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]
 ) -> Quadratic:
-    """A quadratic in those `kept`, the `free` ones fitted."""
+    """A quadratic in those `kept`, the `free` ones fitted (Schur complement); what nothing
+    determines takes nothing with it.
+    """
     if not free.size:
         return information[np.ix_(kept, kept)], score[kept]
     scale = np.sqrt(np.maximum(np.diag(information)[free], 0.0))
@@ -154,7 +156,7 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
         prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
         for i in nuisance:
             prior[i], pull[i] = slopes[i] ** 2, -slopes[i] * off[i]
-        alone = _fitted(
+        alone = fitted(
             information + np.diag(prior), score - information @ moved + pull, shared, nuisance
         )
         used = np.array([fit.names[i] in run.parameters for i in shared])

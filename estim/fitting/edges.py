@@ -26,6 +26,7 @@ from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
 from estim.fitting.arrow import many
+from estim.fitting.finish import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
@@ -34,7 +35,6 @@ Indices = NDArray[np.int64]
 
 # probability of so much pressure by chance, below which edge and data contradict each other
 PRESSED_BELOW = 0.01
-_MANY_COLUMNS = 200
 _ALONE = 1e-9  # relative: eigenvalues below count as zero
 
 
@@ -69,29 +69,11 @@ class Quadratic:
         """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows
         . step + off|^2, and that sum.
         """
-        from scipy.optimize import lsq_linear
-
-        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.concatenate([self.aim, -off])
-        low, high = self.low / self.scale, self.high / self.scale
-        step = _solved(rows, aim)
-        if np.any(step < low) or np.any(step > high):
-            step = np.clip(lsq_linear(rows, aim, bounds=(low, high), method="bvls").x, low, high)
+        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.append(self.aim, -off)
+        step = step_between(
+            rows, -aim, self.low / self.scale, self.high / self.scale, silent=_ALONE
+        )
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
-
-
-def _solved(rows: FloatArray, aim: FloatArray) -> FloatArray:
-    """The step of least |rows step - aim|; of very many parameters by their normal equations, where
-    these say enough of each.
-    """
-    if rows.shape[1] > _MANY_COLUMNS:
-        gram = rows.T @ rows
-        try:
-            root = np.linalg.cholesky(gram)
-        except np.linalg.LinAlgError:
-            root = np.zeros(gram.shape)
-        if np.min(np.diag(root)) ** 2 > _ALONE * np.max(np.diag(gram)):
-            return np.asarray(np.linalg.solve(gram, rows.T @ aim))
-    return np.asarray(np.linalg.lstsq(rows, aim, rcond=_ALONE)[0])
 
 
 def curve_indices(fit: Fit) -> Indices:
