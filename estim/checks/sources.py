@@ -227,17 +227,9 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
-    data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
-    if nuisance:  # what is left orthogonal to the own parameters
-        basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
-        basis = basis[:, singular > ALONE * singular[0]]
-        data, z = data - basis @ (basis.T @ data), z - basis @ (basis.T @ z)
-    return Copies(tuple(run.name for run in runs), data.T @ data, -data.T @ z)
-
-
-def _norms(matrix: FloatArray) -> FloatArray:
-    norms = np.sqrt(np.sum(matrix**2, axis=0))
-    return np.where(norms > 0.0, norms, 1.0)
+    kept = np.arange(len(copied))
+    alone = fitted(rows.T @ rows, -rows.T @ z, kept, np.arange(len(copied), rows.shape[1]))
+    return Copies(tuple(run.name for run in runs), *alone)
 
 
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:
