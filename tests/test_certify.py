@@ -164,7 +164,7 @@ def test_ends_of_a_short_chain_are_compared_in_errors_that_are_those_of_a_normal
     for i in range(n_repeat):
         rng = np.random.default_rng([9, i])
         chain = chain_of(autoregressive(rng, (4, 125, 24, 4), 0.4))
-        runs.append(compare_with_chain(certify(known, proposal, rng=rng), chain).z_ends)
+        runs.append(compare_with_chain(certify(known, proposal, rng=rng), chain).z[2:])
     z = np.abs(runs)
     assert abs(np.sqrt(np.mean(z**2)) - 1.0) < 4.0 / math.sqrt(2.0 * z.size)
     # one in a thousand beyond 3.29; three times that is far outside of chance
@@ -312,7 +312,7 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
             certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng), chain
         )
         verdicts.append(comparison.verdict)
-        zs.append([*comparison.z_mean, *comparison.z_sd])
+        zs.append(comparison.z[:2].ravel())
         naive.append(chain.flat.mean(axis=0) * math.sqrt(chain.flat.shape[0]))
     assert set(verdicts) == {"agree"}
     rms = np.sqrt(np.mean(np.square(zs), axis=0))
@@ -348,14 +348,14 @@ def test_chain_that_is_off_is_called_and_the_parameter_named(
     assert comparison.verdict == "disagree"
     assert f"the {word} of p2" in comparison.reason
     assert "p1" not in comparison.reason
-    off = np.abs([comparison.difference_mean, comparison.difference_sd])
+    off = np.abs(comparison.differences[:2])
     assert np.max(off) == pytest.approx(max(shift, stretch - 1.0), abs=0.05)
     # the ends of the interval move by both
-    assert comparison.difference_ends[:, 2] == pytest.approx(
+    assert comparison.differences[2:, 2] == pytest.approx(
         [shift - 1.96 * (stretch - 1.0), shift + 1.96 * (stretch - 1.0)], abs=0.1
     )
     assert comparison.largest_difference == max(
-        np.max(off), np.max(np.abs(comparison.difference_ends))
+        np.max(off), np.max(np.abs(comparison.differences[2:]))
     )
 
 
@@ -369,7 +369,7 @@ def test_negligible_difference_is_not_called_however_well_it_is_known(
     comparison = compare_with_chain(
         certificate, chain_of(rng.standard_normal((4, 4000, 20, 1)) + 0.02)
     )
-    assert abs(comparison.z_mean[0]) > comparison.limit / 1.5
+    assert abs(comparison.z[0, 0]) > comparison.limit / 1.5
     assert comparison.verdict == "agree"
 
 

@@ -20,7 +20,7 @@ from estim.sampling.ridges import ridge_proposal
 
 # density over proposal, root mean square at draws of the posterior, from which another is made
 _UNEVEN = 2.0
-_N_COMPONENT, _RIDGE_SHARE = 4, 0.2
+_N_COMPONENT, _RIDGE_SHARE = 8, 0.3
 
 
 def second_opinion(
