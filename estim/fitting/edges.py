@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
-from estim.fitting.arrow import many
 from estim.fitting.finish import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
@@ -88,37 +87,22 @@ def around(fit: Fit) -> Quadratic:
     curvature at the mode is that of the most probable sizes, and smaller ones than they allow for a
     good part of the probability.
     """
-    problem, posterior, curve = fit.problem, fit.posterior, curve_indices(fit)
+    problem, curve = fit.problem, curve_indices(fit)
     scale = np.sqrt(np.diag(fit.cov))[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
-    if not whole and many(problem):  # the rows of all runs would be as many as their points
-        curvature = posterior.told(fit.values)[np.ix_(curve, curve)] * np.outer(scale, scale)
-        gradient = posterior.score(fit.values)[curve] * scale
-        spectrum, basis = np.linalg.eigh(curvature)
-    elif not whole:
-        rows = (
-            np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
-        )
-        gradient = (
-            np.sum(
-                [jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)],
-                axis=0,
-            )[curve]
-            * scale
-        )
-    else:
-        curvature, score = whole[0].told
-        information = curvature[np.ix_(curve, curve)] * np.outer(scale, scale)
-        score = score[curve] * scale
-        spectrum, basis = np.linalg.eigh(information)
-        rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
-        gradient = information @ ((fit.values - whole[0].about)[curve] / scale) - score
-    if not whole and many(problem):
-        singular, right = np.sqrt(np.maximum(spectrum[::-1], 0.0)), basis.T[::-1]
-    else:
-        _, singular, right = np.linalg.svd(rows, full_matrices=False)
-    seen = singular > math.sqrt(_ALONE) * singular[0]
+    told, score = (
+        whole[0].told
+        if whole
+        else (fit.posterior.told(fit.values), -fit.posterior.score(fit.values))
+    )
+    information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+    gradient = -score[curve] * scale
+    if whole:
+        gradient += information @ ((fit.values - whole[0].about)[curve] / scale)
+    spectrum, basis = np.linalg.eigh(information)
+    singular, right = np.sqrt(np.maximum(spectrum, 0.0)), basis.T
+    seen = singular > math.sqrt(_ALONE) * singular[-1]
     aim = -(right @ gradient)[seen] / singular[seen]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
     low = np.array([min(prior.low - value, 0.0) for prior, value in edges])
@@ -166,6 +150,17 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     return probabilities
 
 
+def pressed_edges(fit: Fit, kind: Kind, *, estimated: bool = False) -> list[Finding]:
+    """Edges that the data contradict, as findings of a `kind`.  A parameter that merely lies on one
+    is a limit, which is a result.  estimated : as of `pressed`.
+    """
+    return [
+        Finding(kind, p=p_value, parameters=(_edge_of_parameter(fit, name),))
+        for name, p_value in pressed(fit, estimated=estimated).items()
+        if p_value < PRESSED_BELOW
+    ]
+
+
 def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
     """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one
     that does not.
@@ -201,11 +196,12 @@ def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:
         Kind.LIMIT,
         test=limit.side,
         size=limit.limit_95,
-        parameters=(edge_amount(fit, name, limit.edge),),
+        parameters=(_edge_of_parameter(fit, name),),
     )
 
 
-def edge_amount(fit: Fit, name: str, value: float) -> Amount:
-    """The edge of a parameter's range next to `value`."""
-    parameter = fit.problem.parameters[fit.names.index(name)]
-    return Amount(name, edge_of(parameter.prior, value), parameter.label)
+def _edge_of_parameter(fit: Fit, name: str) -> Amount:
+    """The edge of a parameter's range next to its value."""
+    i = fit.names.index(name)
+    parameter = fit.problem.parameters[i]
+    return Amount(name, edge_of(parameter.prior, float(fit.values[i])), parameter.label)
