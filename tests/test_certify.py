@@ -14,17 +14,12 @@ import pytest
 from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
 
 from estim.campaign import load_campaign
+from estim.common import QUANTILES
 from estim.common.errors import NumericalError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling import certificate as importance
 from estim.sampling import proposal
-from estim.sampling.certificate import (
-    PROBABILITIES,
-    Certificate,
-    certify,
-    chain_errors,
-    compare_with_chain,
-)
+from estim.sampling.certificate import Certificate, certify, chain_errors, compare_with_chain
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.importance import pareto_smoothed
 from estim.sampling.proposal import Proposal, adapt_proposal
@@ -101,7 +96,7 @@ def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Gene
     from scipy.stats import halfnorm
 
     certificate = certificate_of(*TARGETS["half-normal"], rng=rng)
-    for p in PROBABILITIES:
+    for p in QUANTILES:
         assert np.all(
             np.abs(halfnorm.cdf(certificate.quantiles[p]) - p) < 4.5 * certificate.mcse_shares[p]
         )
@@ -122,7 +117,7 @@ def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little
         normal(np.eye(6)),
         Proposal.single(np.zeros(6), np.eye(6)),
         60,
-        np.array(PROBABILITIES)[:, None],
+        np.array(QUANTILES)[:, None],
     )
 
     def repeated() -> tuple[np.ndarray, np.ndarray]:
@@ -130,9 +125,9 @@ def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little
         runs = [
             certify(known, proposal, rng=np.random.default_rng([6, i])) for i in range(n_repeat)
         ]
-        errors = np.array([[run.mcse_shares[q] for q in PROBABILITIES] for run in runs])
+        errors = np.array([[run.mcse_shares[q] for q in QUANTILES] for run in runs])
         return np.array(
-            [norm.cdf([run.quantiles[q] for q in PROBABILITIES]) - p for run in runs]
+            [norm.cdf([run.quantiles[q] for q in QUANTILES]) - p for run in runs]
         ) / errors, errors
 
     z, errors = repeated()

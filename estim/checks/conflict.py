@@ -45,7 +45,16 @@ from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
 from estim.checks.sources import fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import Fit, Quadratic, around, chi2_p, curve_indices, fit_least_squares, refit
+from estim.fitting import (
+    ALONE,
+    Fit,
+    Quadratic,
+    around,
+    chi2_p,
+    curve_indices,
+    fit_least_squares,
+    refit,
+)
 from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
@@ -58,7 +67,6 @@ _LEAST = 0.01
 # the same where a mixture was taken as one normal distribution, a few per cent of whose covariance
 # mean nothing
 _LEAST_OF_MIXTURE = 0.1
-_ALONE = 1e-9  # relative: eigenvalues below count as zero
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
@@ -161,7 +169,7 @@ def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> 
         return np.full(off.size, np.nan)
     step, follow = solved[:, 0], solved[:, 1:]
     residual, room = scaled @ step + off, 1.0 - np.sum(scaled * follow.T, axis=1)
-    room = np.where(room > _ALONE, room, np.nan)
+    room = np.where(room > ALONE, room, np.nan)
     inside = np.ones(off.size, dtype=bool) & bool(np.all((step >= low) & (step <= high)))
     for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high)):
         moved = step[i] + follow[i] * residual / room

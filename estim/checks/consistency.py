@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.checks.sources import (
-    ALONE,
     PRIORS,
     Quadratic,
     Rows,
@@ -50,7 +49,7 @@ from estim.checks.sources import (
     total_of,
 )
 from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
-from estim.fitting import Fit, chi2_p
+from estim.fitting import ALONE, Fit, chi2_p
 from estim.problem import Problem
 from estim.words import tell
 

@@ -19,11 +19,10 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.common import later
-from estim.fitting import Fit
+from estim.fitting import ALONE, Fit
 from estim.problem import Group
 
 PRIORS = later("stated values")
-ALONE = 1e-9  # relative: singular values below count as zero
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
 # the same beside what was stated, where a mixture was taken as one normal distribution: it has that
 # only roughly

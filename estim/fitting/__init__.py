@@ -6,6 +6,7 @@ from estim.fitting.arrow import MANY, descend_by_runs, spreads_by_runs
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import (
+    ALONE,
     Limit,
     around,
     curve_indices,

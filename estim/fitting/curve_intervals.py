@@ -25,8 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, format_quantity, format_rounded, phrase
+from estim.common import (
+    PROBABILITIES,
+    Amount,
+    Finding,
+    Kind,
+    format_quantity,
+    format_rounded,
+    phrase,
+)
 from estim.distributions import student_quantile, student_tail
+from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
 from estim.fitting.open_ends import open_sides, side_left_open
@@ -35,9 +44,7 @@ from estim.fitting.profile import profile_intervals
 
 Ends = Mapping[float, tuple[float, float]]
 
-PROBABILITIES = (0.68, 0.95)
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
-_SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which s misleads
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +184,7 @@ def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     """Whether value ± sd would say something else than the 68 % interval does."""
     half = _quantile(PROBABILITIES[0], np.array([dof]))[0] * sd
     low, high = ends[PROBABILITIES[0]]
-    return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
+    return not max(abs(value - low - half), abs(high - value - half)) <= LOPSIDED * half
 
 
 def shown_value(

@@ -34,7 +34,7 @@ Indices = NDArray[np.int64]
 
 # probability of so much pressure by chance, below which edge and data contradict each other
 PRESSED_BELOW = 0.01
-_ALONE = 1e-9  # relative: eigenvalues below count as zero
+ALONE = 1e-9  # relative: eigenvalues below count as zero
 
 
 class Limit(msgspec.Struct, frozen=True):
@@ -69,9 +69,7 @@ class Quadratic:
         . step + off|^2, and that sum.
         """
         rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.append(self.aim, -off)
-        step = step_between(
-            rows, -aim, self.low / self.scale, self.high / self.scale, silent=_ALONE
-        )
+        step = step_between(rows, -aim, self.low / self.scale, self.high / self.scale, silent=ALONE)
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
 
 
@@ -102,7 +100,7 @@ def around(fit: Fit) -> Quadratic:
         gradient += information @ ((fit.values - whole[0].about)[curve] / scale)
     spectrum, basis = np.linalg.eigh(information)
     singular, right = np.sqrt(np.maximum(spectrum, 0.0)), basis.T
-    seen = singular > math.sqrt(_ALONE) * singular[-1]
+    seen = singular > math.sqrt(ALONE) * singular[-1]
     aim = -(right @ gradient)[seen] / singular[seen]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
     low = np.array([min(prior.low - value, 0.0) for prior, value in edges])

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, Kind, later, phrase
+from estim.common import QUANTILES, Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.sampling.chain import Chain
 from estim.sampling.diagnostics import effective_size
@@ -52,7 +52,6 @@ MAX_PARAMETERS = 14
 MAX_TIED = 20
 _IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
-PROBABILITIES = (0.025, 0.16, 0.5, 0.84, 0.975)
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
 _NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
 _NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
@@ -203,7 +202,7 @@ def _summarise(
     sd = np.sqrt(variance)
     squares = weights**2
     quantiles, errors = {}, {}
-    for p in PROBABILITIES:
+    for p in QUANTILES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
