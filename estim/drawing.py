@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,12 +19,16 @@ from estim.arrays import FloatArray
 from estim.common import mathtext, phrase, signed
 
 if TYPE_CHECKING:
+    import matplotlib.axes
+    import matplotlib.figure
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.container import Container
-    from matplotlib.figure import Figure, SubFigure
     from matplotlib.text import Text
+
+Axes: TypeAlias = "matplotlib.axes.Axes"
+Figure: TypeAlias = "matplotlib.figure.Figure"
+"""For annotations, without matplotlib loaded."""
 
 BLUE = "#0072B2"
 ORANGE = "#E69F00"
@@ -115,9 +119,9 @@ def handed_out(figure: Figure | None, draw: Callable[[Figure], None], height: fl
 
 @cache
 def _notebook_figure() -> type[Figure]:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
 
-    class NotebookFigure(Figure):
+    class NotebookFigure(figure.Figure):
         """A figure that a notebook shows, whatever its settings."""
 
         def _repr_png_(self) -> bytes:
@@ -171,9 +175,9 @@ def tick_texts(ticks: FloatArray) -> list[str]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    from matplotlib.figure import Figure
+    from matplotlib import figure
 
-    return Figure(figsize=(width, height), layout="constrained", facecolor="white")
+    return figure.Figure(figsize=(width, height), layout="constrained", facecolor="white")
 
 
 def grid(
@@ -192,7 +196,10 @@ def grid(
 
 
 def legend_below(
-    figure: Figure | SubFigure, *, ncols: int = 3, handles: Sequence[Artist | Container] = ()
+    figure: Figure | matplotlib.figure.SubFigure,
+    *,
+    ncols: int = 3,
+    handles: Sequence[Artist | Container] = (),
 ) -> None:
     """What all panels of a figure show, each name once, or what `handles` stand for, below them."""
     if handles:
@@ -223,21 +230,30 @@ def draw_bands(
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
         name = phrase(said, p=p) if said else f"{p} %"
-        ax.fill_between(
-            x,
-            quantiles[low],
-            quantiles[high],
-            color=colour,
-            alpha=alpha,
-            lw=0,
-            label=name,
-            zorder=zorder,
-        )
+        fill(ax, x, quantiles[low], quantiles[high], colour, alpha, label=name, zorder=zorder)
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
 
 
-def draw_sds(ax: Axes) -> None:
-    """Zero, with one and two standard deviations of a quantity that has 1."""
+def fill(
+    ax: Axes,
+    x: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    colour: str,
+    alpha: float,
+    **style: Any,
+) -> None:
+    """A band between two lines, without an edge."""
+    ax.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, **style)
+
+
+def draw_pulls(ax: Axes, pulls: FloatArray) -> float:
+    """What lies below pulls (n,), which have a standard deviation of 1: zero, one and two of them;
+    the axis reaches as far as is returned.
+    """
     for sigma, shade in ((2.0, 0.12), (1.0, 0.20)):
         ax.axhspan(-sigma, sigma, color=GREY, alpha=shade, lw=0)
     ax.axhline(0.0, color=GREY, lw=0.8)
+    reach = max(3.3, 1.1 * float(np.max(np.abs(pulls))))
+    ax.set_ylim(-reach, reach)
+    return reach

@@ -21,7 +21,6 @@ from matplotlib.text import Text
 from tracker_files import point_mass, trk
 
 from estim.cli.commands import main
-from estim.common.labels import KINDS
 from estim.reports.comparison import folder_of
 from estim.reports.rendering import render
 
@@ -277,7 +276,7 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
         reasons=["word"],
     )
     values = {
-        "kind": KINDS["measured"],
+        "kind": "measured",
         "rows": [row],
         "cells": [["0.1 ± 0.2"]],
         "influential": 0.7,

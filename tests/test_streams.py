@@ -19,7 +19,7 @@ from estim.cli.terminal import exit_code, say
 pytestmark = pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 COMMAND = f'"{sys.executable}" -m estim'
 PATCHED = (
-    "import estim.reports.curve_figures as f; f.png = lambda draw: b''; from "
+    "import estim.reports.pages as pages; pages.png = lambda *_: b''; from "
     "estim.cli.commands import main; main()"
 )
 WITHOUT_FIGURES = f'"{sys.executable}" -c "{PATCHED}"'

@@ -5,7 +5,6 @@ prompt is told of options of a command.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from itertools import permutations
 
 import numpy as np
@@ -18,7 +17,7 @@ from estim.common.phrases import spoken
 from estim.common.statuses import Amount, Finding, decide, gravest, wrong
 from estim.words import residuals
 from estim.words.statuses import STATUS_WORDS
-from estim.words.telling import ADVICE, WORDS, Voice, advice, advice_for, tell
+from estim.words.telling import ADVICE, WORDS, advice, advice_for, tell
 
 ANGLE = Notation("θ₀", "°", 180.0 / math.pi)
 PARTS = {
@@ -44,17 +43,74 @@ TESTS = {
 }
 
 
-class Twos(Mapping[str, float]):
-    """Every further number that a kind may ask for."""
-
-    def __getitem__(self, name: str) -> float:
-        return 2.0
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(())
-
-    def __len__(self) -> int:
-        return 0
+NUMBERS = dict.fromkeys(
+    [
+        "along",
+        "apart",
+        "bayes",
+        "before",
+        "chi2",
+        "correlated",
+        "correlated_length",
+        "correlated_long",
+        "correlated_short",
+        "correlated_size",
+        "counts",
+        "coverage",
+        "dof",
+        "draws",
+        "enough",
+        "errors",
+        "ess",
+        "every",
+        "expected",
+        "factor",
+        "farthest",
+        "felt",
+        "frames",
+        "high",
+        "hops",
+        "k_hat",
+        "length",
+        "limit",
+        "line",
+        "long",
+        "low",
+        "most",
+        "n_trial",
+        "nodes",
+        "pictures",
+        "probability",
+        "runs",
+        "sd",
+        "sd_frames",
+        "sds",
+        "sets_off",
+        "share",
+        "short",
+        "smooth",
+        "smooth_length",
+        "smooth_long",
+        "smooth_short",
+        "smooth_size",
+        "starts",
+        "stated",
+        "t",
+        "tau",
+        "tried",
+        "trials",
+        "typical",
+        "u",
+        "u_apart",
+        "u_line",
+        "u_stated",
+        "u_trials",
+        "where",
+        "x",
+        "york",
+    ],
+    2.0,
+)  # every further number that a kind may ask for
 
 
 def example(kind: Kind) -> Finding:
@@ -64,7 +120,7 @@ def example(kind: Kind) -> Finding:
         test=TESTS.get(kind, "chi2"),
         p=0.004,
         size=3.0,
-        numbers=Twos(),
+        numbers=NUMBERS,
         parameters=(Amount("theta0", 0.5, ANGLE.label("rad")),),
         names=("first", "second"),
         parts=(example(PARTS[kind]),) if kind in PARTS else (),
@@ -93,14 +149,15 @@ def test_a_finding_is_told_in_one_line(kind: Kind) -> None:
 
 def test_options_of_a_command_are_named_to_nobody_else() -> None:
     found = [example(kind) for kind in LEADS_TO]
-    assert sum("--" in words for words in advice_for(found, Voice.COMMANDS)) == 3
     assert not any(
         "--" in words or "{" in words.replace("{prior", "") for words in advice_for(found)
     )
     short = example(Kind.CHAIN_SHORT)
-    assert advice(short, Voice.COMMANDS).startswith("increase --max-steps; if that does not help")
     assert advice(short).startswith("increase target=Target(max_step=...); if that does not help")
     assert "another seed=, and" in advice(example(Kind.WALKERS_STUCK))
+    with spoken("en", commands=True):
+        assert sum("--" in words for words in advice_for(found)) == 3
+        assert advice(short).startswith("increase --max-steps; if that does not help")
 
 
 def test_own_curves_are_sampled_and_reported_without_options() -> None:

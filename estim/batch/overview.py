@@ -11,10 +11,6 @@ from estim.arrays import FloatArray
 from estim.batch.rows import Row
 from estim.reading import odd_intervals
 
-_FEWEST = 5  # values from which a spread means something
-_APART = 5.0  # of the spread and the own uncertainty together
-_TO_SD = 1.482602218505602  # median absolute deviation of a normal distribution to its sd
-
 
 @dataclass(frozen=True, eq=False)
 class Spread:
@@ -77,10 +73,15 @@ def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) ->
     mean, sd = np.array([v.mean for v in values]), np.array([v.sd for v in values])
     median = float(np.median(mean))
     scatter = (
-        _TO_SD * float(np.median(np.abs(mean - median))) if mean.size >= _FEWEST else float("nan")
+        # values from which a spread means something
+        # median absolute deviation of a normal distribution to its sd
+        1.482602218505602 * float(np.median(np.abs(mean - median)))
+        if mean.size >= 5
+        else float("nan")
     )
     informed = np.array([v.informed for v in values])
-    far = informed & (np.abs(mean - median) > _APART * np.hypot(scatter, sd))
+    # of the spread and the own uncertainty together
+    far = informed & (np.abs(mean - median) > 5.0 * np.hypot(scatter, sd))
     apart = tuple(i for i, beyond in zip(chosen, far.tolist(), strict=True) if beyond)
     return Spread(
         name,

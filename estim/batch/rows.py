@@ -59,13 +59,13 @@ class Row(msgspec.Struct, frozen=True):
     campaign: str
     run: str
     place: str
-    kind: str
-    status: str
-    reason: str
-    error: str
-    values: dict[str, Value]
-    seconds: float
-    key: str
+    kind: str = ""
+    status: str = ""
+    reason: str = ""
+    error: str = ""
+    values: dict[str, Value] = {}
+    seconds: float = 0.0
+    key: str = ""
     outputs: dict[str, str] = {}
     interval: float | None = None
     inputs: dict[str, str] = {}  # path of each file that was read -> SHA-256 of its bytes
@@ -85,10 +85,9 @@ def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: flo
         record["kind"],
         record["status"],
         next(iter(record["reasons"]), ""),
-        "",
-        _values(record) if record["status"] == "ok" else {},
-        seconds,
-        key,
+        values=_values(record) if record["status"] == "ok" else {},
+        seconds=seconds,
+        key=key,
         interval=interval,
     )
 
@@ -110,7 +109,8 @@ def _values(record: Mapping[str, Any]) -> dict[str, Value]:
 
 def failed(unit: Unit, error: str, seconds: float = 0.0) -> Row:
     """A run without a result."""
-    return Row(plain(str(unit.campaign)), unit.run, unit.place, "", "", "", error, {}, seconds, "")
+    campaign = plain(str(unit.campaign))
+    return Row(campaign, unit.run, unit.place, error=error, seconds=seconds)
 
 
 def keep(folder: Path, row: Row, files: Mapping[str, bytes]) -> None:

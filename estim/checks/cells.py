@@ -36,7 +36,7 @@ from estim.common import (
 from estim.fitting import Fit, limit_cell
 from estim.problem import Prior, Problem
 from estim.sampling import Summary, summarise_parameter
-from estim.words import STATUS_WORDS
+from estim.words import status_words
 
 # lower halves of the 68 % interval from zero, below which a quantity that cannot be negative may be
 # zero
@@ -305,7 +305,7 @@ def headline(
     left : what was not measured (`not_measured`).
     minds : what to mind, a sentence each.
     """
-    words = "" if status == Status.OK else f" — {STATUS_WORDS[Status(status)]}"
+    words = "" if status == Status.OK else f" — {status_words(status)}"
     behind = words or (f"; {tests}" if tests else "")
     paragraphs = [
         f"**{markdown(title)}**" if title else "",

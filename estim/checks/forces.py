@@ -18,8 +18,8 @@ _LINEAR = 1.0
 
 
 def force_finding(found: FoundForce) -> Finding:
-    """Whether there is a force: its size and the distance over which it changes (`names`: the unit
-    of that).
+    """Whether there is a force: its size, in percent of the weight, and the distance over which it
+    changes (`names`: the unit of that).
     """
     probability = found.force.probability
     kind = (
@@ -31,8 +31,8 @@ def force_finding(found: FoundForce) -> Finding:
     )
     low, middle, high = found.force.length
     numbers = {
-        "share": found.force.typical,
-        "most": found.force.most,
+        "share": 100.0 * found.force.typical,
+        "most": 100.0 * found.force.most,
         "length": middle,
         "short": low,
         "long": high,
@@ -94,7 +94,7 @@ def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
                     Kind.FORCE_TOO_LARGE,
                     run=force.run,
                     size=times,
-                    numbers={"share": force.force.typical, "runs": len(force.runs)},
+                    numbers={"share": 100.0 * force.force.typical, "runs": len(force.runs)},
                 )
             )
         if force.force.probability > LIKELY and force.moved > _LINEAR:

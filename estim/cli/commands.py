@@ -65,7 +65,9 @@ from estim.common import (
     Stream,
     ended_by_signals,
     inputs_read,
+    language,
     phrase,
+    spoken,
     stream,
 )
 
@@ -102,6 +104,7 @@ def cli() -> None:
     """
     context = click.get_current_context()
     context.obj = context.with_resource(inputs_read())
+    context.with_resource(spoken(language(), commands=True))
 
 
 @cli.command()
@@ -221,7 +224,6 @@ def _fit_groups(
         with_campaign,
     )
     from estim.sampling import Target
-    from estim.words import Voice
 
     results, explanations = {}, []
     for group in groups:
@@ -239,9 +241,7 @@ def _fit_groups(
         place = folder if len(groups) == 1 else folder / group[0]
         with progress_bar(together(group)) as progress:
             progress(100, phrase("report and figures"))
-            files, results[group[0]] = report_and_result(
-                campaign, analysis, voice=Voice.COMMANDS, figures=figures
-            )
+            files, results[group[0]] = report_and_result(campaign, analysis, figures=figures)
             draws = {"draws.nc": to_netcdf(analysis)} if can_write_netcdf() else {}
             write_report(
                 place,
@@ -362,7 +362,6 @@ def reanalyse(
     from estim.reports import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
-    from estim.words import Voice
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
@@ -378,9 +377,7 @@ def reanalyse(
             jobs=jobs,
             store=store,
         )
-        write_report(
-            folder, reanalysis_report(result, voice=Voice.COMMANDS, figures=not no_figures)
-        )
+        write_report(folder, reanalysis_report(result, figures=not no_figures))
     sentences = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(result, what), status, sentences.get(what, ()))

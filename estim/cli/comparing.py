@@ -29,7 +29,6 @@ def compare(
     from estim.reports import analysis_report, compare_report, folder_of
     from estim.sampling import Target
     from estim.studies import compare_noise
-    from estim.words import Voice
 
     all_ok = True
     for group in groups:
@@ -45,9 +44,7 @@ def compare(
             store=store,
         )
         for model in compared:
-            report = analysis_report(
-                campaign, model.analysis, voice=Voice.COMMANDS, figures=figures, profiles=False
-            )
+            report = analysis_report(campaign, model.analysis, figures=figures, profiles=False)
             write_report(place / folder_of(model.candidate.name), report, within=folder)
             conclude(
                 f"{', '.join(group)}, {model.candidate.name}", model.analysis.diagnosis.status, ()

@@ -141,7 +141,6 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: bo
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
     from estim.reports import line_lines, line_report, trials_lines, trials_report
     from estim.sampling import Target
-    from estim.words import Voice
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
@@ -168,9 +167,9 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: bo
             )
     files = {}
     if line is not None:
-        files = line_report(loaded, line, trials=released, voice=Voice.COMMANDS, figures=figures)
+        files = line_report(loaded, line, trials=released, figures=figures)
     elif released is not None:
-        files = trials_report(loaded, released, voice=Voice.COMMANDS, figures=figures)
+        files = trials_report(loaded, released, figures=figures)
     write_report(folder, files)
     if line is not None:
         sentences = line_lines(loaded, line) if line.status.ok else line.reasons

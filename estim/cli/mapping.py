@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from estim.cli.options import CAMPAIGN, FOLDER, PATH, out_folder, report_options
+from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, out_folder, report_options
 from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
 from estim.common import decide
 
@@ -37,11 +37,7 @@ if TYPE_CHECKING:
     type=PATH,
     help="Folder of a fit of CAMPAIGN, whose values replace the stated ones.",
 )
-@click.option(
-    "--out",
-    type=FOLDER,
-    help="Folder for the report.  [default: out/, the name of the campaign, map/]",
-)
+@OUT_MAP
 @report_options
 def map_motions(
     campaign: Path,
@@ -62,7 +58,7 @@ def map_motions(
     from estim.line import read_theta_min
     from estim.reports import map_lines, map_report
     from estim.studies import map_bodies
-    from estim.words import Voice, tell
+    from estim.words import tell
 
     loaded = load_campaign(campaign)
     loaded.study.require_body()
@@ -71,10 +67,7 @@ def map_motions(
     folder = out or out_folder(campaign, "map")
     reserve_output(folder, "result.json")
     maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
-    write_report(
-        folder,
-        map_report(loaded, maps, line, seed=seed, voice=Voice.COMMANDS, figures=not no_figures),
-    )
+    write_report(folder, map_report(loaded, maps, line, seed=seed, figures=not no_figures))
     for body_map in maps:
         conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
         for sentence in map_lines(body_map):

@@ -12,11 +12,6 @@ import click
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
 
-WHERE = (
-    "default: out/ and the name of the campaign, that of its folder where the file is called "
-    "campaign.toml"
-)
-
 PATH = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 
@@ -39,16 +34,19 @@ STEPS = click.option(
     help="Hard cap on the sampler's steps.",
 )
 OUT = click.option(
-    "--out", type=FOLDER, help=f"Folder for the report, made if it is not there.  [{WHERE}]"
+    "--out",
+    type=FOLDER,
+    help="Folder for the report, made if it is not there.  [default: out/ and the name of the "
+    "campaign, that of its folder where the file is called campaign.toml]",
 )
-OUT_MODELS, OUT_PLAN = (
+OUT_MODELS, OUT_PLAN, OUT_MAP = (
     click.option(
         "--out",
         type=FOLDER,
         help="Folder for the report, made if it is not there.  [default: out/, the name of the "
         f"campaign, {part}/]",
     )
-    for part in ("models", "plan")
+    for part in ("models", "plan", "map")
 )
 SEED = click.option(
     "--seed",

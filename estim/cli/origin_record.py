@@ -14,7 +14,6 @@ ORIGIN = "origin.json"
 SIMULATION = "simulation.json"
 SCHEMA = "estim-origin/1"
 _LARGEST = 2**24
-_LONGEST = 255  # bytes of a name
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,9 @@ def inside(name: str) -> bool:
     its folder.
     """
     plain = name.isprintable() and all(
-        len(part.encode("utf-8", "replace")) <= _LONGEST for part in PurePosixPath(name).parts
+        # bytes of a name
+        len(part.encode("utf-8", "replace")) <= 255
+        for part in PurePosixPath(name).parts
     )
     return plain and not (
         PurePosixPath(name).is_absolute()

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.sampling import Progress
 
-_MOST_NAMED = 24
 _GO_ON = "continue with --resume"
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
@@ -94,9 +93,7 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
     """A progress bar on stderr for equal pieces of work, how many are done of how many.  kept :
     whether an interrupted command can go on with those that are done.
     """
-    from tqdm import tqdm
-
-    with tqdm(desc=one_line(what), unit=unit, leave=False, disable=None, dynamic_ncols=True) as bar:
+    with _bar(what, unit=unit) as bar:
 
         def show(done: int, total: int) -> None:
             bar.total = total
@@ -106,6 +103,12 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
             yield show
         except Interrupted as error:
             raise Interrupted(*([_GO_ON] if kept else error.args)) from None
+
+
+def _bar(what: str, **options: Any) -> Any:
+    from tqdm import tqdm
+
+    return tqdm(desc=one_line(what), leave=False, disable=None, dynamic_ncols=True, **options)
 
 
 def conclude(what: str, status: str, reasons: Iterable[str], notes: Iterable[str] = ()) -> None:
@@ -132,17 +135,8 @@ def progress_bar(what: str) -> Iterator[Progress]:
     """A progress bar on stderr: the share of the draws needed, and what is being done or still
     lacks.
     """
-    from tqdm import tqdm
-
     words = phrase("{desc} {bar:20} {n_fmt} % of the draws needed, {elapsed}{postfix}")
-    with tqdm(
-        total=100,
-        desc=one_line(what),
-        bar_format=words,
-        leave=False,
-        disable=None,
-        dynamic_ncols=True,
-    ) as bar:
+    with _bar(what, total=100, bar_format=words) as bar:
 
         def show(percent: int, message: str) -> None:
             bar.n = percent
@@ -257,7 +251,7 @@ def together(runs: Sequence[str]) -> str:
     """The runs of a fit as they are named on the screen."""
     return (
         ", ".join(runs)
-        if len(runs) <= _MOST_NAMED
+        if len(runs) <= 24
         else phrase(
             "{first}, {second} ... {last} ({n} runs)",
             first=runs[0],

@@ -24,6 +24,7 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
+    behind,
     format_rounded,
     json_of,
     names_in,
@@ -34,7 +35,6 @@ from estim.verification import Difference, Verdict, compare_results, differences
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
-_LONGEST_WORD = 4096
 _HEADER = 33  # bytes of a PNG: its signature and its first chunk
 _PAGE, _TIMES = "report.html", "times.csv"
 _OPTIONAL = (".pdf", ".nc")  # what needs an extra that may be missing here
@@ -99,7 +99,7 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
     name, words = (origin.command or [""])[0], origin.command[1:]
     command = group.commands.get(name)
     options = set() if command is None else {parameter.name for parameter in command.params}
-    sane = all(word.isprintable() and len(word) <= _LONGEST_WORD for word in words)
+    sane = all(word.isprintable() and len(word) <= 4096 for word in words)
     if command is not None and "formats" in options and sane:
         try:
             given = command.make_parser(click.Context(command)).parse_args(list(words))[0]
@@ -377,12 +377,12 @@ def diff(first: Path, second: Path) -> None:
         if not abs(row.shift) <= _FAR or not 1.0 / 1.1 <= row.ratio <= 1.1
     ]
     for row in far:
-        unit = "" if row.unit == "1" else f" {row.unit}"
         values = " -> ".join(
             f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"
             for mean, sd in (row.first, row.second)
         )
-        say(f"{row.name}: {values}{unit}, moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}")
+        moved = f"moved by {row.shift:+.2f} sd, sd x {row.ratio:.2f}"
+        say(f"{row.name}: {values}{behind(row.unit)}, {moved}")
     if len(pair.estimates) > len(far):
         say(
             f"{len(pair.estimates) - len(far)} estimates moved by at most {_FAR} sd, their "

@@ -14,6 +14,7 @@ from estim.common.errors import (
 )
 from estim.common.escaping import (
     Markdown,
+    as_csv,
     as_json,
     code,
     destination,
@@ -27,7 +28,17 @@ from estim.common.escaping import (
 from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
 from estim.common.kinds import Kind, Status
-from estim.common.labels import KINDS, OF_BODY, Label, Notation, kind_words, split_level, table
+from estim.common.labels import (
+    KINDS,
+    OF_BODY,
+    Label,
+    Notation,
+    behind,
+    bracketed,
+    kind_words,
+    split_level,
+    table,
+)
 from estim.common.unit_symbols import (
     in_unit,
     is_angle,
@@ -37,7 +48,15 @@ from estim.common.unit_symbols import (
     same_unit,
 )
 from estim.common.lookalikes import first_alike, forms, same_looks
-from estim.common.phrases import LANGUAGES, PhraseTable, language, later, phrase, spoken
+from estim.common.phrases import (
+    LANGUAGES,
+    PhraseTable,
+    at_commands,
+    language,
+    later,
+    phrase,
+    spoken,
+)
 from estim.common.checkpoints import PieceStore, key_of
 from estim.common.ownership import REPORT_FILES, remove_own, replace_own, require_own, require_room
 from estim.common.quantity import (

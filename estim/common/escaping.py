@@ -10,9 +10,12 @@ and `estim.drawing.png` every text through `mathtext`.
 
 from __future__ import annotations
 
+import csv
 import html
+import io
 import json
 import re
+from collections.abc import Iterable
 from typing import Any
 from urllib.parse import quote
 
@@ -33,7 +36,6 @@ _SPECIAL = re.compile(
 _BLOCK = re.compile(
     r"^(?:\d{1,9}(?=[.)](?: |$))|(?=\#{1,6}(?: |$)|[>=]|[-+](?:[- ]|$)))|(?:(?<= )|^)(?=\#+$)"
 )
-_DEEPEST = 100  # levels of JSON
 # of a subscript in a figure; not every letter is in matplotlib's mathematics
 LETTERS = "0-9A-Za-zÀ-ɏΑ-ω"
 # what `estim.common.labels` makes of one
@@ -111,12 +113,14 @@ def destination(path: object) -> Markdown:
 
 
 def as_json(record: object) -> bytes:
-    """`record` as indented JSON, UTF-8; marks that do not print are written as JSON escapes, so
-    that a terminal can show the file.
+    """`record` as indented JSON, UTF-8: an array is a list, and null a number that is nan or
+    infinite.  Marks that do not print are written as JSON escapes, so that a terminal can show the
+    file.
     """
     import msgspec
 
-    text = msgspec.json.format(msgspec.json.encode(record), indent=1).decode()
+    encoded = msgspec.json.encode(record, enc_hook=lambda array: array.tolist())
+    text = msgspec.json.format(encoded, indent=1).decode()
     return (
         re.sub(
             r"[^\n -~]",
@@ -125,6 +129,13 @@ def as_json(record: object) -> bytes:
         ).encode()
         + b"\n"
     )
+
+
+def as_csv(rows: Iterable[Iterable[object]]) -> str:
+    """Rows as CSV, a line each."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def json_of(data: bytes) -> Any:
@@ -150,7 +161,7 @@ def json_of(data: bytes) -> Any:
     except RecursionError:
         raise ValueError("is nested too deeply") from None
     level = [value]
-    for _ in range(_DEEPEST):
+    for _ in range(100):  # levels of JSON
         level = [
             item
             for node in level

@@ -19,13 +19,12 @@ import warnings
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from itertools import islice
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from estim.common.errors import NumericalError
 from estim.common.interruption import STOPPING
-from estim.common.phrases import language, spoken
+from estim.common.phrases import at_commands, language, spoken
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, ProcessPoolExecutor
@@ -64,7 +63,7 @@ def run_parallel(
     Raises NumericalError where a worker is killed, and another after the work was taken up again.
     """
     done: dict[K, T] = {}
-    task = partial(_speaking, task, language())
+    task = partial(_speaking, task, language(), at_commands())
     results: Iterator[tuple[K, T]]
     if executor is not None:
         results = _through(executor, task, numbers)
@@ -81,24 +80,25 @@ def run_parallel(
     return [done[n] for n in numbers]
 
 
-def _speaking(task: Callable[[K], T], language: str, n: K) -> T:
-    """`task(n)` in a process that may have another language."""
-    with spoken(language):
+def _speaking(task: Callable[[K], T], language: str, commands: bool, n: K) -> T:
+    """`task(n)` in a process that may speak another language, and to somebody else."""
+    with spoken(language, commands=commands):
         return task(n)
 
 
 def _through(
     executor: Executor, task: Callable[[K], T], numbers: Sequence[K]
 ) -> Iterator[tuple[K, T]]:
-    """By an executor of the caller's: all are submitted, since it may have any number of workers;
-    those that wait are given up on an error.
+    """By an executor, which may have any number of workers: all are submitted, and those that wait
+    are given up on an error.
     """
     from concurrent.futures import as_completed
 
-    futures = {executor.submit(task, n): n for n in numbers}
+    with _interrupts_held():  # an executor may start its processes now
+        futures = {executor.submit(task, n): n for n in numbers}
     try:
         for future in as_completed(futures):
-            yield futures[future], future.result()
+            yield futures.pop(future), future.result()
     finally:
         for future in futures:
             future.cancel()
@@ -127,17 +127,9 @@ def _in_pool(
 def _by_workers(
     task: Callable[[K], T], numbers: Sequence[K], jobs: int, wait_on_error: bool
 ) -> Iterator[tuple[K, T]]:
-    from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+    from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    waiting = iter(numbers)
-    futures: dict[Future[bytes], K] = {}
-
-    def submit(pool: ProcessPoolExecutor, count: int) -> None:
-        futures.update({pool.submit(_call, n): n for n in islice(waiting, count)})
-
-    # only a few calls are ever queued, so that little is left to wait for when one fails or the
-    # user interrupts
     with ExitStack() as stack:
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
@@ -145,14 +137,8 @@ def _by_workers(
                 ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),))
             )
         try:
-            with _interrupts_held():
-                submit(pool, 2 * jobs)
-            while futures:
-                done, _ = wait(futures, return_when=FIRST_COMPLETED)
-                # what was computed, first
-                for future in sorted(done, key=lambda f: f.exception() is not None):
-                    yield futures.pop(future), pickle.loads(future.result())
-                    submit(pool, 1)
+            for n, result in _through(pool, _call, numbers):
+                yield n, pickle.loads(result)
         # where the caller was interrupted between two results this is GeneratorExit
         except BaseException:
             if not wait_on_error:

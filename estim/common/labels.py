@@ -36,7 +36,12 @@ class Label:
 
     @property
     def axis(self) -> str:
-        return self.tex if self.unit == "1" else f"{self.tex} ({self.unit})"
+        return self.tex + bracketed(self.unit)
+
+    @property
+    def head(self) -> str:
+        """The head of a column."""
+        return self.symbol + bracketed(self.unit)
 
 
 @dataclass(frozen=True)
@@ -59,6 +64,16 @@ class Notation:
             unit if self.unit is None else self.unit,
             self.factor,
         )
+
+
+def bracketed(unit: str) -> str:
+    """A unit as it stands behind a name."""
+    return "" if unit == "1" else f" ({unit})"
+
+
+def behind(unit: str) -> str:
+    """A unit as it stands behind a number."""
+    return "" if unit == "1" else f" {unit}"
 
 
 def subscripted(symbol: str) -> str:

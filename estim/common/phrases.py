@@ -24,29 +24,40 @@ from estim.common.errors import InputError
 LANGUAGES = MappingProxyType({"en": "English", "es": "español"})
 _ENGLISH = "en"
 _LANGUAGE: ContextVar[str] = ContextVar("language", default=_ENGLISH)
+_COMMANDS: ContextVar[bool] = ContextVar("commands", default=False)
 K = TypeVar("K", bound=Hashable)
 _SPACES = re.compile(r"\s+")
 
 
 @contextmanager
-def spoken(language: str) -> Iterator[None]:
+def spoken(language: str, *, commands: bool | None = None) -> Iterator[None]:
     """While it lasts, `phrase` speaks `language`, one of `LANGUAGES`, in this thread of work and in
-    the processes that `spread` starts.
+    the processes that `run_parallel` starts.
+
+    commands : to a person at the command line, who has options, or to one who calls functions;
+        None: to whom it spoke before.
 
     Raises InputError for any other.
     """
     if language not in LANGUAGES:
         raise InputError(f"must be one of {', '.join(LANGUAGES)}", field="language", value=language)
     before = _LANGUAGE.set(language)
+    others = _COMMANDS.set(at_commands() if commands is None else commands)
     try:
         yield
     finally:
         _LANGUAGE.reset(before)
+        _COMMANDS.reset(others)
 
 
 def language() -> str:
     """The language that is spoken."""
     return _LANGUAGE.get()
+
+
+def at_commands() -> bool:
+    """Whether the reader is a person at the command line."""
+    return _COMMANDS.get()
 
 
 def phrase(english: str, /, **values: object) -> str:

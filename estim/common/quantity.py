@@ -29,7 +29,6 @@ _WITH_UNIT = re.compile(
     re.ASCII,
 )
 _WORD = re.compile(r"[^\W\d_][^\d,;]{0,20}")
-_LEAST_P = 1e-6
 _LEAST_POWER = -4  # of ten, of a number that is written without
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # characters of a quantity; the library's pattern takes time as the square of a row of blanks
@@ -171,12 +170,13 @@ def format_rounded(value: float, u: float) -> str:
     return signed(f"{value:.{decimals}f}")
 
 
-def format_p(p: float, least: float = _LEAST_P) -> str:
+def format_p(p: float, least: float = 0.0) -> str:
     """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only
     nearly normal.
 
     least : the smallest that is told, for instance because simulation can tell no less.
     """
+    least = max(least, 1e-6)
     return f"p = {p_digits(p)}" if p > least else f"p < {p_digits(least, 1)}"
 
 

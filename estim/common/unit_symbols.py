@@ -147,8 +147,6 @@ _JOINED = re.compile(
 _TOKEN = re.compile(
     r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|[^\W\d_]+|[%‰′″]|[()/ ]|\^[+-]?\d{1,3}(?![\d.])"
 )
-_LONGEST = 200  # characters of a unit that is read
-_MOST = 64  # meanings of one
 
 
 # natural logarithm of the SI units in one of it, then its powers of metre, kilogram, second,
@@ -257,7 +255,7 @@ def _factors_of(text: str) -> tuple[Factor, ...] | None:
     """
     spelled = _spelled(text)
     tokens = deque(_TOKEN.findall(spelled))
-    if len(spelled) > _LONGEST or "".join(tokens) != spelled:
+    if len(spelled) > 200 or "".join(tokens) != spelled:  # characters of a unit that is read
         return None
     try:
         factors = _quotient(tokens)
@@ -321,7 +319,7 @@ def _meanings(text: str) -> tuple[Unit, ...]:
     two.
     """
     readings = [_readings(factor) for factor in _factors_of(text) or ()]
-    if not readings or math.prod(map(len, readings)) > _MOST:
+    if not readings or math.prod(map(len, readings)) > 64:  # meanings of one
         return ()
     units: list[Unit] = []
     for chosen in product(*readings):

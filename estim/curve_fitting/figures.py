@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, handed_out
+from estim.common import Label, bracketed, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, handed_out
 from estim.fitting import Contour
 from estim.problem import Observations
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MANY = 150  # points beyond which error bars would hide one another
 _FINE = 201  # points along each axis of a smoothed contour
@@ -175,9 +173,8 @@ def curve_figure(
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
         if lower.get_legend_handles_labels()[0]:
             lower.legend(fontsize=7.5, frameon=False, loc="best")
-        unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
         upper.set(ylabel=run.y_label)
-        lower.set(xlabel=run.x_label, ylabel=phrase("residual") + unit)
+        lower.set(xlabel=run.x_label, ylabel=phrase("residual") + bracketed(run.y_unit))
         upper.set_title(title, fontsize=10, pad=20)
         upper.legend(
             fontsize=8,

@@ -9,22 +9,20 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import (
     Label,
-    Markdown,
     Notation,
     Status,
     format_quantity,
     format_rounded,
-    kind_words,
     phrase,
     signed,
     table,
 )
+from estim.drawing import Figure
 from estim.explanation import Explanation, across_runs
 from estim.fitting import MANY, ProfileInterval
 from estim.pipeline import Analysis
@@ -41,12 +39,7 @@ from estim.reports.curve_figures import (
     together_figure,
 )
 from estim.reports.derived import derived_rows
-from estim.reports.deviation import (
-    deviation_text,
-    discrepancy_figure,
-    discrepancy_text,
-    force_figure,
-)
+from estim.reports.deviation import discrepancy_figure, force_figure
 from estim.reports.explanation import explanation_text, runs_text, slip_words
 from estim.reports.identifiability import (
     IdentifySection,
@@ -55,6 +48,7 @@ from estim.reports.identifiability import (
     profile_figure,
 )
 from estim.reports.pages import Drawers, page, shortened
+from estim.reports.records import DRAWS, FELT
 from estim.reports.rendering import render
 from estim.reports.result import (
     ParameterSummary,
@@ -68,77 +62,40 @@ from estim.reports.result import (
 )
 from estim.reports.rolling import friction_cell, rolling_figure
 from estim.studies import determine
-from estim.words import STATUS_WORDS, Voice, first_step, name_of_test
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from estim.words import first_step, name_of_test
 
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for
 # reading
 _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
-_FELT = 0.05  # posterior standard deviations
-_PROFILE_DRAWS, _SECTION_DRAWS, _ROLLING_DRAWS = 20_000, 4000, 1000
 
 
 def analysis_report(
-    campaign: Subject,
-    analysis: Analysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
-    profiles: bool = True,
+    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
-    voice : to whom advice is given.
     figures, profiles : whether there are any figures, and profile intervals.
     """
-    return report_and_result(campaign, analysis, voice=voice, figures=figures, profiles=profiles)[0]
+    return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
 
 
 def report_and_result(
-    campaign: Subject,
-    analysis: Analysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
-    profiles: bool = True,
+    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
-    result = result_of(campaign, analysis, determination, budget=budget, voice=voice)
+    result = result_of(campaign, analysis, determination, budget=budget)
     shares = None if budget is None else shares_of(analysis, budget, result.labels)
     section = identify_section(
         analysis.problem,
         analysis.identifiability,
         determination.intervals,
         determination.sensitivity,
-        analysis.chain.thinned(_SECTION_DRAWS),
+        analysis.chain.thinned(4000),
     )
 
-    def text(pictures: Collection[str]) -> str:
-        agreement, on_edge = analysis.consistency, analysis.fit.at_bound
-        return analysis_text(
-            result,
-            section,
-            corner_words(analysis.problem, truth=bool(campaign.truth)),
-            pictures,
-            converged=analysis.chain.convergence.met,
-            consistency=""
-            if agreement is None
-            else consistency_text(
-                agreement, pictures, limits_only=not analysis.diagnosis.ok, on_edge=on_edge
-            ),
-            explanation=""
-            if analysis.explanation is None
-            else explanation_text(analysis.explanation),
-            counts=counts_text(analysis.fit, pictures),
-            shares=shares,
-            first_step=slip_words(analysis.explanation)
-            or first_step(analysis.diagnosis.findings, voice),
-        )
-
+    text = partial(_text, campaign, analysis, result, section, shares)
     drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
     files = page(drawers, text, wanted=figures, kind=campaign.kind)
     return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
@@ -165,7 +122,7 @@ def _drawers(
         )
     if intervals:
         figures["figures/profiles.png"] = lambda: profile_figure(
-            analysis.problem, intervals, analysis.chain.thinned(_PROFILE_DRAWS)
+            analysis.problem, intervals, analysis.chain.thinned(DRAWS)
         )
     if shares is not None:
         figures["figures/budget.png"] = partial(
@@ -190,7 +147,7 @@ def _drawers(
         )
     if analysis.diagnosis.ok and any(check.stated for check in analysis.rolling):
         figures["figures/rolling.png"] = lambda: rolling_figure(
-            analysis.problem, analysis.chain.thinned(_ROLLING_DRAWS), analysis.rolling
+            analysis.problem, analysis.chain.thinned(1000), analysis.rolling
         )
     if counted_runs(analysis.problem.runs):
         figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)
@@ -201,37 +158,24 @@ def _drawers(
     return figures
 
 
-def analysis_text(
+def _text(
+    campaign: Subject,
+    analysis: Analysis,
     result: Result,
     section: IdentifySection,
-    corner_words: Markdown,
+    shares: Shares | None,
     pictures: Collection[str],
-    *,
-    converged: bool,
-    consistency: str,
-    explanation: str,
-    counts: str = "",
-    shares: Shares | None = None,
-    first_step: str = "",
 ) -> str:
     """The Markdown report of one analysis, with the figures at the paths `pictures`.
 
     section : what it says about the data against the priors.
-    corner_words : below the corner figure.  converged : whether there are enough draws.
-    consistency : about several runs, "" for one.
-    explanation : of what may be missing, "" where that was not asked.
     shares : of the sources of uncertainty, None where there is no uncertainty to explain.
-    first_step : what to do first where the status is not ok.
     """
+    agreement = analysis.consistency
     axes = list(dict.fromkeys((run.x, run.y) for run in result.runs.values()))
     among = max(1.0, len(result.runs) / MANY)
     told_below = (
         P_TOLD / among if any("speed" in run.checks for run in result.runs.values()) else None
-    )
-    lacks = (
-        discrepancy_text(result.curve_deviation, result.labels, pictures)
-        if result.curve_deviation
-        else ""
     )
     screen = first_screen(result)
     return render(
@@ -244,8 +188,6 @@ def analysis_text(
         caption=caption_of(result),
         budget=shares,
         result=result,
-        kind=kind_words(result.kind),
-        status_words=STATUS_WORDS[Status(result.status)],
         prior=prior_cell,
         fit=fit_cell,
         value=value_cell,
@@ -263,22 +205,35 @@ def analysis_text(
         limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result),
         what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
-        consistency=consistency,
+        consistency=""
+        if agreement is None
+        else consistency_text(
+            agreement,
+            pictures,
+            limits_only=not analysis.diagnosis.ok,
+            on_edge=analysis.fit.at_bound,
+        ),
         friction=friction_cell,
         axes=axes,
         axes_words=phrase(" and ").join(phrase("{y} against {x}", y=y, x=x) for x, y in axes),
         limits_only=result.status != "ok",
-        converged=converged,
-        corner_words=corner_words,
-        lacks=lacks,
-        explanation=explanation,
-        counts=counts,
-        deviation=deviation_text(result.deviation, result.labels, pictures)
+        converged=analysis.chain.convergence.met,
+        corner_words=corner_words(analysis.problem, truth=bool(campaign.truth)),
+        lacks=render(
+            "lacks.md.j2", pictures=pictures, found=result.curve_deviation, labels=result.labels
+        )
+        if result.curve_deviation
+        else "",
+        explanation="" if analysis.explanation is None else explanation_text(analysis.explanation),
+        counts=counts_text(analysis.fit, pictures),
+        deviation=render(
+            "deviation.md.j2", pictures=pictures, forces=result.deviation, labels=result.labels
+        )
         if result.deviation
         else "",
         complete=complete_runs([result]),
         name_of_test=name_of_test,
-        first_step=first_step,
+        first_step=slip_words(analysis.explanation) or first_step(analysis.diagnosis.findings),
         reasons=first_reasons(result.reasons),
         said=[
             *complete_runs([result]),
@@ -311,7 +266,7 @@ def _moved_by_errors(result: Result) -> list[str]:
     return [
         name
         for name in result.parameters
-        if any(abs(effect.shifts.get(name, 0.0)) >= _FELT for effect in result.what_if)
+        if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
     ]
 
 
@@ -341,7 +296,7 @@ def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
 def _shift_cell(shift: float | None) -> str:
     if shift is None:
         return ""
-    return signed(f"{shift:+.1f}") if abs(shift) >= _FELT else "0"
+    return signed(f"{shift:+.1f}") if abs(shift) >= FELT else "0"
 
 
 def index_report(
@@ -378,11 +333,11 @@ def index_report(
             )
         )
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
-    heads = [label.symbol + ("" if label.unit == "1" else f" ({label.unit})") for label in columns]
+    heads = [label.head for label in columns]
     text = render(
         "index.md.j2",
         title=campaign.title,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         heads=heads,
         table=table,
         causes=causes,

@@ -4,50 +4,38 @@ apart is named.
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import PurePath
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_json, format_rounded, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, new_figure
+from estim.common import as_csv, as_json, bracketed, format_rounded, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
 from estim.reports.formats import with_formats
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Subject, result_of, to_json
-from estim.words import Voice
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-# at most so many quantities, of which the data say something in at least half of the runs
-_PANELS, _INFORMED = 4, 0.5
-_BARS = 200  # runs; of more, error bars would be one black band
 _LISTED = 100  # rows of a table that people read
 _NAMED = 6  # texts in a panel
 
 
 def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
     """`result.json` alone, which is all that the table of a batch needs."""
-    return {"result.json": to_json(result_of(campaign, analysis, voice=Voice.COMMANDS))}
+    return {"result.json": to_json(result_of(campaign, analysis))}
 
 
 def full_files(
     campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()
 ) -> dict[str, bytes]:
     """The whole report of a run."""
-    return with_formats(
-        analysis_report(campaign, analysis, voice=Voice.COMMANDS, figures=figures), formats
-    )
+    return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
 def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
@@ -55,7 +43,8 @@ def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, byte
     `figures/overview.png`.
     """
     quantities = spreads(rows)
-    panels = [spread for spread in quantities if spread.informed >= _INFORMED][:_PANELS]
+    # at most so many quantities, of which the data say something in at least half of the runs
+    panels = [spread for spread in quantities if spread.informed >= 0.5][:4]
 
     def text(pictures: Collection[str]) -> str:
         return _text(rows, quantities, pictures)
@@ -71,11 +60,8 @@ def batch_times(rows: Sequence[Row]) -> dict[str, bytes]:
     """`times.csv`: seconds of one processor for each run.  It is no part of the report, which says
     what follows from the inputs.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["campaign", "run", "cpu_s"])
-    writer.writerows([_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}"] for row in rows)
-    return {"times.csv": text.getvalue().encode()}
+    lines = [(_cell(row.campaign), _cell(row.run), f"{row.seconds:.2f}") for row in rows]
+    return {"times.csv": as_csv([("campaign", "run", "cpu_s"), *lines]).encode()}
 
 
 def batch_line(rows: Sequence[Row]) -> str:
@@ -129,30 +115,20 @@ def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:
     empty where there is none.
     """
     names = sorted((spread.name, spread.unit) for spread in found)
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
     heads = [f"{name} [{unit}]" if unit != "1" else name for name, unit in names]
     columns = [f"{head}{end}" for head in heads for end in ("", " sd", " q025", " q975")]
-    writer.writerow(["campaign", "run", "status", "why", *columns])
+    lines: list[list[object]] = [["campaign", "run", "status", "why", *columns]]
     for row in rows:
-        cells: list[object] = []
+        why = _cell(row.error or row.reason)
+        lines.append([_cell(row.campaign), _cell(row.run), row.status or "no result", why])
         for name, unit in names:
             value = row.values.get(name)
-            cells += (
+            lines[-1] += (
                 [""] * 4
                 if value is None or value.unit != unit
                 else [value.mean, value.sd, value.q025, value.q975]
             )
-        writer.writerow(
-            [
-                _cell(row.campaign),
-                _cell(row.run),
-                row.status or "no result",
-                _cell(row.error or row.reason),
-                *cells,
-            ]
-        )
-    return text.getvalue().encode()
+    return as_csv(lines).encode()
 
 
 def _json(rows: Sequence[Row]) -> bytes:
@@ -198,26 +174,18 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
         apart = np.isin(np.array(spread.rows), spread.apart)
         ax.axhline(spread.median, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
-            if len(rows) <= _BARS:
-                ax.errorbar(
-                    at[chosen],
-                    spread.mean[chosen],
-                    spread.sd[chosen],
-                    fmt=mark,
-                    color=colour,
-                    markersize=3.5,
-                    linewidth=0.8,
-                    capsize=0,
-                )
-            else:
-                ax.plot(
-                    at[chosen],
-                    spread.mean[chosen],
-                    mark,
-                    color=colour,
-                    markersize=2.0,
-                    markeredgewidth=0.0,
-                )
+            bars = len(rows) <= 200  # of more, error bars would be one black band
+            ax.errorbar(
+                at[chosen],
+                spread.mean[chosen],
+                spread.sd[chosen] if bars else None,
+                fmt=mark,
+                color=colour,
+                markersize=3.5 if bars else 2.0,
+                markeredgewidth=None if bars else 0.0,
+                linewidth=0.8,
+                capsize=0,
+            )
         for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
             value = spread.mean[spread.rows.index(i)]
@@ -239,7 +207,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
                 markeredgewidth=0.8,
                 transform=ax.get_xaxis_transform(),
             )
-        ax.set_ylabel(f"{spread.name}" + ("" if spread.unit == "1" else f" ({spread.unit})"))
+        ax.set_ylabel(spread.name + bracketed(spread.unit))
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)

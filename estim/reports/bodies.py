@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
-from estim.common import as_json, format_quantity, kind_words, one_line
+from estim.common import as_json, format_quantity
 from estim.reports.rendering import render
-from estim.reports.result import Correlation, Provenance, software_versions
+from estim.reports.result import Correlation, Provenance, provenance_of
 from estim.sampling import number
 from estim.studies import BodyProperties
 
@@ -92,7 +92,7 @@ def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
         quantity.name: BodyInput(quantity.value, quantity.u, quantity.unit)
         for quantity in linear.inputs
     }
-    at = Provenance(one_line(str(source.path)), source.sha256, {}, seed, software_versions())
+    at = provenance_of(source.path, source.sha256, {}, seed)
     return BodyResult(
         BODY_SCHEMA,
         source.title,
@@ -111,7 +111,6 @@ def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     text = render(
         "body.md.j2",
         result=result,
-        kind=kind_words(result.kind),
         budgets=_budgets(result),
         label=lambda out, unit: OUTPUTS[out][0].label(unit),
         symbols=[

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -15,21 +14,12 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Label, format_rounded, phrase, signed, split_level
 from estim.deviation import DEVIATION, FORCE, FRAMES, START
-from estim.drawing import BLUE, INK, grid, name_ticks
+from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
-from estim.reports.records import Labels
+from estim.reports.records import DRAWS, Labels
 from estim.sampling import number
 from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_DRAWS = 20_000
-_TOLD = 1e-3  # share of the variance below which a source goes with the others
-_BENT = 0.2
-MAX_QUANTITIES, MAX_SOURCES = 8, 10
-_WRITTEN = 0.5  # %, from which a share has its number beside it
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):
@@ -93,7 +83,7 @@ class Shares:
 def budget_of(analysis: Analysis) -> Budget | None:
     """None where the status allows no standard deviation, or there is no covariance."""
     return (
-        uncertainty_budget(analysis.fit, analysis.chain.thinned(_DRAWS))
+        uncertainty_budget(analysis.fit, analysis.chain.thinned(DRAWS))
         if analysis.diagnosis.ok
         else None
     )
@@ -116,7 +106,8 @@ def budget_records(
 
 def _record(budget: Budget, k: int, unit: str) -> UncertaintyBudget:
     shares, drawn = budget.shares[:, k], budget.shares_drawn[:, k]
-    order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= _TOLD]
+    # share of the variance below which a source goes with the others
+    order = [int(i) for i in np.argsort(-shares, kind="stable") if shares[i] >= 1e-3]
     sources = [
         UncertaintySource(
             budget.sources[i].name,
@@ -147,7 +138,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         for name, label in quantities
         if name in budget.names and name not in _between(analysis)
     ]
-    chosen = known[:MAX_QUANTITIES]
+    chosen = known[:8]
     columns = [budget.names.index(name) for name, _ in chosen]
     shares, drawn = budget.shares[:, columns], budget.shares_drawn[:, columns]
     groups: dict[str, list[int]] = {}
@@ -158,9 +149,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         groups, key=lambda words: -float(np.max(np.sum(shares[groups[words]], axis=0)))
     )
     largest = [
-        words
-        for words in ordered[:MAX_SOURCES]
-        if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
+        words for words in ordered[:10] if np.max(np.sum(shares[groups[words]], axis=0)) >= 0.005
     ]
     rows = [(words, groups[words]) for words in largest]
     rest = [i for words in ordered if words not in largest for i in groups[words]]
@@ -178,7 +167,7 @@ def shares_of(analysis: Analysis, budget: Budget, labels: Labels) -> Shares:
         tuple(
             label.symbol
             for k, (_, label) in zip(columns, chosen, strict=True)
-            if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= _BENT
+            if not abs(budget.posterior[k] / budget.sds[k] - 1.0) <= 0.2
         ),
     )
 
@@ -238,7 +227,8 @@ def budget_figure(quantities: Sequence[str], sources: Sequence[str], shares: Flo
         bars = ax.barh(places, widths, color=BLUE, height=0.7)
         ax.bar_label(
             bars,
-            [signed(f"{width:.1f}") if abs(width) >= _WRITTEN else "" for width in widths],
+            # %, from which a share has its number beside it
+            [signed(f"{width:.1f}") if abs(width) >= 0.5 else "" for width in widths],
             padding=3,
             fontsize=7.5,
         )

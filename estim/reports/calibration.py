@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -21,17 +20,14 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import Markdown, as_json, decide, kind_words, later, p_digits, percentage, phrase
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, name_ticks, new_figure
+from estim.common import Markdown, as_json, decide, later, p_digits, percentage, phrase
+from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
 from estim.words import direction_words, tell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SCHEMA = "estim-calibration/1"
 _AT = {"sbc": "priors", "coverage": "fit"}
@@ -113,7 +109,7 @@ def calibration_report(
         render,
         "calibration.md.j2",
         title=campaign.title,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS,

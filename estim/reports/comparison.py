@@ -9,7 +9,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, kind_words, later, phrase
+from estim.common import as_json, later, phrase
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -19,7 +19,6 @@ from estim.sampling import Summary, number
 from estim.studies import Compared
 
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
-_BEHIND = 4.0  # difference of elpd below which models predict alike, whatever its error
 
 
 class ComparedSummary(msgspec.Struct, frozen=True):
@@ -54,12 +53,12 @@ def compare_report(
         "compare.md.j2",
         title=campaign.title,
         runs=runs,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         rows=summaries,
         cells=[_cells(s, common) for s in summaries],
-        heads=[p.label.symbol + ("" if p.unit == "1" else f" ({p.label.unit})") for p in common],
+        heads=[p.label.head for p in common],
         influential=INFLUENTIAL,
-        behind=_BEHIND,
+        behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
         several_data=len({s.data for s in summaries}) > 1,
         data=[phrase(_DATA[s.data]) for s in summaries],

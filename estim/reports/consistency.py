@@ -6,17 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
 from estim.common import Label, Markdown, format_quantity, phrase
-from estim.drawing import BLUE, GREY, INK, VERMILION, grid, legend_below, name_ticks
+from estim.drawing import BLUE, GREY, INK, VERMILION, Figure, grid, legend_below, name_ticks
 from estim.reports.rendering import render
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _MOST_ROWS, _FARTHEST = 64, 24
 

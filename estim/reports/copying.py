@@ -9,14 +9,12 @@ without u, whose 68 % interval stands beside it.
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from estim.checks import Estimate, lopsided
-from estim.common import Label, Markdown, format_quantity, one_line, phrase, powers_in
+from estim.common import Label, Markdown, as_csv, format_quantity, one_line, phrase, powers_in
 
 _BASES = {
     "m": "metre",
@@ -130,44 +128,24 @@ def _block(lines: Sequence[str], language: str = "text") -> Markdown:
 
 
 def _rows(estimates: Sequence[Estimate]) -> list[str]:
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(
-        ["quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"]
-    )
+    head = "quantity", "value", "u", "low_68", "high_68", "low_95", "high_95", "unit", "measured"
+    rows: list[Sequence[str]] = [head]
     for estimate in estimates:
         p, factor = estimate.summary, estimate.label.factor
         limit = p.limit.limit_95 if p.limit is not None else estimate.upper
-        unit = "" if estimate.label.unit == "1" else estimate.label.unit
-        measured = "yes" if estimate.measured else "no"
         if limit is not None:
+            ends = ["", _digits(limit * factor)]
             lower = p.limit is not None and p.limit.side == "lower"
-            ends = ("", _digits(limit * factor))
-            writer.writerow(
-                [
-                    estimate.label.symbol,
-                    "",
-                    "",
-                    "",
-                    "",
-                    *(ends[::-1] if lower else ends),
-                    unit,
-                    measured,
-                ]
-            )
+            cells = ["", "", "", "", *(ends[::-1] if lower else ends)]
         else:
             # as the text has it, in which ± would mislead there
             centre = [p.median, None] if lopsided(p) else [p.mean, p.sd]
             numbers = [*centre, p.q16, p.q84, p.q025, p.q975]
-            writer.writerow(
-                [
-                    estimate.label.symbol,
-                    *("" if v is None else _digits(v * factor) for v in numbers),
-                    unit,
-                    measured,
-                ]
-            )
-    return buffer.getvalue().splitlines()
+            cells = ["" if v is None else _digits(v * factor) for v in numbers]
+        unit = "" if estimate.label.unit == "1" else estimate.label.unit
+        measured = "yes" if estimate.measured else "no"
+        rows.append([estimate.label.symbol, *cells, unit, measured])
+    return as_csv(rows).splitlines()
 
 
 def _digits(value: float) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Label, Markdown, phrase
+from estim.common import PROBABILITIES, Label, Markdown, phrase
 from estim.drawing import (
     BLUE,
     GREEN,
@@ -19,6 +19,8 @@ from estim.drawing import (
     PALE,
     PURPLE,
     WIDTH,
+    Axes,
+    Figure,
     name_ticks,
     new_figure,
     tick_texts,
@@ -26,25 +28,15 @@ from estim.drawing import (
 from estim.pipeline import Analysis
 from estim.problem import Prior, Problem, uses_of
 from estim.reports.derived import derived_quantity_draws
+from estim.reports.records import DRAWS
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-PROBABILITIES = (0.95, 0.68)
 MAX_CORNER, MAX_SOUGHT = 7, 3
-# part of a value that an axis is wide at least: what is narrower has too few numbers to draw
-_NARROWEST = 1e-11
-# inches left of and below the panels, right of them, and above them, where the title has room
-_BEFORE, _BEHIND, _ABOVE = 0.9, 0.15, 0.3
-_GAP = 0.05  # between two panels, as a share of one
-# cells along an axis; sd of the kernel, in cells; its sds beyond which it is cut off
-_N_BIN, _SMOOTH, _REACH = 30, 1.2, 4.0
 _FAR = 4.0  # widths of the 68 % interval, beyond which no tail is drawn
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)  # of ensembles
-_MOST_STEPS, _MOST_STRIPS = 1000, 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +62,8 @@ class Density:
     """Smoothed number of draws per cell: z (n_bin + 2, n_bin + 2) at x and y (n_bin + 2,), the
     middles of the cells and the ends of their ranges.
 
-    levels : (2,), increasing; above them lie 95 and 68 % of the density, and a little more of the
-        draws, which smoothing spreads.
+    levels : increasing; above them lie 95 and 68 % of the density, and a little more of the draws,
+        which smoothing spreads.
     """
 
     x: FloatArray
@@ -92,14 +84,14 @@ def corner_figure(analysis: Analysis, truth: Mapping[str, float] = MappingProxyT
     n, fontsize = len(columns), 10.0 if len(analysis.problem.runs) == 1 else 8.5
     size = max(0.75 * WIDTH, 1.35 * n)
     figure = Figure(figsize=(size, size), facecolor="white")
-    before = _BEFORE / size
+    before, gap = 0.9 / size, 0.05  # left and below; of a panel, between two
     figure.subplots_adjust(
         left=before,
         bottom=before,
-        right=1.0 - _BEHIND / size,
-        top=1.0 - _ABOVE / size,
-        wspace=_GAP,
-        hspace=_GAP,
+        right=1.0 - 0.15 / size,
+        top=1.0 - 0.3 / size,  # the title has room
+        wspace=gap,
+        hspace=gap,
     )
     for i, row in enumerate(columns):
         for j, column in enumerate(columns[: i + 1]):
@@ -128,7 +120,7 @@ def columns_of(
     """What a corner figure shows, one entry a parameter.  truth : parameter -> true value."""
     single = len(analysis.problem.runs) == 1
     parameters = [analysis.problem.parameters[i] for i in corner_parameters(analysis.problem)]
-    draws = analysis.chain.thinned(20_000)
+    draws = analysis.chain.thinned(DRAWS)
     names = analysis.problem.names
     columns = [
         _column(
@@ -150,48 +142,30 @@ def density_of(
     y: FloatArray,
     ranges: Sequence[tuple[float, float]],
     *,
-    n_bin: int = _N_BIN,
-    smooth: float = _SMOOTH,
+    n_bin: int = 30,
+    smooth: float = 1.2,
+    probabilities: Sequence[float] = PROBABILITIES[::-1],
 ) -> Density:
-    """The density of draws (n_draw,) between the ends of two `ranges`; smooth : standard deviation
-    of the kernel, in cells.
+    """The density of draws (n_draw,) between the ends of two `ranges`.
+
+    smooth : standard deviation of the kernel, in cells; what is beyond the edges is what is inside,
+        mirrored.
+    probabilities : decreasing, of the regions above the levels.
     """
+    from scipy.ndimage import gaussian_filter
+
     counts, *edges = np.histogram2d(x, y, bins=n_bin, range=ranges)
     middles = [
         np.concatenate([edge[:1], 0.5 * (edge[1:] + edge[:-1]), edge[-1:]]) for edge in edges
     ]
-    smoothed = blurred(counts, smooth)
-    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), _levels(smoothed))
-
-
-def blurred(counts: FloatArray, sd: float) -> FloatArray:
-    """A histogram (n, n) smoothed by a normal kernel of `sd` cells, the counts beyond its edges
-    those inside mirrored.
-
-    The package of SciPy that does the same takes longer to load than the figure to draw.
-    """
-    n = len(counts)
-    reach = int(_REACH * sd + 0.5)
-    steps = np.arange(-reach, reach + 1)
-    weights = np.exp(-0.5 * np.square(steps / sd))
-    mirrored = np.add.outer(np.arange(n), steps) % (2 * n)
-    kernel = np.zeros((n, n))
-    np.add.at(
-        kernel,
-        (np.arange(n)[:, None], np.minimum(mirrored, 2 * n - 1 - mirrored)),
-        weights / np.sum(weights),
-    )
-    return np.asarray(kernel @ counts @ kernel.T)
-
-
-def _levels(smoothed: FloatArray) -> FloatArray:
-    """Not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide,
-    so such a region would be too short along it.
-    """
+    smoothed = gaussian_filter(counts, smooth)
+    # not those that hold as many of the draws: across a narrow ridge the smoothed one is too wide,
+    # so such a region would be too short along it
     ordered = np.sort(smoothed, axis=None)[::-1]
     held = np.cumsum(ordered)
-    low, high = ordered[np.searchsorted(held, np.array(PROBABILITIES) * held[-1])]
-    return np.array([min(low, high * (1.0 - 1e-4)), high])
+    levels = ordered[np.searchsorted(held, np.array(probabilities) * held[-1])]
+    levels[:-1] = np.minimum(levels[:-1], levels[1:] * (1.0 - 1e-4))
+    return Density(middles[0], middles[1], np.pad(smoothed, 1, mode="edge"), levels)
 
 
 def _column(
@@ -218,7 +192,7 @@ def _draw_marginal(ax: Axes, column: Column) -> None:
     is far narrower leaves the panel.
     """
     heights, edges = np.histogram(
-        column.draws, bins=_N_BIN, range=(column.low, column.high), density=True
+        column.draws, bins=30, range=(column.low, column.high), density=True
     )
     ax.stairs(heights, edges, color=BLUE, lw=1.0)
     top = 1.1 * float(heights.max())
@@ -261,7 +235,8 @@ def _reach(prior: Prior | None, draws: FloatArray, factor: float) -> tuple[float
     if prior is None:  # a ratio may have tails without end
         low, high = max(low, q16 - _FAR * (q84 - q16)), min(high, q84 + _FAR * (q84 - q16))
     size = max(abs(low), abs(high)) or 1.0
-    margin = max(0.08 * (high - low), _NARROWEST * size)
+    # part of a value that an axis is wide at least: what is narrower has too few numbers to draw
+    margin = max(0.08 * (high - low), 1e-11 * size)
     ends = (-np.inf, np.inf) if prior is None else (prior.low * factor, prior.high * factor)
     return max(float(low - margin), ends[0]), min(float(high + margin), ends[1])
 
@@ -317,12 +292,12 @@ def corner_words(problem: Problem, *, truth: bool = False) -> Markdown:
 def trace_figure(analysis: Analysis) -> Figure:
     """The mean of each ensemble's walkers, and one of its walkers behind, against the step."""
     parameters, draws = analysis.problem.parameters, analysis.chain.draws
-    places = analysis.problem.foremost(_MOST_STRIPS)
+    places = analysis.problem.foremost(40)
     columns = 1 if len(places) <= 8 else 2
     rows = -(-len(places) // columns)
     figure = new_figure(0.85 * rows + 0.7)
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True).T.ravel()
-    every = max(1, draws.shape[1] // _MOST_STEPS)
+    every = max(1, draws.shape[1] // 1000)
     steps = (np.arange(draws.shape[1]) + analysis.chain.n_burn)[::every]
     for ax, i in zip(axes, places, strict=False):
         label, mine = parameters[i].label, draws[:, ::every, :, i] * parameters[i].label.factor

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Goodness
-from estim.common import later, phrase
-from estim.drawing import BLUE, GREY, INK, draw_sds, new_figure
+from estim.common import PROBABILITIES, later, phrase
+from estim.drawing import BLUE, GREY, INK, Axes, Figure, draw_pulls, fill, new_figure
 from estim.fitting import Fit
 from estim.problem import Counted, Law, Observations
 from estim.reports.rendering import render
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-_LEVELS = (0.95, 0.68)
 _FEW = 5.0  # expected events below which a bin says little by itself
 
 
@@ -76,11 +70,9 @@ def counts_figure(fit: Fit, goodness: Sequence[Goodness]) -> Figure:
         top.set_ylim(bottom=0.0)
         top.legend(loc="best")
         top.tick_params(labelbottom=False)
-        draw_sds(below)
+        draw_pulls(below, good.whitened)
         below.vlines(run.x, 0.0, good.whitened, color=INK, lw=0.8)
         below.plot(run.x, good.whitened, "o", color=INK, ms=2.5)
-        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
-        below.set_ylim(-reach, reach)
         below.set(xlabel=run.x_label, ylabel=phrase("pull"))
         below.sharex(top)
     return figure
@@ -93,9 +85,9 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         if law.word == "counts"
         else later("range of a fraction, {p:.0f} %")
     )
-    ends = {level: _interval(law, mean, counted.trials, level) for level in _LEVELS}
+    ends = {level: _interval(law, mean, counted.trials, level) for level in PROBABILITIES}
     if edges is None:
-        for level, width in zip(_LEVELS, (1.2, 3.5), strict=True):
+        for level, width in zip(PROBABILITIES[::-1], (1.2, 3.5), strict=True):
             ax.vlines(
                 run.x,
                 *ends[level],
@@ -115,11 +107,9 @@ def _draw_counts(ax: Axes, run: Observations, mean: FloatArray, counted: Counted
         ax.fill_between([low, high], 0.0, height, color=GREY, alpha=0.3, lw=0)
     ax.fill_between([], [], [], color=GREY, alpha=0.3, lw=0, label=phrase("observed counts"))
     x = edges.ravel()
-    for level, shade in zip(_LEVELS, (0.18, 0.38), strict=True):
+    for level, shade in zip(PROBABILITIES[::-1], (0.18, 0.38), strict=True):
         low, high = (np.repeat(end, 2) for end in ends[level])
-        ax.fill_between(
-            x, low, high, color=BLUE, alpha=shade, lw=0, label=phrase(lies, p=100 * level)
-        )
+        fill(ax, x, low, high, BLUE, shade, label=phrase(lies, p=100 * level))
     ax.plot(x, np.repeat(mean, 2), color=BLUE, lw=1.2, label=phrase("expectation of the curve"))
     ax.plot(run.x, run.y, "o", color=INK, ms=2.5, zorder=5, clip_on=False)
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.campaign import way_back
 from estim.checks import Goodness, Outliers
-from estim.common import later, phrase
+from estim.common import bracketed, later, phrase
 from estim.deviation import FoundForce
 from estim.drawing import (
     BLUE,
@@ -23,7 +23,10 @@ from estim.drawing import (
     ORANGE,
     RUN_COLOURS,
     VERMILION,
-    draw_sds,
+    Axes,
+    Figure,
+    draw_pulls,
+    fill,
     legend_below,
     new_figure,
 )
@@ -32,18 +35,12 @@ from estim.problem import Observations, Problem, reading_sd
 from estim.sampling import Bands, curve_draws
 from estim.studies import PropagatedBand
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+_RING: dict[str, Any] = {"mfc": "none", "mec": VERMILION, "mew": 1.6, "ls": "", "zorder": 6}
 MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
-# heights of all other points that an outlier is away from them, and is no longer drawn to scale
-_FAR = 3.0
 _HIDING = 300  # points that hide each other, and a line between them all
-_A_BIN, _MOST_BINS = 8, 24  # points of all runs in a bin of the mean at least, and bins at most
 _NAMED = len(RUN_COLOURS)  # runs beyond which single ones are grey
 
 
@@ -66,6 +63,8 @@ def phase_figure(
         )
         if trusted:
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
+            label = phrase("posterior median")
+            ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=label)
         else:
             mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             label = (
@@ -113,15 +112,7 @@ def _draw_propagated(ax: Axes, low: Axes, band: PropagatedBand, bands: Bands, wh
     """
     fit = np.interp(band.x, bands.x, bands.median)
     for panel, less in ((ax, np.zeros_like(fit)), (low, fit)):
-        panel.fill_between(
-            band.x,
-            band.mc_low - less,
-            band.mc_high - less,
-            color=ORANGE,
-            alpha=0.3,
-            lw=0,
-            label=whose,
-        )
+        fill(panel, band.x, band.mc_low - less, band.mc_high - less, ORANGE, 0.3, label=whose)
         panel.plot(
             band.x,
             band.value - less,
@@ -138,34 +129,23 @@ def _low_end(values: FloatArray) -> float:
     return 0.0 if lowest > 0.0 else lowest - 0.03 * float(np.ptp(values))
 
 
-def _draw_bands(ax: Axes, bands: Bands, new: str) -> None:
-    probabilities = sorted(bands.credible, reverse=True)
-    widest = probabilities[0]
-    ax.fill_between(
-        bands.x,
-        *bands.predictive[widest],
-        color=GREY,
-        alpha=0.22,
-        lw=0,
-        label=f"{new}, {100 * widest:.0f} %",
+def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | float = 0.0) -> None:
+    """A new reading, and the curve, all `less` something; with names where a `new` reading has
+    one.
+    """
+    curve = (
+        later("the curve including the force, {p:.0f} %")
+        if bands.completed
+        else later("the curve, {p:.0f} %")
     )
-    for probability, alpha in zip(probabilities, (0.30, 0.55), strict=True):
-        low, high = bands.credible[probability]
-        curve = (
-            later("the curve including the force, {p:.0f} %")
-            if bands.completed
-            else later("the curve, {p:.0f} %")
-        )
-        ax.fill_between(
-            bands.x,
-            low,
-            high,
-            color=BLUE,
-            alpha=alpha,
-            lw=0,
-            label=phrase(curve, p=100 * probability),
-        )
-    ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=phrase("posterior median"))
+    for intervals, p, colour, alpha in (
+        (bands.predictive, 0.95, GREY, 0.22),
+        (bands.credible, 0.95, BLUE, 0.30),
+        (bands.credible, 0.68, BLUE, 0.55),
+    ):
+        name = f"{new}, {100 * p:.0f} %" if colour == GREY else phrase(curve, p=100 * p)
+        low, high = intervals[p]
+        fill(ax, bands.x, low - less, high - less, colour, alpha, label=name if new else None)
 
 
 def _draw_points(ax: Axes, run: Observations, residuals: Residuals) -> None:
@@ -207,36 +187,13 @@ def _draw_outliers(
     for group in outliers:
         at = group.frames[~far[group.frames]] if group.run == run.name else group.frames[:0]
         if at.size:
-            ax.plot(
-                run.x[at],
-                run.y[at],
-                "o",
-                mfc="none",
-                mec=VERMILION,
-                mew=1.6,
-                ms=9,
-                ls="",
-                label=phrase("outlier"),
-                zorder=6,
-            )
+            ax.plot(run.x[at], run.y[at], "o", ms=9, label=phrase("outlier"), **_RING)
     label, place = phrase("distant outlier"), ax.get_xaxis_transform()
     for x, y in zip(run.x[far], run.y[far], strict=True):
         edge, up, mark, side = (
             (0.03, 9, "v", "bottom") if y < run.y[~far].min() else (0.97, -9, "^", "top")
         )
-        ax.plot(
-            x,
-            edge,
-            mark,
-            mfc="none",
-            mec=VERMILION,
-            mew=1.6,
-            ms=8,
-            ls="",
-            label=label,
-            zorder=6,
-            transform=place,
-        )
+        ax.plot(x, edge, mark, ms=8, label=label, transform=place, **_RING)
         ax.annotate(
             f"{y:.4g}",
             (x, edge),
@@ -258,18 +215,7 @@ def _draw_bad_frames(ax: Axes, run: Observations, forces: Sequence[FoundForce]) 
         {int(np.argmin(np.abs(times - (jump.x if run.t is None else jump.t)))) for jump in jumps}
     )
     if at:
-        ax.plot(
-            run.x[at],
-            run.y[at],
-            "o",
-            mfc="none",
-            mec=VERMILION,
-            mew=1.6,
-            ms=9,
-            ls="",
-            label=phrase("bad frame"),
-            zorder=6,
-        )
+        ax.plot(run.x[at], run.y[at], "o", ms=9, label=phrase("bad frame"), **_RING)
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,7 +278,9 @@ def far_off(run: Observations, outliers: Sequence[Outliers]) -> NDArray[np.bool_
     away = (
         np.maximum(rest.min() - run.y, run.y - rest.max()) if rest.size > 1 else np.zeros(run.n_obs)
     )
-    return named & (away > _FAR * np.ptp(rest))
+    # heights of all other points that an outlier is away from them, and is no longer drawn to
+    # scale
+    return named & (away > 3.0 * np.ptp(rest))
 
 
 def panel_pairs(n: int, *, height: float) -> tuple[Figure, list[tuple[Axes, Axes]]]:
@@ -386,15 +334,7 @@ def draw_residuals(
     run, near = residuals.run, ~residuals.far
     rest, sd = residuals.rest[near], residuals.sd[near]
     if bands is not None:
-        fills = (
-            (bands.predictive[0.95], GREY, 0.22),
-            (bands.credible[0.95], BLUE, 0.30),
-            (bands.credible[0.68], BLUE, 0.55),
-        )
-        for (low, high), colour, alpha in fills:
-            ax.fill_between(
-                bands.x, low - bands.median, high - bands.median, color=colour, alpha=alpha, lw=0
-            )
+        _draw_bands(ax, bands, less=bands.median)
     ax.axhline(0.0, color=BLUE, lw=1.0)
     if run.n_obs > _MANY:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
@@ -406,11 +346,11 @@ def draw_residuals(
         reach,
     )
     ax.set_ylim(-top, top)
-    unit = "" if run.y_unit == "1" else f" ({run.y_unit})"
     symbol = _symbol(run)
     ax.set(
         xlabel=run.x_label,
-        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit")) + unit,
+        ylabel=(phrase("{symbol} − fit", symbol=symbol) if symbol else phrase("data − fit"))
+        + bracketed(run.y_unit),
     )
 
 
@@ -427,7 +367,7 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
     figure = new_figure(2.5 * len(runs))
     axes = figure.subplots(len(runs), 2, squeeze=False, width_ratios=(3, 1), sharey="row")
     for (left, right), run, good in zip(axes, runs, goodness, strict=True):
-        draw_sds(left)
+        reach = draw_pulls(left, good.whitened)
         if run.n_obs <= _HIDING:
             left.plot(run.x, good.whitened, "-", color=BLUE, lw=0.6, alpha=0.6)
         left.plot(
@@ -437,7 +377,6 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
             color=INK,
             **({"ms": 3.0} if run.n_obs <= _HIDING else {"ms": 1.2, "alpha": 0.6}),
         )
-        reach = max(3.3, 1.1 * float(np.max(np.abs(good.whitened))))
         edges = np.linspace(-reach, reach, 15)
         right.hist(good.whitened, bins=edges, orientation="horizontal", color=BLUE, alpha=0.55)
         z = np.linspace(-reach, reach, 200)
@@ -447,7 +386,6 @@ def residual_figure(runs: Sequence[Observations], goodness: Sequence[Goodness]) 
             color=INK,
             lw=1,
         )
-        left.set_ylim(-reach, reach)
         left.set(xlabel=run.x_label, ylabel=phrase("whitened residual"))
         left.set_title(run.name)
         right.set(xlabel=phrase(run.words.rows))
@@ -461,24 +399,15 @@ def together_figure(problem: Problem, goodness: Sequence[Goodness]) -> Figure:
     """
     by_run = {good.run: good for good in goodness}
     rows = [group.runs for group in problem.groups if len(group.runs) > 1]
-    rows += (
-        [runs]
-        if (
-            runs := tuple(
-                run for group in problem.groups if len(group.runs) == 1 for run in group.runs
-            )
-        )
-        else []
-    )
+    if alone := [group.runs[0] for group in problem.groups if len(group.runs) == 1]:
+        rows.append(tuple(alone))
     figure = new_figure(3.2 * len(rows))
     parts = np.ravel(figure.subfigures(len(rows), 1, squeeze=False))
     for part, runs in zip(parts, rows, strict=True):
         left, right = part.subplots(1, 2)
         _overlay(left, runs, [by_run[run.name].raw for run in runs])
         _overlay(right, runs, [by_run[run.name].whitened for run in runs])
-        left.set_ylabel(
-            phrase("data − curve") + (f" ({runs[0].y_unit})" if runs[0].y_unit != "1" else "")
-        )
+        left.set_ylabel(phrase("data − curve") + bracketed(runs[0].y_unit))
         right.set_ylabel(phrase("whitened residual"))
         left.set_title(phrase("{n} runs", n=len(runs)) if len(runs) > 1 else phrase("1 run"))
         right.set_title(phrase("remaining residual"))
@@ -490,7 +419,8 @@ def binned_mean(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, F
     """Means of x and y, and the standard error of the latter, (n_bin,) each, in bins of as many
     points of (x, y), (n_obs,).
     """
-    n_bin = int(np.clip(x.size // _A_BIN, 1, _MOST_BINS))
+    # points of all runs in a bin of the mean at least, and bins at most
+    n_bin = int(np.clip(x.size // 8, 1, 24))
     parts = np.array_split(np.argsort(x, kind="stable"), n_bin)
     errors = [
         np.std(y[part], ddof=1) / np.sqrt(part.size) if part.size > 1 else np.nan for part in parts

@@ -5,7 +5,9 @@ numbers come from.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import operator
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,13 +18,10 @@ from estim.common import Label, Quantity, format_quantity, phrase
 from estim.pipeline import Analysis
 from estim.problem import Derived, Observations, Problem
 from estim.reading import Run
-from estim.reports.records import Labels, RunSummary
+from estim.reports.records import DRAWS, Labels, RunSummary
 from estim.sampling import Summary, summarise, trusted
 
-_DRAWS = 20_000
-_APART = 3.0  # combined standard uncertainties
-_HANDFUL = 5  # frames of the way back that are not worth a word
-_READING = 0.001  # m or rad, as an example
+T = TypeVar("T")
 
 
 def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived]:
@@ -36,7 +35,7 @@ def derived_draws(analysis: Analysis, run: Observations) -> Mapping[str, Derived
         if isinstance(source, str)
     )
     places = [i for i, name in enumerate(analysis.problem.names) if name in used]
-    draws = analysis.chain.thinned(_DRAWS, places)
+    draws = analysis.chain.thinned(DRAWS, places)
     return run.derived(
         run.bind({analysis.problem.names[i]: draws[:, k, None] for k, i in enumerate(places)})
     )
@@ -74,17 +73,24 @@ def derived_columns(analysis: Analysis) -> dict[str, tuple[Derived, Label]]:
                 by_name.setdefault(name, {})[run.name] = derived
     columns: dict[str, tuple[Derived, Label]] = {}
     for name, by_run in by_name.items():
-        first = next(iter(by_run.values()))
-        if len(by_run) == len(runs) and all(
-            np.array_equal(first.values, other.values, equal_nan=True) for other in by_run.values()
-        ):
-            columns[name] = (first, first.label)
-        else:
-            columns |= {
-                f"{name}[{run}]": (quantity, quantity.notation.label(quantity.unit, f"[{run}]"))
-                for run, quantity in by_run.items()
-            }
+        same = once(
+            by_run, len(runs), lambda a, b: np.array_equal(a.values, b.values, equal_nan=True)
+        )
+        for place, quantity in same.items():
+            level = place and f"[{place}]"
+            columns[name + level] = (quantity, quantity.notation.label(quantity.unit, level))
     return columns
+
+
+def once(
+    by_run: Mapping[str, T], n_run: int, same: Callable[[T, T], bool] = operator.eq
+) -> Mapping[str, T]:
+    """What is known of a quantity by run: under "" alone where it is the same for all runs, which
+    are `n_run`.
+    """
+    first, *others = by_run.values()
+    shared = len(by_run) == n_run and all(same(first, other) for other in others)
+    return {"": first} if shared else by_run
 
 
 def derived_labels(analysis: Analysis) -> dict[str, Label]:
@@ -158,14 +164,11 @@ def derived_rows(
     for run, summary in runs.items():
         for name, d in summary.derived.items():
             by_name.setdefault(name, {})[run] = parameter_cells(d, labels.derived[run][name])[1:]
-    rows = []
-    for name, cells in by_name.items():
-        symbol = labels.derived[next(iter(cells))][name].symbol
-        if len(cells) == len(runs) and len(set(cells.values())) == 1:
-            rows.append((symbol, *next(iter(cells.values()))))
-        else:
-            rows += [(f"{symbol}[{run}]", *row) for run, row in cells.items()]
-    return rows
+    return [
+        (labels.derived[next(iter(cells))][name].symbol + (run and f"[{run}]"), *row)
+        for name, cells in by_name.items()
+        for run, row in once(cells, len(runs)).items()
+    ]
 
 
 def origin_facts(table: Run, run: Observations, problem: Problem) -> tuple[str, ...]:
@@ -200,7 +203,7 @@ def origin_warnings(table: Run, run: Observations, problem: Problem) -> tuple[st
     if table.tilt is None or stated is None:
         return table.warnings
     apart, u = abs(table.tilt.value - stated.value), math.hypot(table.tilt.u, stated.u)
-    if apart <= _APART * u:
+    if apart <= 3.0 * u:  # combined standard uncertainties
         return table.warnings
     tilts = {"track": _degrees(table.tilt), "stated": _degrees(stated)}
     if u > 0.0:
@@ -232,7 +235,8 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
     if "offset" not in run.arguments:
         coordinate, key = ("x", "offset_m") if run.x_unit == "m" else ("θ", "offset_rad")
         reading = run.noise.size.sigma.value if run.noise.made_of_positions else 0.0
-        example = format_quantity(0.0, reading or _READING, plus_minus=False)
+        # m or rad, as an example
+        example = format_quantity(0.0, reading or 0.001, plus_minus=False)
         facts.append(
             phrase(
                 "the zero of {coordinate} (the release) is taken as exact; if it is a "
@@ -243,7 +247,7 @@ def speed_facts(run: Observations) -> tuple[str, ...]:
             )
         )
     back = way_back(run.excluded)
-    if back > _HANDFUL:
+    if back > 5:  # frames of the way back that are not worth a word
         facts.append(
             phrase(
                 'noise with model = "positions" would also use the {back} frames of the '

@@ -4,24 +4,18 @@ deviation of a user's own curve.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 
 from estim.checks import deviation_finding, force_finding, noise_finding
-from estim.common import OF_BODY, Markdown, phrase
+from estim.common import OF_BODY, phrase
 from estim.deviation import DeviationSize, FoundDeviation, FoundForce
-from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, draw_bands, grid, legend_below
+from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Observations
-from estim.reports.records import Labels
-from estim.reports.rendering import render
 from estim.words import tell
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _AVERAGE = "rolling_resistance"  # what a constant force is part of
 
@@ -72,13 +66,6 @@ def deviations(analysis: Analysis) -> dict[str, ForceSummary] | None:
     for.
     """
     return {force.run: _summary(analysis, force) for force in analysis.fit.forces} or None
-
-
-def deviation_text(
-    forces: Mapping[str, ForceSummary], labels: Labels, pictures: Collection[str]
-) -> Markdown:
-    """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
-    return render("deviation.md.j2", pictures=pictures, forces=forces, labels=labels)
 
 
 def _summary(analysis: Analysis, found: FoundForce) -> ForceSummary:
@@ -237,13 +224,6 @@ def curve_deviations(analysis: Analysis) -> dict[str, DeviationSummary] | None:
     return {
         deviation.run: _curve_summary(analysis, deviation) for deviation in analysis.fit.deviations
     } or None
-
-
-def discrepancy_text(
-    found: Mapping[str, DeviationSummary], labels: Labels, pictures: Collection[str]
-) -> Markdown:
-    """Markdown fragment without a heading.  pictures : paths of the figures beside it."""
-    return render("lacks.md.j2", pictures=pictures, found=found, labels=labels)
 
 
 def _curve_summary(analysis: Analysis, found: FoundDeviation) -> DeviationSummary:

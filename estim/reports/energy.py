@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -16,54 +15,39 @@ from estim.common import (
     format_p,
     format_quantity,
     gravest,
-    kind_words,
     percentage,
     phrase,
     significant,
     with_unit,
 )
-from estim.drawing import GREY, MARKS, RUN_COLOURS, legend_below, new_figure
+from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render
 from estim.reports.result import Provenance, provenance
-from estim.sampling import number
 from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
-from estim.words import STATUS_WORDS
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
-class Value(msgspec.Struct, frozen=True):
-    """A value and its standard uncertainty; null where there is none."""
-
-    value: float | None
-    u: float | None
-
-
 class EnergySummary(msgspec.Struct, frozen=True):
     """Energy along one run; relative to the energy at release (as in the paper) and to the largest
-    kinetic energy.
+    kinetic energy; null where there is none.
     """
 
-    mean_relative: Value
-    extreme_relative: Value
-    mean_to_kinetic: Value
-    extreme_to_kinetic: Value
-    loss_per_metre: Value  # J/(kg m)
-    loss_interval_95: list[float | None]
-    loss_force: Value  # N
+    mean_relative: Quantity
+    extreme_relative: Quantity
+    mean_to_kinetic: Quantity
+    extreme_to_kinetic: Quantity
+    loss_per_metre: Quantity  # J/(kg m)
+    loss_interval_95: tuple[float, float]
+    loss_force: Quantity  # N
 
     @property
     def loss_ends(self) -> str:
         """The interval of the loss, rounded by its standard uncertainty."""
-        low, high = self.loss_interval_95
-        u = self.loss_per_metre.u
-        return "n/a" if low is None or high is None or u is None else interval(low, high, u, 2)
+        return interval(*self.loss_interval_95, self.loss_per_metre.u, 2)
 
 
 class DriftSummary(msgspec.Struct, frozen=True):
@@ -72,10 +56,10 @@ class DriftSummary(msgspec.Struct, frozen=True):
     free: bool
     determined: bool
     seen: bool
-    narrowing: float | None
-    gain: float | None
-    p_value: float | None
-    limit: float | None
+    narrowing: float
+    gain: float
+    p_value: float
+    limit: float
 
 
 class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -92,39 +76,31 @@ class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def to_value(quantity: Quantity | EnergyEstimate) -> Value:
-    return Value(number(quantity.value), number(quantity.u))
-
-
 def summarise_energy(e: EnergyRecord) -> EnergySummary:
     """The record of one run's energy."""
     return EnergySummary(
-        mean_relative=to_value(e.mean_relative),
-        extreme_relative=to_value(e.extreme_relative),
-        mean_to_kinetic=to_value(e.mean_to_kinetic),
-        extreme_to_kinetic=to_value(e.extreme_to_kinetic),
-        loss_per_metre=to_value(e.loss),
-        loss_interval_95=[number(e.loss.low), number(e.loss.high)],
-        loss_force=to_value(e.loss_force),
+        _quantity(e.mean_relative),
+        _quantity(e.extreme_relative),
+        _quantity(e.mean_to_kinetic),
+        _quantity(e.extreme_to_kinetic),
+        _quantity(e.loss),
+        (e.loss.low, e.loss.high),
+        _quantity(e.loss_force),
     )
+
+
+def _quantity(estimate: EnergyEstimate) -> Quantity:
+    return Quantity(estimate.value, estimate.u)
 
 
 def summarise_drift(drift: Drift) -> DriftSummary:
     """The record of the test for a loss."""
-    return DriftSummary(
-        drift.free,
-        drift.determined,
-        drift.seen,
-        number(drift.narrowing),
-        number(drift.gain),
-        number(drift.p_value),
-        number(drift.limit),
-    )
+    return msgspec.convert(drift, DriftSummary, from_attributes=True)
 
 
 def drift_words(drift: DriftSummary) -> str:
     """What the data say on a loss of energy, in words."""
-    if not drift.free or drift.narrowing is None or drift.gain is None or drift.p_value is None:
+    if not drift.free:
         return phrase(
             "This fit held the rolling resistance fixed, so the energies agree with it by "
             "construction and contain no information about "
@@ -142,7 +118,7 @@ def drift_words(drift: DriftSummary) -> str:
             "resistance to {share} of its prior, so the loss below is measured.",
             **fields,
         )
-    if drift.determined and drift.limit is not None:
+    if drift.determined:
         return phrase(
             "Allowing a loss improves χ² by {gain:.1f} ({p} if there were none), which is "
             "consistent with no loss. The data reduce the "
@@ -164,11 +140,11 @@ def drift_words(drift: DriftSummary) -> str:
 
 def energy_words(drift: DriftSummary) -> str:
     """The same in a few words."""
-    if not drift.free or drift.p_value is None:
+    if not drift.free:
         return phrase("a loss cannot be detected, because the rolling resistance was held fixed")
     if drift.seen:
         return phrase("a loss is measured ({p} if there were none)", p=format_p(drift.p_value))
-    if drift.determined and drift.limit is not None:
+    if drift.determined:
         return phrase(
             "no loss is detected, c_rr ≤ {limit} (95 %)", limit=significant(drift.limit, 2)
         )
@@ -183,31 +159,23 @@ def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:
     return [energy_words(summary) if drift.determined else drift_words(summary)]
 
 
-def shown(value: Value | None, factor: float = 1.0) -> str:
-    """A value as text, rounded by its uncertainty, in units of which one of its own has
-    `factor`.
-    """
+def shown(quantity: Quantity | None, factor: float = 1.0) -> str:
+    """A quantity as text, in units of which one of its own has `factor`."""
     return (
-        "n/a"
-        if value is None or value.value is None
-        else format_quantity(value.value * factor, None if value.u is None else value.u * factor)
+        "n/a" if quantity is None else format_quantity(quantity.value * factor, quantity.u * factor)
     )
 
 
-def percent(value: Value) -> str:
+def percent(ratio: Quantity) -> str:
     """A ratio as text, in per cent; none where it is divided by what may be 0."""
-    if value.value is None or value.u is None or value.u > _ANYTHING:
-        return "n/a"
-    return with_unit(format_quantity(100.0 * value.value, 100.0 * value.u), "%")
+    return with_unit(shown(ratio, 100.0), "%") if ratio.u <= _ANYTHING else "n/a"
 
 
 def average_words(energies: Mapping[str, EnergySummary]) -> str:
     """How far the energies are from that at release on average, in words: as shares of it, or of
     the largest kinetic energy where it may be 0.
     """
-    by_start = all(
-        e.mean_relative.u is not None and e.mean_relative.u <= _ANYTHING for e in energies.values()
-    )
+    by_start = all(e.mean_relative.u <= _ANYTHING for e in energies.values())
     shares = [
         percent(e.mean_relative if by_start else e.mean_to_kinetic) for e in energies.values()
     ]
@@ -276,8 +244,6 @@ def energy_report(
         "energy.md.j2",
         result=result,
         energies=result.energies,
-        kind=kind_words(campaign.kind),
-        status_words=STATUS_WORDS,
         shown=shown,
         percent=percent,
         drift_words=drift_words,

@@ -12,6 +12,7 @@ import msgspec
 from estim.checks import P_FLOOR
 from estim.common import (
     Markdown,
+    behind,
     code,
     format_p,
     format_quantity,
@@ -199,7 +200,7 @@ def _values(one: Candidate) -> str:
 def _value(n: Estimated) -> str:
     if n.sd > 0.0:
         return f"{n.label.symbol} = {_quantity(n.value, n.sd, n.label.factor, n.label.unit)}"
-    unit = "" if n.label.unit == "1" else f" {n.label.unit}"
+    unit = behind(n.label.unit)
     value = format_rounded(n.value * n.label.factor, 0.1 * abs(n.value * n.label.factor))
     return phrase("{symbol} about {value}{unit}", symbol=n.label.symbol, value=value, unit=unit)
 

@@ -12,22 +12,15 @@ from __future__ import annotations
 import re
 import struct
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from html import escape
+from collections.abc import Iterator, Mapping
+from html import escape, unescape
 from importlib.resources import files as package_files
-from typing import TYPE_CHECKING, Any
+from itertools import count
 from urllib.parse import unquote
 
 from markdown_it import MarkdownIt
-from markdown_it.renderer import RendererHTML
 
-from estim.common import phrase, unescaped
-
-if TYPE_CHECKING:
-    from markdown_it.token import Token
-
-_NUMBER, _WIDE = 24, 7  # marks of a number on one line; columns of a table that is smaller on paper
+from estim.common import language, phrase, unescaped
 
 _POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; "
@@ -60,300 +53,160 @@ _CONTENTS = """<nav aria-label="{title}">
 """
 _SWITCH = '<p class="all"><label><input type="checkbox" id="all"> {words}</label></p>\n'
 _LEFT_OUT = '<p class="left-out">{words}</p>\n'
-FOLD = re.compile(r"<details>\n<summary><b>([^\n]*)</b></summary>\s*")
-END = re.compile(r"</details>\s*")
-"""How a folded part begins, with its title, and ends: what `rendering.folded` makes."""
+_MARK = re.compile(
+    r"^```.*?^```$|^<details>\n<summary><b>([^\n]*)</b></summary>$|^(</details>)$",
+    re.DOTALL | re.MULTILINE,
+)
+"""Code, in which nothing is a mark; how a folded part begins, with its title, and ends: what
+`rendering.folded` makes.
+"""
+_HEADING = re.compile(r"<h(\d)>(.*?)</h\1>\n")
+_IMAGE = re.compile(r'<img src="([^"]*)" alt="([^"]*)" />')
+_ALONE = re.compile(r"<p>(<img [^>]*>)</p>\n(?:<p><em>((?:(?!</?em>).)*)</em></p>\n)?", re.DOTALL)
+_TABLE = re.compile(r"<table>(.*?)</table>", re.DOTALL)
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """A line of the contents."""
-
-    place: str
-    words: str
-    folded: bool
-
-
-@dataclass
-class _State:
-    """What the renderer has met so far.  summary : of the folded part that it is in."""
-
-    pictures: Mapping[str, bytes]
-    entries: list[_Entry] = field(default_factory=list)
-    title: str = ""
-    summary: str = ""
-    n_table: int = 0
-    paper: bool = False
-
-
-def html_page(files: Mapping[str, bytes], *, lang: str = "en", paper: bool = False) -> bytes:
+def html_page(files: Mapping[str, bytes], *, paper: bool = False) -> bytes:
     """`report.html` of the files of a report (path -> bytes; `report.md` and the figures that it
-    shows).
+    shows), in the language that is spoken.
 
-    lang : the language of the report (BCP 47), for what reads it aloud or hyphenates it.
     paper : for a printer: nothing to open or to click, and what is folded stands open in an
         appendix that begins a page.
     """
-    state = _State(files, paper=paper)
-    body = _rendered(files["report.md"].decode(), state)
-    style = (
-        package_files("estim.reports").joinpath("templates", "page.css").read_text(encoding="utf-8")
-    )
-    folds = not paper and any(entry.folded for entry in state.entries)
-    entries = "".join(
-        f'<li><a href="#{entry.place}">{escape(entry.words)}</a></li>\n' for entry in state.entries
-    )
-    switch = (
-        _SWITCH.format(words=escape(phrase("open all sections, also for printing")))
-        if folds
-        else ""
-    )
-    contents = (
-        _CONTENTS.format(title=escape(phrase("Contents")), entries=entries, switch=switch)
-        if entries and not paper
-        else ""
-    )
-    page = _PAGE.format(
-        lang=escape(lang),
-        policy=_POLICY,
-        title=escape(state.title),
-        style=style,
-        contents=contents,
-        body=body,
-        left_out=_LEFT_OUT.format(
-            words=escape(phrase("Sections that are collapsed on the page are not printed."))
-        )
-        if folds
-        else "",
-    )
-    return page.encode()
-
-
-def _rendered(text: str, state: _State) -> str:
-    parser = MarkdownIt("commonmark", {"html": True}, renderer_cls=_Renderer).enable("table")
-    tokens, env = arranged(parser.parse(text)), {"state": state}
-    if not state.paper:
-        return str(parser.renderer.render(tokens, parser.options, env))
-    standing, folded = apart(tokens)
-    appendix = str(parser.renderer.render(folded, parser.options, env))
-    words = phrase("Appendix: sections that are collapsed on the page")
-    heading = f'<h2 class="appendix">{escape(words)}</h2>\n' if folded else ""
-    return str(parser.renderer.render(standing, parser.options, env)) + heading + appendix
-
-
-def _size(png: bytes) -> tuple[int, int]:
-    """Width and height, points (PNG specification, 11.2.2)."""
-    width, height = struct.unpack(">II", png[16:24])
-    return width, height
-
-
-class _Renderer(RendererHTML):
-    """Rules by the kind of token; those of other kinds are markdown-it's own."""
-
-    def html_block(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        state: _State = env["state"]
-        content = tokens[i].content
-        if match := FOLD.fullmatch(content):
-            state.summary = unescaped(match[1])
-            if state.paper:
-                return f"<section>\n<h2>{escape(state.summary)}</h2>\n"
-            place = self._entry(state, state.summary, folded=True)
-            return (
-                "<details "
-                f'id="{place}">\n<summary><h2>{escape(state.summary)}</h2></summary>\n<div '
-                'class="part">\n'
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    standing, folded, titles = "", "", list[str]()
+    for title, text in _parts(files["report.md"].decode()):
+        html = parser.render(text)
+        if not title:
+            standing += _with_places(html, titles)
+        elif paper:
+            folded += f"<section>\n<h2>{escape(title)}</h2>\n{_below(html, title)}</section>\n"
+        else:
+            titles.append(title)
+            standing += (
+                f'<details id="part-{len(titles)}">\n<summary><h2>{escape(title)}</h2></summary>\n'
+                f'<div class="part">\n{_below(html, title)}</div>\n</details>\n'
             )
-        if END.fullmatch(content) and state.summary:
-            state.summary = ""
-            return "</section>\n" if state.paper else "</div>\n</details>\n"
-        return f"<p>{escape(content)}</p>\n"
+    if folded:
+        words = phrase("Appendix: sections that are collapsed on the page")
+        folded = f'<h2 class="appendix">{escape(words)}</h2>\n{folded}'
+    folds = "<details id=" in standing
+    entries = "".join(
+        f'<li><a href="#part-{i}">{escape(words)}</a></li>\n' for i, words in enumerate(titles, 1)
+    )
+    words = escape(phrase("open all sections, also for printing"))
+    contents = _CONTENTS.format(
+        title=escape(phrase("Contents")),
+        entries=entries,
+        switch=_SWITCH.format(words=words) if folds else "",
+    )
+    main = re.search(r"<h1>(.*?)</h1>", standing)
+    words = escape(phrase("Sections that are collapsed on the page are not printed."))
+    templates = package_files("estim.reports").joinpath("templates")
+    return _PAGE.format(
+        lang=language(),
+        policy=_POLICY,
+        title=escape(_text(main[1])) if main else "",
+        style=templates.joinpath("page.css").read_text(encoding="utf-8"),
+        contents=contents if entries and not paper else "",
+        body=_dressed(standing + folded, files),
+        left_out=_LEFT_OUT.format(words=words) if folds else "",
+    ).encode()
 
-    def html_inline(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return escape(tokens[i].content)
 
-    def heading_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        state: _State = env["state"]
-        level, words = int(tokens[i].tag[1]), _plain(tokens[i + 1])
-        if level == 1:
-            state.title = state.title or words
-            return "<h1>"
-        place = self._entry(state, words, folded=False) if level == 2 and not state.summary else ""
-        mark = f' id="{place}"' if place else ""
-        return f"<h{_level(tokens[i])}{mark}>"
+def _parts(text: str) -> Iterator[tuple[str, str]]:
+    """Title and Markdown of each part of a report, in order; "" of what is not folded."""
+    title, begin = "", 0
+    for mark in _MARK.finditer(text):
+        if bool(mark[2]) == bool(title) and not mark[0].startswith("```"):
+            yield title, text[begin : mark.start()]
+            title, begin = "" if title else unescaped(mark[1]), mark.end()
+    yield title, text[begin:]
 
-    def heading_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return f"</h{_level(tokens[i])}>\n"
 
-    def _entry(self, state: _State, words: str, *, folded: bool) -> str:
-        place = f"part-{len(state.entries) + 1}"
-        state.entries.append(_Entry(place, words, folded))
-        return place
+def _with_places(html: str, titles: list[str]) -> str:
+    """Each heading of level 2 with a place, its text put to the `titles` of the contents."""
 
-    def figure_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "<figure>"
+    def placed(match: re.Match[str]) -> str:
+        if match[1] != "2":
+            return match[0]
+        titles.append(_text(match[2]))
+        return f'<h2 id="part-{len(titles)}">{match[2]}</h2>\n'
 
-    def figure_image_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "\n"
+    return _HEADING.sub(placed, html)
 
-    def caption_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "<figcaption>"
 
-    def figure_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "</figcaption></figure>\n" if tokens[i].meta.get("captioned") else "</figure>\n"
+def _below(html: str, title: str) -> str:
+    """A folded part with its headings below its title, which is of level 2 and stands once."""
+    first = _HEADING.search(html)
+    if first and _text(first[2]) == title:
+        html = html.replace(first[0], "", 1)
+    least = min((int(heading[1]) for heading in _HEADING.finditer(html)), default=0)
 
-    def image(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        alt = escape(_plain(tokens[i]))
-        png = env["state"].pictures.get(unquote(str(tokens[i].attrs.get("src", ""))), b"")
+    def lower(match: re.Match[str]) -> str:
+        level = int(match[1]) - least + 3
+        return f"<h{level}>{match[2]}</h{level}>\n"
+
+    return _HEADING.sub(lower, html)
+
+
+def _text(html: str) -> str:
+    return unescape(re.sub(r"<[^>]*>", "", html))
+
+
+def _dressed(html: str, pictures: Mapping[str, bytes]) -> str:
+    """HTML of markdown-it with images in it (an image alone is a figure, the italics below it its
+    caption), tables that scroll, and links to other reports that lead to their pages.
+    """
+    numbers = count(1)
+
+    def image(match: re.Match[str]) -> str:
+        png = pictures.get(unquote(unescape(match[1])), b"")
         if not png.startswith(b"\x89PNG"):
-            return f"[{alt}]"
-        width, height = _size(png)
+            return f"[{match[2]}]"
+        width, height = struct.unpack(">II", png[16:24])  # PNG specification, 11.2.2
         return (
-            f'<img src="data:image/png;base64,{b64encode(png).decode()}" alt="{alt}" '
+            f'<img src="data:image/png;base64,{b64encode(png).decode()}" alt="{match[2]}" '
             f'width="{width}" height="{height}">'
         )
 
-    def link_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        """A link to another report leads to its page."""
-        where = re.sub(
-            r"(?:^|(?<=/))report\.md$", "report.html", str(tokens[i].attrs.get("href", ""))
-        )
-        return f'<a href="{escape(where)}">'
+    def figure(match: re.Match[str]) -> str:
+        caption = f"\n<figcaption>{match[2]}</figcaption>" if match[2] else ""
+        return f"<figure>{match[1]}{caption}</figure>\n"
 
-    def table_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        state: _State = env["state"]
-        state.n_table += 1
-        row = next(k for k in range(i, len(tokens)) if tokens[k].type == "tr_close")
-        kind = (
-            ' class="wide"'
-            if sum(token.type == "th_open" for token in tokens[i:row]) >= _WIDE
-            else ""
-        )
-        name = escape(phrase("Table {n}", n=state.n_table))
-        return f'<div class="table" role="region" aria-label="{name}" tabindex="0"><table{kind}>\n'
-
-    def table_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "</table></div>\n"
-
-    def th_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return '<th scope="col">' if tokens[i + 1].content else "<td>"
-
-    def th_close(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return "</th>\n" if tokens[i - 1].content else "</td>\n"
-
-    def td_open(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        """A cell that is a number with its uncertainty and unit stays on one line."""
-        words = tokens[i + 1].content
+    def table(match: re.Match[str]) -> str:
+        wide = ' class="wide"' if match[1].count("<th>") >= 7 else ""  # smaller on paper
+        cells = re.sub(r"<th></th>", "<td></td>", match[1]).replace("<th>", '<th scope="col">')
+        name = escape(phrase("Table {n}", n=next(numbers)))
         return (
-            '<td class="number">'
-            if len(words) <= _NUMBER and any(mark.isdigit() for mark in words)
-            else "<td>"
+            f'<div class="table" role="region" aria-label="{name}" tabindex="0">'
+            f"<table{wide}>{re.sub('<td>(.*?)</td>', cell, cells)}</table></div>"
         )
 
-    def fence(self, tokens: Sequence[Token], i: int, options: Any, env: Any) -> str:
-        return f'<pre tabindex="0"><code>{escape(tokens[i].content)}</code></pre>\n'
+    def cell(match: re.Match[str]) -> str:
+        """One that is a number with its uncertainty and unit stays on one line."""
+        words = _text(match[1])
+        number = len(words) <= 24 and any(mark.isdigit() for mark in words)
+        return f'<td class="number">{match[1]}</td>' if number else match[0]
+
+    for pattern, dressed in (
+        (_ALONE, figure),
+        (_IMAGE, image),
+        (_TABLE, table),
+        (r'(?<=<a href=")([^"]*/)?report\.md(?=")', r"\g<1>report.html"),
+        (r"<pre><code[^>]*>", '<pre tabindex="0"><code>'),
+    ):
+        html = re.sub(pattern, dressed, html)
+    return html
 
 
-def _level(heading: Token) -> int:
-    return int(heading.meta.get("level", heading.tag[1]))
-
-
-def _plain(token: Token) -> str:
-    """The text of a heading or an image, without its marks."""
-    return "".join(
-        child.content
-        if child.type in ("text", "text_special", "code_inline")
-        else " "
-        if child.type in ("softbreak", "hardbreak")
-        else ""
-        for child in token.children or []
-    )
-
-
-def arranged(tokens: Sequence[Token]) -> list[Token]:
-    """The tokens with an image that stands alone as a figure, the italics below it as its caption,
-    no part's title twice.
-    """
-    result: list[Token] = []
-    i, summary = 0, ""
-    while i < len(tokens):
-        token = tokens[i]
-        if token.type == "html_block":
-            match = FOLD.fullmatch(token.content)
-            summary = unescaped(match[1]) if match else ""
-        elif token.type == "heading_open":
-            if summary and tokens[i + 1].content == summary:
-                i, summary = i + 3, ""
-                continue
-            summary = ""
-        elif _alone(tokens, i, "image"):
-            captioned = _alone(tokens, i + 3, "em")
-            token.type, token.meta = "figure_open", {"captioned": captioned}
-            tokens[i + 2].type = "figure_image_close" if captioned else "figure_close"
-            if captioned:
-                tokens[i + 3].type, tokens[i + 5].type = "caption_open", "figure_close"
-                tokens[i + 5].meta = {"captioned": True}
-                inline = tokens[i + 4]
-                inline.children = (inline.children or [])[1:-1]
-                result += tokens[i : i + 6]
-                i += 6
-                continue
-        result.append(token)
-        i += 1
-    _levelled(result)
-    return result
-
-
-def _levelled(tokens: Sequence[Token]) -> None:
-    """Notes with each heading of a folded part its level below the title of the part, which is of
-    level 2.
-    """
-    inside: list[Token] | None = None
-    for token in tokens:
-        if token.type == "html_block" and FOLD.fullmatch(token.content):
-            inside = []
-        elif token.type == "html_block" and inside is not None:
-            least = min((int(heading.tag[1]) for heading in inside), default=0)
-            for heading in inside:
-                heading.meta = {"level": int(heading.tag[1]) - least + 3}
-            inside = None
-        elif token.type in ("heading_open", "heading_close") and inside is not None:
-            inside.append(token)
-
-
-def apart(tokens: Sequence[Token]) -> tuple[list[Token], list[Token]]:
-    """What stands, and what is folded."""
-    standing: list[Token] = []
-    folded: list[Token] = []
-    inside = False
-    for token in tokens:
-        begins, ends = (
-            token.type == "html_block" and mark.fullmatch(token.content) is not None
-            for mark in (FOLD, END)
-        )
-        inside = inside or begins
-        (folded if inside else standing).append(token)
-        inside = inside and not ends
-    return standing, folded
-
-
-def _alone(tokens: Sequence[Token], i: int, kind: str) -> bool:
-    """Whether a paragraph begins at `i` that is one image, or all in italics."""
-    if i + 2 >= len(tokens) or tokens[i].type != "paragraph_open":
-        return False
-    inside = tokens[i + 1].children or []
-    if kind == "image":
-        return [child.type for child in inside] == ["image"]
-    ends = [k for k, child in enumerate(inside) if child.type == "em_close" and child.level == 0]
-    return bool(inside) and inside[0].type == "em_open" and ends == [len(inside) - 1]
-
-
-def pdf_page(files: Mapping[str, bytes], *, lang: str = "en") -> bytes:
-    """`report.pdf` of the files of a report (path -> bytes).  lang : the language of the report
-    (BCP 47).  ImportError without the extra `pdf`.
+def pdf_page(files: Mapping[str, bytes]) -> bytes:
+    """`report.pdf` of the files of a report (path -> bytes).  ImportError without the extra
+    `pdf`.
     """
     from weasyprint import HTML, URLFetcher
 
-    page = html_page(files, lang=lang, paper=True).decode()
+    page = html_page(files, paper=True).decode()
     nothing_from_elsewhere = URLFetcher(allowed_protocols={"data"})
     return bytes(
         HTML(string=page, url_fetcher=nothing_from_elsewhere).write_pdf(pdf_variant="pdf/ua-1")

@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,13 +14,20 @@ from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
 from estim.common import Label, Markdown, format_rounded, phrase, signed, significant
 from estim.distributions import chi2_quantile
-from estim.drawing import BLUE, GREY, INK, ORANGE, grid, legend_below, name_ticks, new_figure
+from estim.drawing import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    Axes,
+    Figure,
+    grid,
+    legend_below,
+    name_ticks,
+    new_figure,
+)
 from estim.fitting import ProfileInterval
 from estim.problem import Problem
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0

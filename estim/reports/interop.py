@@ -46,9 +46,6 @@ HOW_TO_GET = "pip install arviz-base h5netcdf xarray-einstats"
 _NETCDF = ("h5netcdf", "h5py")
 _COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
-_MOST_POINTWISE = 10_000  # points
-# of the log likelihood of every point: draws, and draws times points
-_POINTWISE_DRAWS, _POINTWISE_NUMBERS = 2000, 600_000
 Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
 """Dimensions, values, attributes."""
 
@@ -202,7 +199,7 @@ def _groups(analysis: Analysis) -> dict[str, Group]:
         "/observed_data": _observed_data(analysis),
         "/constant_data": _constant_data(analysis),
     }
-    if analysis.problem.n_obs <= _MOST_POINTWISE:
+    if analysis.problem.n_obs <= 10_000:  # points
         groups["/log_likelihood"] = _log_likelihood(analysis, order)
     return groups
 
@@ -281,7 +278,8 @@ def _log_likelihood(analysis: Analysis, order: NDArray[np.intp]) -> Group:
         analysis.chain.draws.shape[0], -1, analysis.chain.draws.shape[-1]
     )
     n_chain = draws.shape[0]
-    n_draw = min(_POINTWISE_DRAWS, max(400, _POINTWISE_NUMBERS // analysis.problem.n_obs))
+    # of the log likelihood of every point: draws, and draws times points
+    n_draw = min(2000, max(400, 600_000 // analysis.problem.n_obs))
     indices = np.unique(np.linspace(0, order.size - 1, max(1, n_draw // n_chain)).astype(int))
     pointwise = analysis.fit.posterior.pointwise(
         draws[:, order[indices]].reshape(-1, draws.shape[-1])

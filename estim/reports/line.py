@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -15,33 +14,28 @@ from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
     Markdown,
     Notation,
+    Quantity,
     Status,
     as_json,
     format_p,
     format_quantity,
     format_rounded,
-    kind_words,
     later,
-    one_line,
     phrase,
     signed,
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, LEVELS, ORANGE, draw_bands, legend_below, new_figure
+from estim.drawing import BLUE, INK, LEVELS, ORANGE, Figure, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import trials_files
-from estim.sampling import Summary, number, summarise, trusted
-from estim.words import STATUS_WORDS, Voice, advice_for
+from estim.sampling import Summary, summarise, trusted
+from estim.words import advice_for
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_LARGEST_LOG_ODDS = 200.0
 LINE_SCHEMA = "estim-line/1"
 _METHODS = {
     "ols": later("ordinary least squares (the paper's)"),
@@ -51,27 +45,20 @@ _METHODS = {
 }
 
 
-class LineEstimate(msgspec.Struct, frozen=True):
-    """A value with its standard uncertainty."""
-
-    value: float
-    u: float
-
-
 class LineRow(msgspec.Struct, frozen=True):
     """What one method says of the line."""
 
     intercept: float
     slope: float
-    chi2: float | None
+    chi2: float
     dof: int | None
-    p_value: float | None
+    p_value: float
     standard_errors: dict[str, list[float]]  # convention -> u(intercept), u(slope), covariance
     recommended: str | None
     reason: str | None
-    gamma: LineEstimate | None
-    rolling_resistance: LineEstimate | None
-    e_n: float | None
+    gamma: Quantity | None
+    rolling_resistance: Quantity | None
+    e_n: float
 
 
 class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -88,23 +75,21 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     disagreement: str
     body: str
     n_obs: int
-    gamma_masses: LineEstimate | None
+    gamma_masses: Quantity | None
     gamma_origin: str
     methods: dict[str, LineRow]
     posterior: dict[str, Summary]
-    slope_interval: list[float | None]
-    steepest_phi: LineEstimate | None
-    log_bayes_factor_intercept: LineEstimate | None
+    slope_interval: tuple[float, float]
+    steepest_phi: Quantity | None
+    log_bayes_factor_intercept: Quantity | None
     intercept_prior_sd: float
     zero_phi: float | None
     zero_theta_min: float | None
     provenance: Provenance
 
 
-def line_result(
-    campaign: Campaign, analysis: LineAnalysis, *, voice: Voice = Voice.PYTHON
-) -> LineResult:
-    """The record of a line analysis.  voice : to whom advice is given."""
+def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
+    """The record of a line analysis."""
     methods = {name: _row(analysis, name) for name in _METHODS}
     intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
     tilt = float(np.mean(np.cos(analysis.series.phi)))
@@ -116,13 +101,11 @@ def line_result(
         kind=campaign.kind,
         status=analysis.status,
         reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings, voice),
+        advice=advice_for(analysis.findings),
         disagreement=analysis.disagreement,
         body=analysis.series.body,
         n_obs=analysis.series.x.size,
-        gamma_masses=None
-        if analysis.gamma_masses is None
-        else LineEstimate(analysis.gamma_masses.value, analysis.gamma_masses.u),
+        gamma_masses=analysis.gamma_masses,
         gamma_origin=gamma_origin(campaign.source, analysis.series.body),
         methods=methods,
         posterior={
@@ -149,16 +132,16 @@ def line_result(
                 status,
             ),
         },
-        slope_interval=[number(analysis.slope_exact.low), number(analysis.slope_exact.high)]
+        slope_interval=(analysis.slope_exact.low, analysis.slope_exact.high)
         if status.draws_count
-        else [None, None],
-        steepest_phi=LineEstimate(
+        else (math.nan, math.nan),
+        steepest_phi=Quantity(
             math.asin(min(max(steepest.x0, -1.0), 1.0)),
             steepest.u_x0 / math.sqrt(max(1.0 - steepest.x0**2, 1e-12)),
         )
         if ok
         else None,
-        log_bayes_factor_intercept=LineEstimate(
+        log_bayes_factor_intercept=Quantity(
             analysis.evidence.log_bayes_factor, analysis.evidence.u_log_bayes_factor
         )
         if ok
@@ -168,12 +151,11 @@ def line_result(
         # protractor (phi too small)
         zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
         zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
-        provenance=Provenance(
-            one_line(str(campaign.source.path)),
+        provenance=provenance_of(
+            campaign.source.path,
             campaign.source.sha256,
-            {one_line(analysis.series.file): analysis.series.sha256},
+            {analysis.series.file: analysis.series.sha256},
             analysis.seed,
-            software_versions(),
         ),
     )
 
@@ -184,9 +166,9 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
     """
     reading, ok = analysis.readings[method], analysis.status.ok
     gamma, resistance = (
-        LineEstimate(q.value, q.u) if ok else None for q in (reading.gamma, reading.resistance)
+        quantity if ok else None for quantity in (reading.gamma, reading.resistance)
     )
-    e_n = number(reading.e_n) if ok else None
+    e_n = reading.e_n if ok else math.nan
     if method == "posterior":
         line = analysis.chain.flat[
             :, [analysis.chain.names.index(name) for name in ("intercept", "slope")]
@@ -205,7 +187,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
             else {}
         )
         return LineRow(
-            intercept, slope, None, None, None, errors, None, None, gamma, resistance, e_n
+            intercept, slope, math.nan, None, math.nan, errors, None, None, gamma, resistance, e_n
         )
     fit = {"ols": analysis.ols, "weighted": analysis.weighted, "york": analysis.york}[method]
     errors = (
@@ -222,7 +204,7 @@ def _row(analysis: LineAnalysis, method: str) -> LineRow:
         fit.slope,
         fit.chi2,
         fit.dof,
-        number(fit.p_value),
+        fit.p_value,
         errors,
         recommended,
         reason,
@@ -237,22 +219,19 @@ def line_report(
     analysis: LineAnalysis,
     *,
     trials: TrialsAnalysis | None = None,
-    voice: Voice = Voice.PYTHON,
     figures: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
-    and figures too.
-
-    voice : to whom advice is given.  figures : whether there are any.
+    and figures too.  figures : whether there are any.
     """
-    result = line_result(campaign, analysis, voice=voice)
+    result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
     if trials is None:
         return page(
             drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind
         ) | {"result.json": as_json(result)}
-    of_trials, values, record = trials_files(campaign, trials, line=analysis, voice=voice)
+    of_trials, values, record = trials_files(campaign, trials, line=analysis)
     text = partial(line_text, result, trials=values, true=true)
     return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {
         "result.json": as_json(result),
@@ -320,8 +299,6 @@ def line_values(result: LineResult) -> dict[str, object]:
     """What the template of a line needs."""
     shared: dict[str, object] = {
         "result": result,
-        "kind": kind_words(result.kind),
-        "status_words": STATUS_WORDS[Status(result.status)],
         "meaningless": not Status(result.status).draws_count,
         "gamma_masses": _estimate(result.gamma_masses),
         "sources": dict(CONVENTIONS),
@@ -384,7 +361,7 @@ def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
 
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
-    odds = significant(math.exp(min(abs(log_bayes_factor), _LARGEST_LOG_ODDS)), 2)
+    odds = significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2)
     strength = _strength(log_bayes_factor)
     if log_bayes_factor > 0:
         return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
@@ -404,7 +381,7 @@ def _strength(log_bayes_factor: float) -> str:
     return phrase("very strong evidence")
 
 
-def _estimate(estimate: LineEstimate | None) -> str:
+def _estimate(estimate: Quantity | None) -> str:
     return "n/a" if estimate is None else format_quantity(estimate.value, estimate.u)
 
 
@@ -417,12 +394,12 @@ def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
         _fit_words(row),
         _estimate(row.gamma),
         _estimate(row.rolling_resistance),
-        "" if row.e_n is None else signed(f"{row.e_n:+.2f}"),
+        "" if math.isnan(row.e_n) else signed(f"{row.e_n:+.2f}"),
     )
 
 
 def _fit_words(row: LineRow) -> str:
-    return "" if row.p_value is None else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
+    return "" if math.isnan(row.p_value) else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
 
 
 def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:

@@ -7,26 +7,21 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, gravest, later, one_line, phrase
+from estim.common import Status, as_json, behind, bracketed, gravest, later, phrase
 from estim.distributions import student_quantile
-from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, grid, legend_below
+from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
+from estim.reports.corner_figures import density_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
-from estim.reports.result import Provenance, software_versions
-from estim.sampling import number
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from estim.reports.result import Provenance, provenance_of
 
 MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has
@@ -45,8 +40,6 @@ _LAWS = {
     "gamma": later("gamma"),
     "exact": later("exact"),
 }
-_BINS, _CELLS, _MOST_CELL_DRAWS = 120, 70, 400_000
-_LEAST_SHARE, _MOST_ROWS, _MOST_PANELS = 0.5, 16, 6
 _INTERVALS_DRAWN = {
     "symmetric": later("{percent} interval of the draws, symmetric"),
     "shortest": later("{percent} interval of the draws, shortest"),
@@ -54,20 +47,20 @@ _INTERVALS_DRAWN = {
 
 
 class GumRecord(msgspec.Struct, frozen=True):
-    """The GUM's framework.  dof : null for infinitely many.  k_whole, U_whole : with dof rounded
-    down, as tables ask (GUM G.4.1).
+    """The GUM's framework.  null: none, or infinitely many degrees of
+    freedom.  k_whole, U_whole : with dof rounded down, as tables ask (GUM G.4.1).
     """
 
-    value: float | None
-    u: float | None
-    dof: float | None
+    value: float
+    u: float
+    dof: float
     k: float
-    U: float | None
-    low: float | None
-    high: float | None
-    k_whole: float | None
-    U_whole: float | None
-    u_second_order: float | None
+    U: float
+    low: float
+    high: float
+    k_whole: float
+    U_whole: float
+    u_second_order: float
 
 
 class MonteCarloRecord(msgspec.Struct, frozen=True):
@@ -76,12 +69,12 @@ class MonteCarloRecord(msgspec.Struct, frozen=True):
     """
 
     n_draw: int
-    mean: float | None
-    u: float | None
-    symmetric: list[float | None]
-    symmetric_error: list[float | None]
-    shortest: list[float | None]
-    shortest_error: list[float | None]
+    mean: float
+    u: float
+    symmetric: list[float]
+    symmetric_error: list[float]
+    shortest: list[float]
+    shortest_error: list[float]
     undefined: float
 
 
@@ -89,9 +82,9 @@ class ShareRecord(msgspec.Struct, frozen=True):
     """One line of a budget; share in %."""
 
     input: str
-    sensitivity: float | None
-    contribution: float | None
-    share: float | None
+    sensitivity: float
+    contribution: float
+    share: float
 
 
 class OutputRecord(msgspec.Struct, frozen=True):
@@ -107,11 +100,11 @@ class OutputRecord(msgspec.Struct, frozen=True):
     monte_carlo: MonteCarloRecord
     gum_holds: bool
     decided: bool
-    d_low: float | None
-    d_high: float | None
-    tolerance: float | None
+    d_low: float
+    d_high: float
+    tolerance: float
     budget: list[ShareRecord]
-    correlation_share: float | None
+    correlation_share: float
 
 
 class PartRecord(msgspec.Struct, frozen=True):
@@ -121,7 +114,7 @@ class PartRecord(msgspec.Struct, frozen=True):
     u: float  # 0: exact
     unit: str
     distribution: str
-    dof: float | None
+    dof: float
     meaning: str
 
 
@@ -168,7 +161,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
             entry.u,
             entry.unit,
             entry.distribution if entry.u > 0.0 else "exact",
-            number(entry.dof),
+            entry.dof,
             meaning,
         )
         for entry, meaning in zip(linear.inputs, meanings, strict=True)
@@ -186,7 +179,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
         )
         for entry in propagation.regions
     ]
-    at = Provenance(one_line(str(model.path)), model.sha256, {}, seed, software_versions())
+    at = provenance_of(model.path, model.sha256, {}, seed)
     return MeasurementResult(
         MEASUREMENT_SCHEMA,
         model.title,
@@ -210,38 +203,34 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
     drawn = propagation.sampled
     output = propagation.model.outputs[i]
     checked = propagation.validation
-    u, dof, second = float(linear.u[i]), float(linear.dof[i]), propagation.second_order
+    u, dof, second = linear.u[i], linear.dof[i], propagation.second_order
     k_whole = (
         float(student_quantile(0.5 * (1.0 + linear.probability), max(math.floor(dof), 1)))
         if math.isfinite(dof)
-        else None
+        else math.nan
     )
     gum = GumRecord(
-        number(linear.value[i]),
-        number(u),
-        number(dof),
-        float(linear.k[i]),
-        number(linear.k[i] * u),
-        number(linear.low[i]),
-        number(linear.high[i]),
+        linear.value[i],
+        u,
+        dof,
+        linear.k[i],
+        linear.k[i] * u,
+        linear.low[i],
+        linear.high[i],
         k_whole,
-        None if k_whole is None else number(k_whole * u),
-        None if second is None else number(second[i]),
+        k_whole * u,
+        math.nan if second is None else second[i],
     )
-
-    def both(*ends: FloatArray) -> list[float | None]:
-        return [number(end[i]) for end in ends]
-
     symmetric, shortest = drawn.symmetric, drawn.shortest
     sampled = MonteCarloRecord(
         drawn.n_draw,
-        number(drawn.mean[i]),
-        number(drawn.u[i]),
-        both(symmetric.low, symmetric.high),
-        both(symmetric.low_error, symmetric.high_error),
-        both(shortest.low, shortest.high),
-        both(shortest.low_error, shortest.high_error),
-        float(drawn.undefined[i]),
+        drawn.mean[i],
+        drawn.u[i],
+        [symmetric.low[i], symmetric.high[i]],
+        [symmetric.low_error[i], symmetric.high_error[i]],
+        [shortest.low[i], shortest.high[i]],
+        [shortest.low_error[i], shortest.high_error[i]],
+        drawn.undefined[i],
     )
     status = propagation.statuses[i]
     quoted = "GUM" if propagation.gum_holds[i] and status.ok else "Monte Carlo" if status.ok else ""
@@ -257,17 +246,15 @@ def _output(propagation: Propagation, i: int) -> OutputRecord:
         sampled,
         bool(propagation.gum_holds[i]),
         bool(checked.decided[i]),
-        number(checked.d_low[i]),
-        number(checked.d_high[i]),
-        number(checked.tolerance[i]),
+        checked.d_low[i],
+        checked.d_high[i],
+        checked.tolerance[i],
         [
-            ShareRecord(
-                row.input.name, number(row.sensitivity), number(row.contribution), number(row.share)
-            )
+            ShareRecord(row.input.name, row.sensitivity, row.contribution, row.share)
             for row in budget.rows
             if row.input.u > 0.0
         ],
-        number(budget.correlation_share),
+        budget.correlation_share,
     )
 
 
@@ -276,7 +263,7 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
     can be quoted.
     """
     linear, drawn, output = propagation.linear, propagation.sampled, propagation.model.outputs[i]
-    unit = "" if output.unit == "1" else f" {output.unit}"
+    unit = behind(output.unit)
     what = f"{output.name}, {output.meaning}" if output.meaning else output.name
     percent = f"{100.0 * linear.probability:g} %"
     if quoted == "GUM":
@@ -388,17 +375,13 @@ def measurement_lines(propagation: Propagation) -> list[str]:
     return lines
 
 
-def _cell(value: float | None, u: float | None, beside: float | None = None) -> str:
-    return "n/a" if value is None else rounded(value, u or 0.0, _DIGITS, beside=beside or 0.0)
+def _cell(value: float, u: float, beside: float = 0.0) -> str:
+    return rounded(value, u, _DIGITS, beside=beside)
 
 
-def _ends(ends: list[float | None], u: float | None) -> str:
+def _ends(ends: list[float], u: float) -> str:
     low, high = ends
-    return (
-        "n/a"
-        if low is None or high is None
-        else interval(low, high, u or 0.25 * (high - low), _DIGITS)
-    )
+    return interval(low, high, u if u > 0.0 else 0.25 * (high - low), _DIGITS)
 
 
 def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
@@ -406,7 +389,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     tables: dict[str, list[tuple[str, ...]]] = {}
     for name, output in result.outputs.items():
         gum, drawn = output.gum, output.monte_carlo
-        dof = "∞" if gum.dof is None else f"{gum.dof:.1f}"
+        dof = "∞" if math.isinf(gum.dof) else f"{gum.dof:.1f}"
         half, limits = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
         rows: list[tuple[str, ...]] = []
         rows.append(
@@ -420,12 +403,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
                 limits,
             )
         )
-        if (
-            gum.k_whole is not None
-            and gum.dof is not None
-            and gum.U_whole is not None
-            and gum.dof != math.floor(gum.dof)
-        ):
+        if math.isfinite(gum.dof) and gum.dof != math.floor(gum.dof):
             whole = str(max(math.floor(gum.dof), 1))
             rows.append(
                 (
@@ -438,7 +416,7 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
                 )
             )
         second = gum.u_second_order
-        if second is not None and abs(second - (gum.u or 0.0)) > 0.005 * second:
+        if abs(second - gum.u) > 0.005 * second:
             ends = _expanded(gum.value, gum.k * second, second)
             rows.append(
                 (
@@ -469,10 +447,9 @@ def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
     return tables
 
 
-def _expanded(value: float | None, half: float, u: float | None) -> tuple[str, str]:
+def _expanded(value: float, half: float, u: float) -> tuple[str, str]:
     """Cells of an expanded uncertainty and the interval that it makes."""
-    ends: list[float | None] = [None, None] if value is None else [value - half, value + half]
-    return _cell(half, u, value), _ends(ends, u)
+    return _cell(half, u, value), _ends([value - half, value + half], u)
 
 
 def _law(part: PartRecord) -> str:
@@ -480,13 +457,9 @@ def _law(part: PartRecord) -> str:
     return phrase(_LAWS[part.distribution])
 
 
-def _dof(dof: float | None) -> str:
-    """Degrees of freedom; None: infinitely many."""
-    return "∞" if dof is None else f"{dof:.4g}"
-
-
-def axis_name(name: str, unit: str) -> str:
-    return name if unit == "1" else f"{name} ({unit})"
+def _dof(dof: float) -> str:
+    """Degrees of freedom, if not infinitely many."""
+    return "∞" if math.isinf(dof) else f"{dof:.4g}"
 
 
 def _density_name(unit: str) -> str:
@@ -507,7 +480,7 @@ def distribution_figure(propagation: Propagation) -> Figure:
     figure, axes = grid(len(outputs), height=3.1)
     for i, (ax, output) in enumerate(zip(axes, outputs, strict=True)):
         _distribution(ax, propagation, i)
-        ax.set(xlabel=axis_name(output.name, output.unit), ylabel=_density_name(output.unit))
+        ax.set(xlabel=output.name + bracketed(output.unit), ylabel=_density_name(output.unit))
         ax.ticklabel_format(axis="both", style="sci", scilimits=(-4, 5), useMathText=True)
         ax.locator_params(axis="x", nbins=6)
     legend_below(figure, ncols=2)
@@ -524,7 +497,7 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
         tail = 0.1 * (1.0 - sampled.probability)
         low, high = np.quantile(draws, [tail, 1.0 - tail])
         counts, edges = np.histogram(
-            draws, bins=_BINS, range=(low, high if high > low else low + 1.0)
+            draws, bins=120, range=(low, high if high > low else low + 1.0)
         )
         ax.stairs(
             counts / (draws.size * np.diff(edges)),
@@ -562,8 +535,8 @@ def _distribution(ax: Axes, propagation: Propagation, i: int) -> None:
 
 
 def _density(z: FloatArray, dof: float) -> FloatArray:
-    if math.isinf(dof) or dof > 1e6:
-        return np.asarray(np.exp(-0.5 * z**2) / math.sqrt(2.0 * math.pi))
+    """Of Student's t distribution, which is normal for very many degrees of freedom."""
+    dof = min(dof, 1e6)
     log_norm = (
         special.gammaln(0.5 * (dof + 1.0))
         - special.gammaln(0.5 * dof)
@@ -580,7 +553,7 @@ def shares_figure(propagation: Propagation) -> Figure:
     shares = np.nan_to_num([[row.share for row in budget.rows] for budget in budgets]).T
     names = [row.input.name for row in budgets[0].rows]
     order = np.argsort(-shares.max(axis=1), kind="stable")
-    largest = [i for i in order if shares[i].max() >= _LEAST_SHARE][:_MOST_ROWS]
+    largest = [i for i in order if shares[i].max() >= 0.5][:16]
     rest = [i for i in order if i not in largest]
     sources, rows = [names[i] for i in largest], [shares[i] for i in largest]
     if shares[rest].max(initial=0.0) > 0.0:
@@ -599,7 +572,7 @@ def region_figure(propagation: Propagation) -> Figure:
     """For each pair of outputs the draws, the ellipses of the GUM and of the draws, the rectangle,
     and the smallest region.
     """
-    regions = propagation.regions[:_MOST_PANELS]
+    regions = propagation.regions[:6]
     figure, axes = grid(len(regions), height=3.9)
     for ax, region in zip(axes, regions, strict=True):
         _region(ax, propagation, region)
@@ -608,7 +581,7 @@ def region_figure(propagation: Propagation) -> Figure:
 
 
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
-    draws = propagation.sampled.draws[:_MOST_CELL_DRAWS, list(region.pair)]
+    draws = propagation.sampled.draws[:400_000, list(region.pair)]
     percent = f"{100.0 * region.probability:g} %"
     rings = np.hstack(
         [
@@ -623,29 +596,22 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         (low - 0.08 * (high - low), high + 0.08 * (high - low))
         for low, high in zip(lows, highs, strict=True)
     ]
-    density, x, y = np.histogram2d(draws[:, 0], draws[:, 1], bins=_CELLS, range=limits)
+    density = density_of(
+        draws[:, 0], draws[:, 1], limits, n_bin=70, smooth=0.7, probabilities=(region.probability,)
+    )
     ax.pcolormesh(
-        x,
-        y,
-        np.ma.masked_equal(density.T, 0.0),
+        density.x,
+        density.y,
+        np.ma.masked_less(density.z.T, 0.5),
         cmap="Greys",
-        vmax=1.6 * density.max(),
+        vmax=1.6 * density.z.max(),
         rasterized=True,
     )
-    ordered = np.sort(density.ravel())[::-1]
-    level = float(
-        ordered[
-            min(
-                int(np.searchsorted(np.cumsum(ordered), region.probability * len(draws))),
-                ordered.size - 1,
-            )
-        ]
-    )
-    middles = [0.5 * (edges[1:] + edges[:-1]) for edges in (x, y)]
     ax.contour(
-        *middles,
-        _smooth(density.T),
-        levels=[max(level, 0.5)],
+        density.x,
+        density.y,
+        density.z.T,
+        levels=density.levels,
         colors=INK,
         linewidths=0.9,
         linestyles=":",
@@ -679,13 +645,6 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
         label=phrase("{percent} rectangle of the draws", percent=percent),
     )
     first, second = (propagation.model.outputs[k] for k in region.pair)
-    ax.set(xlabel=axis_name(first.name, first.unit), ylabel=axis_name(second.name, second.unit))
+    ax.set(xlabel=first.name + bracketed(first.unit), ylabel=second.name + bracketed(second.unit))
     ax.ticklabel_format(style="sci", scilimits=(-4, 5), useMathText=True)
     ax.locator_params(nbins=5)
-
-
-def _smooth(cells: FloatArray) -> FloatArray:
-    """Each cell averaged with its neighbours, for a contour that does not follow the noise."""
-    padded = np.pad(cells, 1, mode="edge")
-    n, m = cells.shape
-    return np.asarray(sum(padded[i : i + n, j : j + m] for i in range(3) for j in range(3)) / 9.0)

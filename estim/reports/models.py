@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, kind_words, later, phrase, signed, split_level
-from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, grid, name_ticks, new_figure
+from estim.common import as_json, bracketed, later, phrase, signed, split_level
+from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -32,12 +31,7 @@ from estim.studies import (
     rival_of,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 _OF_INTEREST = ("gamma", "kappa", "theta0")
-_LARGE = 1e6  # odds that nobody needs more exactly
 _WORTH = (
     (
         1.0,
@@ -133,7 +127,7 @@ def models_report(
         "models.md.j2",
         title=campaign.title,
         runs=runs,
-        kind=kind_words(campaign.kind),
+        kind=campaign.kind,
         rows=summaries,
         recommended=comparison.recommended,
         ground=ground_words(comparison),
@@ -227,7 +221,7 @@ def odds_words(behind: float) -> str:
     odds = math.exp(min(abs(behind), 700.0))
     ratio = (
         phrase("more than a million")
-        if odds > _LARGE
+        if odds > 1e6  # odds that nobody needs more exactly
         else f"{odds:.2g}"
         if odds < 10.0
         else f"{odds:,.0f}".replace(",", " ")
@@ -475,12 +469,8 @@ def _histogram(ax: Axes, one: Predicted) -> None:
     ax.set_yticks([])
     ax.set_xlim(edges[0], edges[-1])
     ax.locator_params(axis="x", nbins=3)
-    unit = "" if one.label.unit == "1" else f" ({one.label.unit})"
-    ax.set_xlabel(_short(one) + unit, fontsize=7.5)
+    short = phrase(_SHORT.get(one.name, one.words))
+    ax.set_xlabel(short + bracketed(one.label.unit), fontsize=7.5)
     ax.set_title(
         f"p {one.p_words}" if "<" in one.p_words else f"p = {one.p_words}", fontsize=8, color=INK
     )
-
-
-def _short(one: Predicted) -> str:
-    return phrase(_SHORT.get(one.name, one.words))

@@ -4,19 +4,14 @@ the campaign that says the same as a command.
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
-from estim.common import Markdown, phrase
-from estim.drawing import png
+from estim.common import Markdown, as_csv, phrase
+from estim.drawing import Figure, png
 from estim.reports.rendering import render
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`|^#[^\n]*$)", re.DOTALL | re.MULTILINE)
 _BREAKS = re.compile(
@@ -26,7 +21,6 @@ _BREAKS = re.compile(
 Drawers = Mapping[str, "Callable[[], Figure]"]
 """Path of a figure -> what draws it."""
 MOST_ROWS, MOST_COLUMNS, MOST_POINTS = 150, 60, 60
-_ROWS, _COLUMNS, _POINTS = 24, 12, 12  # what is kept of a longer one
 _CELLS = re.compile(r"(?<!\\)\|")
 _CODE_TABLE_OR_LIST = re.compile(
     r"^```.*?^```$|(?:^\|[^\n]*\n)+|^- [^\n]*\n(?:(?:- |  )[^\n]*\n|\n+(?=- |  ))*",
@@ -117,15 +111,10 @@ def _table(block: str, path: str, files: dict[str, bytes]) -> str:
     n_row, n_column = len(cells) - 2, len(cells[0])
     if n_row <= MOST_ROWS and n_column <= MOST_COLUMNS:
         return block
-    whole = io.StringIO()
-    csv.writer(whole, lineterminator="\n").writerows(
-        [cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])
-    )
-    files[path] = whole.getvalue().encode()
-    excerpt = cells[: 2 + _ROWS] if n_row > MOST_ROWS else cells
-    rows = [
-        f"|{'|'.join(row[:_COLUMNS] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt
-    ]
+    whole = [[cell.strip().replace("\\|", "|") for cell in row] for row in (cells[0], *cells[2:])]
+    files[path] = as_csv(whole).encode()
+    excerpt = cells[: 2 + 24] if n_row > MOST_ROWS else cells  # what is kept of a longer one
+    rows = [f"|{'|'.join(row[:12] if n_column > MOST_COLUMNS else row)}|\n" for row in excerpt]
     return (
         "".join(rows)
         + "\n"
@@ -145,7 +134,7 @@ def _list(block: str, path: str, files: dict[str, bytes]) -> str:
         return block
     files[path] = block.encode()
     return (
-        block[: points[_POINTS]]
+        block[: points[12]]
         + "\n"
         + phrase("All {n} points: `{path}`.", n=len(points), path=path)
         + "\n"

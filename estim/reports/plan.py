@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
 
-from estim.common import Status, as_json, decide, format_quantity, kind_words, phrase
-from estim.drawing import COLOURS, GREY, INK, MARKS, legend_below, name_ticks, new_figure
+from estim.common import Status, as_json, bracketed, decide, format_quantity, phrase
+from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
@@ -18,13 +17,7 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.words import tell
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 SCHEMA = "estim-plan/2"
-_MOST_RUNS = 8  # suggested further runs that are shown
-_MOST_WAYS, _MOST_REFUSED = 3, 6
-_NOTHING = 0.02  # of a standard deviation: a gain below is none
 _WIDE = 68  # characters of a row's name
 _MOST = len(COLOURS)  # targets
 
@@ -169,7 +162,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         render,
         "plan.md.j2",
         record=record,
-        kind=kind_words(record.kind),
+        kind=record.kind,
         plan=plan,
         how=phrase(plan.how),
         shown=[_row(o) for o in options],
@@ -177,7 +170,7 @@ def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
         heads=[
             head
             for p in plan.targets
-            for head in (f"u({p.label.symbol})" + _unit(p), phrase("ratio"))
+            for head in (f"u({p.label.symbol})" + bracketed(p.label.unit), phrase("ratio"))
         ],
         now=_now_rows(plan),
         far=FAR,
@@ -209,7 +202,7 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
                     bool(run.said),
                 )
             )
-            if alike in seen or len(seen) == _MOST_RUNS:
+            if alike in seen or len(seen) == 8:  # suggested further runs that are shown
                 continue
             seen.add(alike)
         chosen.append(option)
@@ -219,7 +212,7 @@ def shown_options(options: Sequence[Option]) -> tuple[Option, ...]:
 def _answer(plan: Plan, halving: Halving, i: int) -> str:
     target = halving.target
     symbol, sd = target.label.symbol, _size(target, plan.now[i])
-    enough = [way.words for way in halving.ways if way.enough][:_MOST_WAYS]
+    enough = [way.words for way in halving.ways if way.enough][:3]
     idle = _idle(plan, i)
     if enough:
         return phrase(
@@ -230,7 +223,7 @@ def _answer(plan: Plan, halving: Halving, i: int) -> str:
             idle=idle,
         )
     best = min(plan.options, key=lambda option: option.ratio[i], default=None)
-    if best is None or best.ratio[i] > 1.0 - _NOTHING:
+    if best is None or best.ratio[i] > 1.0 - 0.02:  # of a standard deviation: a gain below is none
         return phrase(
             "No single option that was tried halves u({symbol}) = {sd}, and none reduces "
             "it by 2 %.",
@@ -266,10 +259,6 @@ def _size(p: Parameter, u: float) -> str:
     )
 
 
-def _unit(p: Parameter) -> str:
-    return "" if p.label.unit == "1" else f" ({p.label.unit})"
-
-
 def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
     """Words, (u, ratio) of each target, remarks."""
     remarks = [*([phrase("specified")] if option.wish.own else []), *option.remarks]
@@ -303,7 +292,7 @@ def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:
         words = [
             option.wish.words for option in sorted(alike, key=lambda option: not option.wish.own)
         ]
-        n = max(_MOST_REFUSED, sum(option.wish.own for option in alike))
+        n = max(6, sum(option.wish.own for option in alike))
         rows.append((reason, words[:n], len(words[n:])))
     return rows
 

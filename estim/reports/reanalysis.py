@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -14,9 +13,10 @@ import numpy as np
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
 from estim.common import (
+    Quantity,
     as_json,
     format_p,
-    kind_words,
+    format_rounded,
     listed,
     percentage,
     phrase,
@@ -24,7 +24,7 @@ from estim.common import (
     table,
     with_unit,
 )
-from estim.drawing import BLUE, INK, ORANGE, grid, legend_below, name_ticks
+from estim.drawing import BLUE, INK, ORANGE, Figure, grid, legend_below, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.analysis import complete_runs, prior_cell
 from estim.reports.copying import copies_of
@@ -33,7 +33,6 @@ from estim.reports.curve_figures import phase_figure, residual_figure
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
-    Value,
     average_words,
     drift_words,
     energy_figure,
@@ -42,7 +41,6 @@ from estim.reports.energy import (
     shown,
     summarise_drift,
     summarise_energy,
-    to_value,
 )
 from estim.reports.line import (
     LineResult,
@@ -63,12 +61,7 @@ from estim.reports.result import (
     result_of,
     sensitivity_words,
 )
-from estim.sampling import number
 from estim.studies import BodyAnalysis, Narrowing, Reanalysis
-from estim.words import Voice
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 
@@ -91,7 +84,7 @@ class LimitSummary(msgspec.Struct, frozen=True):
 
 
 class BodySummary(msgspec.Struct, frozen=True):
-    gamma_masses: Value | None
+    gamma_masses: Quantity | None
     gamma_origin: str
     joint: Result
     energies: dict[str, EnergySummary]
@@ -108,10 +101,10 @@ class BodySummary(msgspec.Struct, frozen=True):
 class PublishedRow(msgspec.Struct, frozen=True):
     name: str
     section: str
-    published: Value
-    reanalysed: Value
+    published: Quantity
+    reanalysed: Quantity
     how: str
-    e_n: float | None
+    e_n: float
 
 
 class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -127,28 +120,25 @@ class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}
     provenance: Provenance
 
 
-def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> ReanalysisResult:
-    """The record of a reanalysis; the report prints from it.  voice : to whom advice is given."""
+def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
+    """The record of a reanalysis; the report prints from it."""
     return ReanalysisResult(
         schema_=REANALYSIS_SCHEMA,
         title=r.campaign.title,
         kind=r.campaign.kind,
         statuses=dict(r.statuses),
-        line=None if r.line is None else line_result(r.campaign, r.line, voice=voice),
-        runs={
-            name: result_of(r.campaign, analysis, voice=voice)
-            for name, analysis in r.single_runs.items()
-        },
-        bodies={body.body: _body(r, body, voice) for body in r.bodies},
+        line=None if r.line is None else line_result(r.campaign, r.line),
+        runs={name: result_of(r.campaign, analysis) for name, analysis in r.single_runs.items()},
+        bodies={body.body: _body(r, body) for body in r.bodies},
         paper=r.paper,
         published=[
             PublishedRow(
                 c.published.name,
                 c.published.section,
-                Value(c.published.value, c.published.u),
-                to_value(c.value),
+                Quantity(c.published.value, math.nan if c.published.u is None else c.published.u),
+                c.value,
                 c.how,
-                number(c.e_n),
+                c.e_n,
             )
             for c in r.published
         ],
@@ -156,12 +146,12 @@ def reanalysis_result(r: Reanalysis, *, voice: Voice = Voice.PYTHON) -> Reanalys
     )
 
 
-def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
+def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
     table, ok = body.narrowing, body.joint.diagnosis.ok
     return BodySummary(
-        gamma_masses=None if body.gamma_masses is None else to_value(body.gamma_masses),
+        gamma_masses=body.gamma_masses,
         gamma_origin=gamma_origin(r.campaign.source, body.body),
-        joint=result_of(r.campaign, body.joint, voice=voice),
+        joint=result_of(r.campaign, body.joint),
         energies={e.run: summarise_energy(e) for e in body.energies if ok},
         drift=summarise_drift(body.drift),
         band_published={
@@ -193,13 +183,11 @@ def _body(r: Reanalysis, body: BodyAnalysis, voice: Voice) -> BodySummary:
     )
 
 
-def reanalysis_report(
-    r: Reanalysis, *, voice: Voice = Voice.PYTHON, figures: bool = True
-) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`.  voice : to whom advice is given.  figures :
+def reanalysis_report(r: Reanalysis, *, figures: bool = True) -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`.  figures :
     whether there are any.
     """
-    result = reanalysis_result(r, voice=voice)
+    result = reanalysis_result(r)
     drawn: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
@@ -298,7 +286,6 @@ def reanalysis_text(
         pictures=pictures,
         opened={"methods"},
         result=result,
-        kind=kind_words(result.kind),
         line=None if result.line is None else line_values(result.line),
         shown=shown,
         prior=prior_cell,
@@ -488,13 +475,13 @@ def _limit_words(body: BodySummary) -> list[str]:
         clauses = [
             phrase(
                 "{u} if {symbol} were known exactly",
-                u=format_limit(limit.u_known),
+                u=format_rounded(limit.u_known, limit.u_known),
                 symbol=body.joint.labels.symbol(limit.group),
             )
             for limit in limits
             if limit.u_known < 0.9 * limit.u
         ]
-        u, ways = format_limit(limits[0].u), phrase("; to ").join(clauses)
+        u, ways = format_rounded(limits[0].u, limits[0].u), phrase("; to ").join(clauses)
         sentences.append(
             phrase(
                 "u({symbol}) = {u} (least squares) would fall to {ways}.",
@@ -510,11 +497,6 @@ def _limit_words(body: BodySummary) -> list[str]:
             )
         )
     return sentences
-
-
-def format_limit(u: float) -> str:
-    """An uncertainty to two digits."""
-    return f"{u:.{max(0, 1 - math.floor(math.log10(u)))}f}" if u > 0.0 else "0"
 
 
 def narrowing_figure(tables: Sequence[Narrowing]) -> Figure:

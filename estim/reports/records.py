@@ -20,6 +20,8 @@ from estim.problem import Observations, Problem
 from estim.sampling import Summary, number
 from estim.words import tell
 
+DRAWS = 20_000  # of which quantiles and standard deviations are shown
+FELT = 0.05  # posterior standard deviations: a shift that rounding would hide is none
 _MOST = 150  # parameters: the matrix grows with their square
 
 

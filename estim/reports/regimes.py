@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
@@ -17,31 +18,36 @@ from estim.common import (
     as_json,
     decide,
     format_quantity,
-    kind_words,
     later,
     one_line,
     phrase,
     signed,
 )
-from estim.drawing import BLUE, GREEN, INK, MARKS, draw_bands, legend_below, new_figure
+from estim.drawing import (
+    BLUE,
+    GREEN,
+    INK,
+    MARKS,
+    Axes,
+    Figure,
+    draw_bands,
+    legend_below,
+    new_figure,
+)
 from estim.line import ThetaMinSeries
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
-from estim.sampling import number
 from estim.studies import BodyMap, FittedValues, RunPlace
-from estim.words import STATUS_WORDS, Voice, advice_for, sure, tell
+from estim.words import advice_for, sure, tell
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.container import ErrorbarContainer
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
 MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
-_ROWS = 7  # tilts in a table, at most
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {"asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m")}
 _STILL, _TURNS, _PASSES, _ROLLS = "#E4E4E4", "#D6E9F5", "#FBE3B3", "#C9E8DC"
@@ -74,13 +80,13 @@ _ENDS = {
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """Median, 68 and 95 % interval."""
+    """Median, 68 and 95 % interval; null where there is none."""
 
-    median: float | None
-    low_68: float | None
-    high_68: float | None
-    low_95: float | None
-    high_95: float | None
+    median: float = math.nan
+    low_68: float = math.nan
+    high_68: float = math.nan
+    low_95: float = math.nan
+    high_95: float = math.nan
 
 
 class TiltOnMap(msgspec.Struct, frozen=True):
@@ -137,9 +143,7 @@ class MapResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     provenance: Provenance
 
 
-def map_result(
-    campaign: Campaign, maps: Sequence[BodyMap], *, seed: int, voice: Voice = Voice.PYTHON
-) -> MapResult:
+def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> MapResult:
     """The record of maps."""
     findings = [finding for body_map in maps for finding in body_map.findings]
     fitted = maps[0].known.fitted
@@ -149,7 +153,7 @@ def map_result(
         campaign.kind,
         decide(findings),
         list(map(tell, findings)),
-        advice_for(findings, voice),
+        advice_for(findings),
         None if fitted is None else one_line(fitted.place),
         {body_map.body: _body(body_map) for body_map in maps},
         provenance(campaign, [place.run for body_map in maps for place in body_map.runs], seed),
@@ -162,13 +166,12 @@ def map_report(
     line: ThetaMinSeries | None,
     *,
     seed: int,
-    voice: Voice = Voice.PYTHON,
     figures: bool = True,
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.
     """
-    result = map_result(campaign, maps, seed=seed, voice=voice)
+    result = map_result(campaign, maps, seed=seed)
     drawers: dict[str, Callable[[], Figure]] = {}
     for body_map in maps:
         series = line if line is not None and line.body == body_map.body else None
@@ -177,8 +180,6 @@ def map_report(
         render,
         "map.md.j2",
         result=result,
-        kind=kind_words(campaign.kind),
-        status_words=STATUS_WORDS,
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words,
@@ -218,7 +219,8 @@ def _body(found: BodyMap) -> BodyOnMap:
 def _tilts(found: BodyMap) -> FloatArray:
     """Round tilts of a table, rad."""
     low, high = found.phi[0] * _DEGREES, found.phi[-1] * _DEGREES
-    step = next((step for step in _TILT_STEPS if (high - low) / step < _ROWS), _TILT_STEPS[-1])
+    # tilts in a table, at most
+    step = next((step for step in _TILT_STEPS if (high - low) / step < 7), _TILT_STEPS[-1])
     return np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1) * step / _DEGREES
 
 
@@ -240,20 +242,17 @@ def _tilt(found: BodyMap, phi: float) -> TiltOnMap:
     farthest = at(found.farthest, found.far_phi)
     return TiltOnMap(
         float(phi),
-        lowest if sets_off else _NOWHERE,
-        at(found.highest, found.phi) if sets_off else _NOWHERE,
+        lowest if sets_off else Spread(),
+        at(found.highest, found.phi) if sets_off else Spread(),
         on if some_on else None,
         passes if some_pass else None,
-        farthest if farthest.high_95 is not None and sets_off and phi >= 0.0 else None,
+        farthest if math.isfinite(farthest.high_95) and sets_off and phi >= 0.0 else None,
     )
 
 
 def _spread(quantiles: FloatArray) -> Spread:
-    low_95, low_68, median, high_68, high_95 = (number(float(value)) for value in quantiles)
+    low_95, low_68, median, high_68, high_95 = quantiles.tolist()
     return Spread(median, low_68, high_68, low_95, high_95)
-
-
-_NOWHERE = Spread(None, None, None, None, None)
 
 
 def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
@@ -275,7 +274,7 @@ def _degrees(spread: Spread | None) -> str:
 
 
 def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
-    if spread is None or spread.median is None or spread.low_68 is None or spread.high_68 is None:
+    if spread is None or not math.isfinite(spread.high_68 - spread.low_68):
         return "—"
     return signed(
         format_quantity(factor * spread.median, 0.5 * factor * (spread.high_68 - spread.low_68))

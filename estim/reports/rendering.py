@@ -23,6 +23,7 @@ from estim.common import (
     destination,
     format_p,
     format_quantity,
+    kind_words,
     language,
     markdown,
     p_digits,
@@ -31,6 +32,7 @@ from estim.common import (
     signed,
     significant,
 )
+from estim.words import status_words
 
 if TYPE_CHECKING:
     import jinja2
@@ -137,7 +139,9 @@ def _environment(_language: str) -> jinja2.Environment:
     environment.filters["number"] = lambda v, digits=3: (
         "n/a" if v is None else significant(v, digits)
     )
-    environment.filters["fixed"] = lambda v, form: "n/a" if v is None else form % v
+    environment.filters["fixed"] = lambda v, form: (
+        "n/a" if v is None or not math.isfinite(v) else form % v
+    )
     environment.filters["unit"] = lambda unit: "" if unit == "1" else unit
     environment.filters["beside"] = lambda text, unit: text if unit == "1" else f"{text} {unit}"
     environment.filters |= {
@@ -147,6 +151,8 @@ def _environment(_language: str) -> jinja2.Environment:
         "p": p_words,
         "p_is": format_p,
         "percent": percentage,
+        "kind_words": kind_words,
+        "status_words": status_words,
     }
     environment.globals["phrase"] = phrase
     environment.filters |= {
@@ -220,7 +226,8 @@ def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
     place = math.floor(math.log10(u) + 1e-12) - (digits - 1)
     if round(u / 10.0**place) >= 10**digits:
         place += 1
-    exponent = math.floor(math.log10(max(abs(value), u, abs(beside))))
+    beside = abs(beside) if math.isfinite(beside) else 0.0
+    exponent = math.floor(math.log10(max(abs(value), u, beside)))
     if -4 <= exponent < 9 and place > -9:
         return signed(f"{value:.{max(0, -place)}f}")
     return signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}e{exponent:+03d}")

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from inspect import cleandoc
+from pathlib import Path
 from typing import Protocol
 
 import msgspec
@@ -22,6 +23,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import (
+    SURE,
     Check,
     Diagnosis,
     Estimate,
@@ -35,7 +37,7 @@ from estim.checks import (
     stated_values,
     tolerated_pattern,
 )
-from estim.common import Kind, as_json, listed, one_line, phrase, signed, split_level
+from estim.common import Kind, as_json, behind, later, listed, one_line, phrase, signed, split_level
 from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
@@ -44,6 +46,7 @@ from estim.reports.budget import UncertaintyBudget, budget_of, budget_records
 from estim.reports.derived import (
     derived_facts,
     derived_summaries,
+    once,
     origin_facts,
     origin_warnings,
     speed_facts,
@@ -51,6 +54,7 @@ from estim.reports.derived import (
 from estim.reports.deviation import DeviationSummary, ForceSummary, curve_deviations, deviations
 from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.records import (
+    FELT,
     CertificateSummary,
     CheckSummary,
     Correlation,
@@ -75,13 +79,9 @@ from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.sampling import number, summarise, trusted
 from estim.studies import PRIOR, READINGS, STATED, Budget, Determination
 from estim.versions import engine_versions, version
-from estim.words import Voice, advice_for, common_error, tell
+from estim.words import advice_for, common_error, tell
 
 SCHEMA = "estim-result/1"
-_HALF = 0.5  # share of the variance from which one source is what limits
-_TIED = 0.6  # correlation that is worth its number
-_FELT = 0.05  # posterior standard deviations
-_SURE = 0.95  # probability of a force that the curve lacks
 _WHERE = {
     "poor-fit": "curve",
     "contradiction": "values",
@@ -92,7 +92,6 @@ _WHERE = {
     "methods-disagree": "computing",
 }
 MOST_MINDS, _MOST_ERRORS = 2, 3
-_MOST_REASONS, _MOST_LETTERS = 3, 380  # of reasons why there is no result
 
 
 @dataclass(frozen=True)
@@ -108,14 +107,14 @@ class Screen:
     """
 
     title: str
-    tests: str
-    estimates: tuple[Estimate, ...]
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    left: str
-    elsewhere: str
-    minds: tuple[str, ...]
-    sensitivity: str
+    tests: str = ""
+    estimates: tuple[Estimate, ...] = ()
+    head: tuple[str, ...] = ()
+    rows: tuple[tuple[str, ...], ...] = ()
+    left: str = ""
+    elsewhere: str = ""
+    minds: tuple[str, ...] = ()
+    sensitivity: str = ""
 
     @property
     def lines(self) -> list[str]:
@@ -231,12 +230,10 @@ def result_of(
     determination: Determination | None = None,
     *,
     budget: Budget | None = None,
-    voice: Voice = Voice.PYTHON,
 ) -> Result:
     """The record of an analysis, with its profile intervals if they were determined.  budget : made
     here where it is None.
 
-    voice : to whom advice is given.
     """
     problem = analysis.problem
     fit = analysis.fit
@@ -250,7 +247,7 @@ def result_of(
         formula=campaign.formula,
         status=diagnosis.status,
         reasons=list(diagnosis.reasons),
-        advice=advice_for(diagnosis.findings, voice),
+        advice=advice_for(diagnosis.findings),
         notes=list(diagnosis.notes),
         parameters={
             p.name: parameter_summary(campaign.truth, analysis, i)
@@ -312,9 +309,20 @@ def result_of(
 
 
 def provenance(campaign: Subject, runs: list[str], seed: int) -> Provenance:
-    """Where numbers came from: digests of the inputs, the seed, versions of what computed them."""
-    digests = {one_line(campaign.tables[name].file): campaign.tables[name].sha256 for name in runs}
-    return Provenance(one_line(campaign.path), campaign.sha256, digests, seed, software_versions())
+    """Where numbers came from: digests of the campaign and of the tables of `runs`, the seed,
+    versions of what computed them.
+    """
+    tables = [campaign.tables[name] for name in runs]
+    digests = {table.file: table.sha256 for table in tables}
+    return provenance_of(campaign.path, campaign.sha256, digests, seed)
+
+
+def provenance_of(
+    source: str | Path, sha256: str, digests: Mapping[str, str], seed: int
+) -> Provenance:
+    """The same of any source, with the `digests` of its tables."""
+    shown = {one_line(file): digest for file, digest in digests.items()}
+    return Provenance(one_line(str(source)), sha256, shown, seed, software_versions())
 
 
 def software_versions() -> dict[str, str]:
@@ -436,7 +444,7 @@ def first_screen(result: Result) -> Screen:
     runs = ", ".join(result.runs)
     title = f"{result.title}: {runs}" if result.title not in ("", runs) else runs
     if result.status != "ok":
-        return Screen(title, "", (), (), (), "", "", _left_out(result), "")
+        return Screen(title, minds=_left_out(result))
     counted = [
         check.p_value
         for run in result.runs.values()
@@ -490,7 +498,8 @@ def result_lines(result: Result) -> list[str]:
 def first_reasons(reasons: Sequence[str]) -> list[str]:
     """Those of `reasons`, gravest first, that the first screen has room for: one at least."""
     length = np.cumsum([len(words) for words in reasons])
-    return list(reasons[: max(1, min(_MOST_REASONS, int(np.sum(length <= _MOST_LETTERS))))])
+    # of reasons why there is no result
+    return list(reasons[: max(1, min(3, int(np.sum(length <= 380))))])
 
 
 def opened_by(result: Result) -> frozenset[str]:
@@ -514,9 +523,8 @@ def _of_one_run(name: str, result: Result) -> bool:
 def _estimate(name: str, result: Result) -> Estimate:
     p = result.parameters[name]
     label = (result.labels.bare if len(result.runs) == 1 else result.labels.parameters)[name]
-    unit = "" if label.unit == "1" else f" {label.unit}"
     # a prior with a width that nobody stated
-    inferred = "" if p.stated or p.prior_sd is None else p.prior + unit
+    inferred = "" if p.stated or p.prior_sd is None else p.prior + behind(label.unit)
     return Estimate(label, p, p.stated, bool(p.measured), p.upper_95, p.true, inferred)
 
 
@@ -528,20 +536,15 @@ def _derived_quantities(result: Result) -> list[Estimate]:
             by_name.setdefault(name, {})[run] = Estimate(
                 result.labels.derived[run][name], entry.derived[name], "", True
             )
-    estimates = []
-    for by_run in by_name.values():
-        first = next(iter(by_run.values()))
-        if (
-            len(by_run) == len(result.runs)
-            and len({(entry.summary.mean, entry.summary.sd) for entry in by_run.values()}) == 1
-        ):
-            estimates.append(first)
-        else:
-            estimates += [
-                replace(entry, label=replace(entry.label, symbol=f"{entry.label.symbol}[{run}]"))
-                for run, entry in by_run.items()
-            ]
-    return estimates
+    return [
+        replace(entry, label=replace(entry.label, symbol=entry.label.symbol + (run and f"[{run}]")))
+        for by_run in by_name.values()
+        for run, entry in once(by_run, len(result.runs), _same_estimate).items()
+    ]
+
+
+def _same_estimate(a: Estimate, b: Estimate) -> bool:
+    return (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd)
 
 
 def _limits(shown: Sequence[str], result: Result) -> str:
@@ -554,7 +557,8 @@ def _limits(shown: Sequence[str], result: Result) -> str:
         if budget is None or not result.parameters[name].measured or not budget.sources:
             continue
         first, symbol = budget.sources[0], symbols[name].symbol
-        if first.share < _HALF or first.source == name:
+        # share of the variance from which one source is what limits
+        if first.share < 0.5 or first.source == name:
             continue
         if first.kind == READINGS and result.stated_values.dof:
             return phrase(
@@ -586,16 +590,14 @@ def _limits(shown: Sequence[str], result: Result) -> str:
                 symbol=symbol,
                 other=other,
             )
-            return tied if abs(r) >= _TIED else leans
+            return tied if abs(r) >= 0.6 else leans  # correlation that is worth its number
     return ""
 
 
 def _forces(result: Result) -> str:
     """Whether the curve lacks something for sure."""
     forces = [
-        deviation
-        for deviation in (result.deviation or {}).values()
-        if deviation.probability > _SURE
+        deviation for deviation in (result.deviation or {}).values() if deviation.probability > SURE
     ]
     if forces:
         size = 100.0 * max(deviation.typical for deviation in forces)
@@ -604,7 +606,7 @@ def _forces(result: Result) -> str:
             "intervals allow for it",
             size=size,
         )
-    if any(deviation.probability > _SURE for deviation in (result.curve_deviation or {}).values()):
+    if any(deviation.probability > SURE for deviation in (result.curve_deviation or {}).values()):
         return phrase(
             "the discrepancy between curve and data is larger than the errors; the "
             "intervals allow for an irregular deviation, but not "
@@ -674,30 +676,14 @@ def _warnings(result: Result) -> str:
     )
     if n == 1 and not bad and not far:
         return next(words for run in runs for words in run.warnings)
-    counts = (
-        ""
-        if not n
-        else phrase("{n} warning about a file", n=n)
-        if n == 1
-        else phrase("{n} warnings about files", n=n),
-        ""
-        if not bad
-        else phrase("{n} bad frame", n=bad)
-        if bad == 1
-        else phrase("{n} bad frames", n=bad),
-        ""
-        if not far
-        else phrase("{n} likely outlier", n=far)
-        if far == 1
-        else phrase("{n} likely outliers", n=far),
+    counted = (
+        (n, later("{n} warning about a file"), later("{n} warnings about files")),
+        (bad, later("{n} bad frame"), later("{n} bad frames")),
+        (far, later("{n} likely outlier"), later("{n} likely outliers")),
     )
-    return (
-        phrase(
-            "{counts}: see the section on data and noise", counts=", ".join(filter(None, counts))
-        )
-        if any(counts)
-        else ""
-    )
+    counts = [phrase(one if k == 1 else several, n=k) for k, one, several in counted if k]
+    words = later("{counts}: see the section on data and noise")
+    return phrase(words, counts=", ".join(counts)) if counts else ""
 
 
 def sensitivity_words(results: Sequence[Result]) -> str:
@@ -714,7 +700,7 @@ def sensitivity_words(results: Sequence[Result]) -> str:
                 (effect.shifts[name], symbols[name].symbol),
                 key=lambda moved: abs(moved[0]),
             )
-    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= _FELT}
+    noticeable = {error: moved for error, moved in largest.items() if abs(moved[0]) >= FELT}
     return "; ".join(
         f"{error}: {symbol} {signed(f'{shift:+.1f}')}"
         for error, (shift, symbol) in noticeable.items()

@@ -5,7 +5,6 @@ force of the ramp along the way.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -13,15 +12,11 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
 from estim.common import phrase, significant
-from estim.drawing import GREY, LEVELS, ORANGE, draw_bands, grid, legend_below
+from estim.drawing import GREY, LEVELS, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
 from estim.sampling import number
 from estim.words import tell
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 class RollingSummary(msgspec.Struct, frozen=True):

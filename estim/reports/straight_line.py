@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -22,19 +21,14 @@ from estim.common import (
     phrase,
     significant,
 )
-from estim.drawing import BLUE, GREEN, INK, ORANGE, legend_below, new_figure
+from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render, rounded
-from estim.reports.result import Provenance, software_versions
-from estim.sampling import Summary, number
-from estim.words import STATUS_WORDS
+from estim.reports.result import Provenance, provenance_of
+from estim.sampling import Summary
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-_COPIED = 0.95  # probability of the interval in the table to copy
 STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
     "ols": later("ordinary least squares"),
@@ -45,17 +39,17 @@ _METHODS = {
 
 
 class PredictedPoint(msgspec.Struct, frozen=True):
-    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); an end that is not
-    finite is null.
+    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); what is not finite
+    is null.
     """
 
     given: float
     u_given: float
     value: float
     u: float
-    low: float | None
-    high: float | None
-    u_reading: float | None  # with one more reading of y
+    low: float
+    high: float
+    u_reading: float  # with one more reading of y
 
 
 class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
@@ -68,18 +62,18 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
     columns: dict[str, str | None]
     correlated: list[str]  # what is stated of errors that points share
     n_obs: int
-    intercept: float | None
-    slope: float | None
+    intercept: float
+    slope: float
     chi2: float
     dof: int
-    p_value: float | None
+    p_value: float
     # convention -> u(intercept), u(slope), covariance
-    standard_errors: dict[str, list[float | None]]
+    standard_errors: dict[str, list[float]]
     recommended: str
     reason: str
     probability: float
     k: float
-    slope_interval: list[float | None]
+    slope_interval: tuple[float, float]
     predictions: list[PredictedPoint]
     inverses: list[PredictedPoint]
     provenance: Provenance
@@ -88,24 +82,17 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
 def straight_line_result(line: StraightLine) -> StraightLineResult:
     """The record of a straight line."""
     fit = line.fit
-    errors = {
-        name: [number(e.u_intercept), number(e.u_slope), number(e.cov)]
-        for name, e in fit.standard_errors.items()
-    }
+    errors = {name: [e.u_intercept, e.u_slope, e.cov] for name, e in fit.standard_errors.items()}
     columns = {
         key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
     }
     predictions = [
-        PredictedPoint(
-            p.x0.value, p.x0.u, p.y, p.u, number(p.low), number(p.high), number(p.u_reading)
-        )
+        PredictedPoint(p.x0.value, p.x0.u, p.y, p.u, p.low, p.high, p.u_reading)
         for p in line.predictions
     ]
     inverses = [
-        PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, number(p.low), number(p.high), None)
-        for p in line.inverses
+        PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, p.low, p.high, math.nan) for p in line.inverses
     ]
-    name = one_line(str(line.path))
     return StraightLineResult(
         STRAIGHT_SCHEMA,
         line.status,
@@ -114,20 +101,20 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         columns,
         [one_line(words) for words in line.correlated],
         fit.data.x.size,
-        number(fit.intercept),
-        number(fit.slope),
+        fit.intercept,
+        fit.slope,
         fit.chi2,
         fit.dof,
-        number(fit.p_value),
+        fit.p_value,
         errors,
         fit.recommended,
         fit.reason,
         line.probability,
         line.k,
-        [number(line.slope.low), number(line.slope.high)],
+        (line.slope.low, line.slope.high),
         predictions,
         inverses,
-        Provenance(name, line.sha256, {name: line.sha256}, 0, software_versions()),
+        provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
     )
 
 
@@ -153,7 +140,6 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
             pictures=pictures,
             result=result,
             ok=line.status.ok,
-            status_words=STATUS_WORDS[line.status],
             method=phrase(_METHODS[result.method]),
             rows=rows,
             percent=f"{100.0 * result.probability:g}",
@@ -164,7 +150,7 @@ def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[st
             inverses=[_predicted(p) for p in result.inverses],
             facts=line.facts,
             uncertainties=_uncertainties(result),
-            slope=_ends(result.slope_interval, used.u_slope),
+            slope=_ends(*result.slope_interval, used.u_slope),
             opened={"methods"} if not line.status.ok else (),
             copies=copies_of(_estimates(result)) if line.status.ok else None,
         )
@@ -183,10 +169,11 @@ def _estimates(result: StraightLineResult) -> list[Estimate]:
         result.standard_errors[result.recommended],
         strict=False,
     ):
-        if value is not None and u is not None:
+        if math.isfinite(value) and math.isfinite(u):
             half = result.k * u
             low, high = (
-                (value - half, value + half) if result.probability == _COPIED else (None, None)
+                # probability of the interval in the table to copy
+                (value - half, value + half) if result.probability == 0.95 else (None, None)
             )
             estimates.append(
                 Estimate(
@@ -213,57 +200,52 @@ def straight_line_lines(line: StraightLine) -> list[str]:
         )
     ]
     percent = f"{100.0 * line.probability:g} %"
-    for prediction in line.predictions:
-        given = format_quantity(prediction.x0.value, prediction.x0.u or None)
-        estimate, ends = (
-            f"{y} = {_pair(prediction.y, prediction.u)}",
-            interval(prediction.low, prediction.high, prediction.u, 3),
+    found = [
+        (
+            f"{x} = {format_quantity(p.x0.value, p.x0.u or None)}",
+            f"{y} = {_pair(p.y, p.u)}",
+            interval(p.low, p.high, p.u, 3),
         )
-        lines.append(
-            phrase(
-                "{given}: {found}, {percent} interval {ends}",
-                given=f"{x} = {given}",
-                found=estimate,
-                percent=percent,
-                ends=ends,
-            )
+        for p in line.predictions
+    ] + [
+        (
+            f"{y} = {_pair(q.y0.value, q.y0.u)}",
+            f"{x} = {_pair(q.x, q.u)}",
+            interval(q.low, q.high, q.u, 3) if math.isfinite(q.low) else phrase("unbounded"),
         )
-    for p in line.inverses:
-        ends = interval(p.low, p.high, p.u, 3) if math.isfinite(p.low) else phrase("unbounded")
-        given, estimate = f"{y} = {_pair(p.y0.value, p.y0.u)}", f"{x} = {_pair(p.x, p.u)}"
-        lines.append(
-            phrase(
-                "{given}: {found}, {percent} interval {ends}",
-                given=given,
-                found=estimate,
-                percent=percent,
-                ends=ends,
-            )
+        for q in line.inverses
+    ]
+    return lines + [
+        phrase(
+            "{given}: {found}, {percent} interval {ends}",
+            given=given,
+            found=estimate,
+            percent=percent,
+            ends=ends,
         )
-    return lines
+        for given, estimate, ends in found
+    ]
 
 
-def _pair(value: float, u: float | None, digits: int = 2) -> str:
+def _pair(value: float, u: float, digits: int = 2) -> str:
     """Value ± uncertainty to as many digits of it."""
-    known = u if u is not None else math.nan
-    return rounded(value, known, digits) + (
-        f" ± {rounded(known, known, digits, beside=value)}" if 0.0 < known < math.inf else ""
+    return rounded(value, u, digits) + (
+        f" ± {rounded(u, u, digits, beside=value)}" if 0.0 < u < math.inf else ""
     )
 
 
-def _ends(ends: list[float | None], u: float | None) -> str:
-    low, high = ends
-    return phrase("unbounded") if low is None or high is None else interval(low, high, u or 0.0, 3)
+def _ends(low: float, high: float, u: float) -> str:
+    known = math.isfinite(low) and math.isfinite(high)
+    return interval(low, high, u, 3) if known else phrase("unbounded")
 
 
 def _predicted(p: PredictedPoint) -> tuple[str, ...]:
-    reading = "" if p.u_reading is None else f"{p.u_reading:.3g}"
     return (
         format_quantity(p.given, p.u_given or None),
         _pair(p.value, p.u),
         f"{p.u:.3g}",
-        _ends([p.low, p.high], p.u),
-        reading,
+        _ends(p.low, p.high, p.u),
+        "" if math.isnan(p.u_reading) else f"{p.u_reading:.3g}",
     )
 
 

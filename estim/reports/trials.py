@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Collection, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -22,9 +21,7 @@ from estim.common import (
     as_json,
     e_n,
     format_quantity,
-    kind_words,
     later,
-    one_line,
     phrase,
     signed,
 )
@@ -34,6 +31,8 @@ from estim.drawing import (
     INK,
     LEVELS,
     ORANGE,
+    Axes,
+    Figure,
     draw_bands,
     grid,
     legend_below,
@@ -42,13 +41,9 @@ from estim.drawing import (
 from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render
-from estim.reports.result import Provenance, software_versions
+from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
-from estim.words import STATUS_WORDS, Voice, advice_for, told_apart
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from estim.words import advice_for, told_apart
 
 TRIALS_SCHEMA = "estim-trials/1"
 _LINES = {
@@ -56,8 +51,6 @@ _LINES = {
     "posterior": later("Bayesian line through the θ_min series"),
 }
 _GAMMA = Notation("γ").label("1")
-_MOST_PANELS = 12
-_ASIDE = 0.011  # of the width of the panel: from a mark to the next of the same angle
 _MARKS = {
     (LOW, True): ("^", BLUE),
     (LOW, False): ("o", "white"),
@@ -124,15 +117,9 @@ class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 
 
 def trials_result(
-    campaign: Campaign,
-    analysis: TrialsAnalysis,
-    *,
-    line: LineAnalysis | None = None,
-    voice: Voice = Voice.PYTHON,
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None = None
 ) -> TrialsResult:
-    """The record of an analysis of trials.  line : of the same body, to stand beside it.  voice :
-    to whom advice is given.
-    """
+    """The record of an analysis of trials.  line : of the same body, to stand beside it."""
     status, trials, masses = analysis.status, analysis.trials, analysis.gamma_masses
     posterior = analysis.posterior
     return TrialsResult(
@@ -141,7 +128,7 @@ def trials_result(
         kind=campaign.kind,
         status=status,
         reasons=list(analysis.reasons),
-        advice=advice_for(analysis.findings, voice),
+        advice=advice_for(analysis.findings),
         disagreements=list(analysis.disagreements),
         body=trials.body,
         n_trial=trials.n_trial,
@@ -163,12 +150,11 @@ def trials_result(
         phi_mean=analysis.phi_mean,
         told_apart=told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
         second_computation=analysis.agreement.reason,
-        provenance=Provenance(
-            one_line(str(campaign.source.path)),
+        provenance=provenance_of(
+            campaign.source.path,
             campaign.source.sha256,
-            {one_line(trials.file): trials.sha256},
+            {trials.file: trials.sha256},
             analysis.seed,
-            software_versions(),
         ),
     )
 
@@ -227,10 +213,10 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 
 def trials_files(
-    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None, voice: Voice
+    campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
 ) -> tuple[Drawers, dict[str, object], bytes]:
     """Figures, what the template of the section needs, and `trials.json`."""
-    result = trials_result(campaign, analysis, line=line, voice=voice)
+    result = trials_result(campaign, analysis, line=line)
     drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
         drawers["figures/chances.png"] = partial(chances_figure, analysis)
@@ -238,16 +224,12 @@ def trials_files(
 
 
 def trials_report(
-    campaign: Campaign,
-    analysis: TrialsAnalysis,
-    *,
-    voice: Voice = Voice.PYTHON,
-    figures: bool = True,
+    campaign: Campaign, analysis: TrialsAnalysis, *, figures: bool = True
 ) -> dict[str, bytes]:
-    """`report.md`, `trials.json` and the figures of trials by themselves.  voice : to whom advice
-    is given.  figures : whether there are any.
+    """`report.md`, `trials.json` and the figures of trials by themselves.  figures : whether there
+    are any.
     """
-    drawers, values, record = trials_files(campaign, analysis, line=None, voice=voice)
+    drawers, values, record = trials_files(campaign, analysis, line=None)
     return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {
         "trials.json": record
     }
@@ -287,8 +269,6 @@ def trials_values(result: TrialsResult) -> dict[str, object]:
     )
     return {
         "result": result,
-        "kind": kind_words(result.kind),
-        "status_words": STATUS_WORDS[status],
         "meaningless": not status.draws_count,
         "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
         "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
@@ -418,7 +398,8 @@ def _draw_trials(ax: Axes, analysis: TrialsAnalysis, end: str, width: float) -> 
             for place, angle in _side_by_side(part.theta[part.climbed == climbed], Counter()):
                 x.append(
                     np.degrees(tilt.phi)
-                    + (1.0 if climbed else -1.0) * (place + 1.0) * _ASIDE * width
+                    # of the width of the panel: from a mark to the next of the same angle
+                    + (1.0 if climbed else -1.0) * (place + 1.0) * 0.011 * width
                 )
                 y.append(angle)
         ax.plot(x, y, mark, ms=5, mfc=face, mec=INK, mew=0.8, ls="", label=label, zorder=4)
@@ -441,9 +422,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     """
     trials = analysis.trials
     chosen = np.unique(
-        np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), _MOST_PANELS))
-        .round()
-        .astype(int)
+        np.linspace(0, len(trials.tilts) - 1, min(len(trials.tilts), 12)).round().astype(int)
     )
     figure, axes = grid(len(chosen), height=2.2 if len(chosen) > 2 else 2.8)
     for ax, which in zip(axes, chosen, strict=True):

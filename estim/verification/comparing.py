@@ -23,7 +23,7 @@ import hashlib
 import io
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -39,43 +39,21 @@ _NOISE = 1e-4  # of the largest number beside it: what is left of a difference t
 _LARGEST = 1e300
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {
-    "mean": 1.0,
-    "value": 1.0,
+    **dict.fromkeys(("mean", "value", "sd", "u"), 1.0),
     "median": 1.3,
-    "sd": 1.0,
-    "u": 1.0,
-    "q16": 1.6,
-    "q84": 1.6,
-    "q025": 3.0,
-    "q975": 3.0,
+    **dict.fromkeys(("q16", "q84"), 1.6),
+    **dict.fromkeys(("q025", "q975"), 3.0),
 }
 """Monte-Carlo error of each number of an estimate over that of its mean; of a normal
 distribution, rounded up.
 """
 _PAIRS = (("mean", "sd"), ("value", "u"), ("mean", "u"))
-_DIAGNOSTICS = frozenset(
-    {"rhat", "ess_bulk", "ess_tail", "mcse", "certificate", "k_hat", "versions"}
-)
-_STATED = frozenset(
-    {  # words that no draw decides
-        "status",
-        "statuses",
-        "kind",
-        "title",
-        "schema",
-        "formula",
-        "unit",
-        "meaning",
-        "campaign",
-        "run",
-        "body",
-        "error",
-        "prior",
-        "stated",
-    }
-)
-# numbers that no draw decides
-_FIXED = frozenset({"prior_mean", "prior_sd", "stated", "true", "seed", "n_obs", "dof"})
+_DIAGNOSTICS = {"rhat", "ess_bulk", "ess_tail", "mcse", "certificate", "k_hat", "versions"}
+_STATED = {
+    *("status", "statuses", "kind", "title", "schema", "formula", "unit", "meaning"),
+    *("campaign", "run", "body", "error", "prior", "stated"),
+}  # words that no draw decides
+_FIXED = {"prior_mean", "prior_sd", "stated", "true", "seed", "n_obs", "dof"}  # numbers of the kind
 _NUMBER = re.compile(r"(?<!\w)[-−+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?")
 _PLUS_MINUS = re.compile(rf"({_NUMBER.pattern})[\s\u00a0]*±[\s\u00a0]*({_NUMBER.pattern})")
 _VERSIONS = re.compile(r"(?m)^\|[^|\n]*\| python \d[^|\n]*\|$")  # a row of a table of the report
@@ -96,7 +74,6 @@ class Difference:
     there is nothing.
     """
 
-    file: str
     where: str
     before: str
     now: str
@@ -115,20 +92,16 @@ def differences(
         return []
     if file.endswith((".json", ".csv")):
         try:
-            found = _of_values(file, "", _values(file, before), _values(file, now), same_draws)
+            found = _of_values("", _values(file, before), _values(file, now), same_draws)
             # what was put in, before what follows
-            return sorted(
-                found, key=lambda one: one.where.rpartition(".")[2] not in _FIXED | _STATED
-            )
+            return sorted(found, key=lambda one: _key(one.where) not in _FIXED | _STATED)
         except ValueError as error:
-            return [Difference(file, "all of it", f"cannot be read ({error})", "")]
+            return [Difference("all of it", f"cannot be read ({error})", "")]
     if file.endswith((".md", ".html")):
-        old, new = (
-            _PICTURE.sub(_digest, data).decode("utf-8", "replace") for data in (before, now)
-        )
-        before_lines, now_lines = (_VERSIONS.sub("", text).splitlines() for text in (old, new))
-        return list(_of_lines(file, before_lines, now_lines, same_draws, exact))
-    return [Difference(file, "", "other bytes than", "those that are made now", Verdict.ASIDE)]
+        texts = (_PICTURE.sub(_digest, data).decode("utf-8", "replace") for data in (before, now))
+        old, new = (_VERSIONS.sub("", text).splitlines() for text in texts)
+        return list(_of_lines(old, new, same_draws, exact))
+    return [Difference("", "other bytes than", "those that are made now", Verdict.ASIDE)]
 
 
 def draws_are_same(file: str, before: bytes, now: bytes) -> bool:
@@ -138,19 +111,30 @@ def draws_are_same(file: str, before: bytes, now: bytes) -> bool:
     if not file.endswith((".json", ".csv")) or before == now:
         return True
     try:
-        return _apart(_values(file, before), _values(file, now)) <= SAME_DRAWS
+        return all(move <= SAME_DRAWS for move in _moves(_values(file, before), _values(file, now)))
     except ValueError:
         return True
 
 
 def different_values(before: object, now: object) -> list[str]:
     """Where two decoded JSON values differ, by more than the last bits."""
-    return [one.where for one in _of_values("", "", before, now, True, exact=True)]
+    return [one.where for one in _of_values("", before, now, True, exact=True)]
 
 
 def is_number(value: object) -> bool:
     """A number of JSON, but for those that are too large to be one of ours."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+def estimate_in(node: object) -> tuple[float, float] | None:
+    """The value of an estimate and its standard deviation, or standard uncertainty; None where
+    `node` is none.
+    """
+    if isinstance(node, dict):
+        for value, spread in _PAIRS:
+            if is_number(node.get(value)) and is_number(node.get(spread)):
+                return float(node[value]), float(abs(node[spread]))
+    return None
 
 
 def _digest(picture: re.Match[bytes]) -> bytes:
@@ -172,22 +156,17 @@ def _values(file: str, data: bytes) -> Any:
     heads = rows[0] if rows else []
     if any(len(row) != len(heads) for row in rows) or len(set(heads)) < len(heads):
         return rows
-    parts = {
-        f"{head} {end}": (head, end)
-        for head in heads
-        if f"{head} sd" in heads
-        for end in ("sd", "q025", "q975")
-    }
-    parts |= {head: (head, "mean") for head, _ in [*parts.values()]}
+    parts: dict[str, tuple[str, str]] = {}
+    for head in heads:
+        if f"{head} sd" in heads:
+            parts[head] = (head, "mean")
+            parts |= {f"{head} {end}": (head, end) for end in ("sd", "q025", "q975")}
     found: list[Any] = [heads]
     for row in rows[1:]:
         line: dict[str, Any] = {}
         for head, cell in zip(heads, row, strict=True):
             name, inner = parts.get(head, (head, ""))
-            if inner:
-                line.setdefault(name, {})[inner] = _number(cell)
-            else:
-                line[name] = _number(cell)
+            (line.setdefault(name, {}) if inner else line)[inner or name] = _number(cell)
         found.append(line)
     return found
 
@@ -200,136 +179,113 @@ def _number(cell: str) -> float | str:
     return value if math.isfinite(value) else cell
 
 
-def _spread(now: object) -> float | None:
-    """The standard deviation of an estimate, None where `now` is none."""
-    if isinstance(now, dict):
-        for value, spread in _PAIRS:
-            if is_number(now.get(value)) and is_number(now.get(spread)):
-                return float(abs(now[spread]))
-    return None
-
-
-def _apart(before: object, now: object) -> float:
-    """The largest difference of an estimate, in its standard deviations (0 where there is none)."""
+def _moves(before: Any, now: Any) -> Iterator[float]:
+    """By how many of its standard deviations each number of each estimate differs."""
     if isinstance(before, dict) and isinstance(now, dict):
-        spread = _spread(now)
-        both = [key for key in now if key in before]
-        if spread is None:
-            return max((_apart(before[key], now[key]) for key in both), default=0.0)
-        return max(_moves(before, now, spread), default=0.0)
-    if isinstance(before, list) and isinstance(now, list):
-        return max((_apart(a, b) for a, b in zip(before, now, strict=False)), default=0.0)
-    return 0.0
+        estimate = estimate_in(now)
+        for key in now.keys() & before.keys():
+            a, b = before[key], now[key]
+            if estimate is None:
+                yield from _moves(a, b)
+            elif key in _ERRORS and is_number(a) and is_number(b):
+                spread, apart = estimate[1], abs(a - b)
+                bits = _SAME * max(abs(a), abs(b))
+                yield 0.0 if apart <= bits else apart / spread if spread > 0.0 else math.inf
+    elif isinstance(before, list) and isinstance(now, list):
+        for a, b in zip(before, now, strict=False):
+            yield from _moves(a, b)
 
 
-def _moves(before: Mapping[str, Any], now: Mapping[str, Any], spread: float) -> list[float]:
-    """By how many of its standard deviations each number of an estimate differs."""
-    pairs = [
-        (before[key], now[key])
-        for key in now
-        if key in _ERRORS and is_number(before.get(key)) and is_number(now[key])
-    ]
-    return [
-        0.0
-        if abs(a - b) <= _SAME * max(abs(a), abs(b))
-        else abs(a - b) / spread
-        if spread > 0.0
-        else math.inf
-        for a, b in pairs
-    ]
-
-
-def _has_estimate(now: object) -> bool:
-    if isinstance(now, dict):
-        return _spread(now) is not None or any(map(_has_estimate, now.values()))
-    return isinstance(now, list) and any(map(_has_estimate, now))
+def _key(path: str) -> str:
+    """The last name of a path, without places in lists."""
+    return path.rpartition(".")[2].partition("[")[0]
 
 
 def _of_values(
-    file: str,
-    path: str,
-    before: Any,
-    now: Any,
-    same: bool,
-    *,
-    exact: bool = False,
-    scale: float = 0.0,
+    path: str, before: Any, now: Any, same: bool, *, exact: bool = False, scale: float = 0.0
 ) -> Iterator[Difference]:
     """exact : every number that differs by more than the last bits is wrong.  scale : of the
     numbers beside it.
     """
-    key = re.sub(r"(\[\d+\])+$", "", path.rpartition(".")[2])
+    key = _key(path)
     if not exact and key in _DIAGNOSTICS:
         if before != now and key != "versions":
-            yield Difference(file, path, _short(before), _short(now), Verdict.ASIDE)
-        return
-    if isinstance(before, dict) and isinstance(now, dict):
-        same = _apart(before, now) <= SAME_DRAWS if _has_estimate(now) else same
-        spread, scale = None if exact else _spread(now), _scale(now.values())
-        # other draws move most numbers of an estimate: where a few differ, somebody changed them
-        if spread is not None:
-            moved = _moves(before, now, spread)
-            scale = 0.0  # beside an estimate stand numbers of draws
-            n_moved = sum(one > SAME_DRAWS for one in moved)
-            same = 2 * n_moved <= len(moved) if len(moved) > 2 else n_moved == 0
-        for name in [*before, *(name for name in now if name not in before)]:
+            yield _difference(path, before, now, Verdict.ASIDE)
+    elif isinstance(before, dict) and isinstance(now, dict):
+        estimate = None if exact else estimate_in(now)
+        moved = [move > SAME_DRAWS for move in _moves(before, now)]
+        if estimate is not None:  # beside it stand numbers of draws
+            # other draws move most numbers of an estimate: where a few differ, somebody changed
+            # them
+            same, scale = (2 * sum(moved) <= len(moved) if len(moved) > 2 else not any(moved)), 0.0
+        else:
+            same, scale = not any(moved) if moved else same, _scale([*now.values()])
+        for name in dict.fromkeys([*before, *now]):
             place = f"{path}.{name}" if path else name
             if name not in now or name not in before:
-                yield Difference(
-                    file, place, _short(before.get(name, "")), _short(now.get(name, ""))
-                )
-            elif spread is not None and name in _ERRORS:
-                yield from _of_estimate(
-                    file, place, before[name], now[name], _tolerance(name, now, spread, same)
+                yield _difference(place, before.get(name, ""), now.get(name, ""))
+            elif estimate is None or name not in _ERRORS:
+                yield from _of_values(
+                    place, before[name], now[name], same, exact=exact, scale=scale
                 )
             else:
-                yield from _of_values(
-                    file, place, before[name], now[name], same, exact=exact, scale=scale
-                )
+                tolerance = SAME_DRAWS * estimate[1] if same else _tolerance(name, now, estimate[1])
+                yield from _of_numbers(place, before[name], now[name], tolerance)
     elif isinstance(before, list) and isinstance(now, list) and len(before) == len(now):
         for i, (one, other) in enumerate(zip(before, now, strict=True)):
             yield from _of_values(
-                file, f"{path}[{i}]", one, other, same, exact=exact, scale=max(scale, _scale(now))
+                f"{path}[{i}]", one, other, same, exact=exact, scale=max(scale, _scale(now))
             )
     elif is_number(before) and is_number(now):
-        apart, size = abs(before - now), max(abs(before), abs(now))
-        if apart > _SAME * size:
-            same, noise = same or key in _FIXED, 0.0 if key in _FIXED else _NOISE * scale
-            verdict = Verdict.WITHIN if apart <= max(_SIMILAR * size, noise) else Verdict.WRONG
-            yield Difference(
-                file,
-                path,
-                _short(before),
-                _short(now),
-                Verdict.WRONG if exact else verdict if same else Verdict.ASIDE,
-            )
-    elif before != now or type(before) is not type(now):
-        stated = (
-            same
-            or exact
-            or bool(
-                _STATED & {*re.findall(r"[^.\[\]]+", path)}
-                and isinstance(before, str)
-                and isinstance(now, str)
-            )
-        )
-        alike = (
-            not exact
-            and isinstance(before, str)
-            and isinstance(now, str)
-            and key not in _STATED
-            and _alike(before, now)
-        )
-        yield Difference(
-            file,
+        stated = key in _FIXED
+        tolerance = _SIMILAR * max(abs(before), abs(now))
+        yield from _of_numbers(
             path,
-            _short(before),
-            _short(now),
-            Verdict.WITHIN if alike else Verdict.WRONG if stated else Verdict.ASIDE,
+            before,
+            now,
+            0.0 if exact else tolerance if stated else max(tolerance, _NOISE * scale),
+            beyond=Verdict.WRONG if exact or same or stated else Verdict.ASIDE,
+            within=same or stated,
+        )
+    elif before != now or type(before) is not type(now):
+        words = isinstance(before, str) and isinstance(now, str)
+        alike = words and not exact and key not in _STATED and _alike(before, now)
+        stated = words and bool(_STATED & {*re.findall(r"[^.\[\]]+", path)})
+        wrong = Verdict.WRONG if same or exact or stated else Verdict.ASIDE
+        yield _difference(path, before, now, Verdict.WITHIN if alike else wrong)
+
+
+def _difference(
+    path: str, before: object, now: object, verdict: Verdict = Verdict.WRONG
+) -> Difference:
+    return Difference(path, _short(before), _short(now), verdict)
+
+
+def _of_numbers(
+    path: str,
+    before: Any,
+    now: Any,
+    tolerance: float,
+    *,
+    beyond: Verdict = Verdict.WRONG,
+    within: bool = True,
+) -> Iterator[Difference]:
+    """Numbers that differ by more than the last bits; what is no number must be the same.
+
+    beyond : the tolerance.  within : whether it counts at all.
+    """
+    if not (is_number(before) and is_number(now)):
+        if before != now or type(before) is not type(now):
+            yield _difference(path, before, now)
+        return
+    apart = abs(before - now)
+    if apart > _SAME * max(abs(before), abs(now)):
+        yield _difference(
+            path, before, now, Verdict.WITHIN if within and apart <= tolerance else beyond
         )
 
 
-def _scale(values: Iterable[Any]) -> float:
+def _scale(values: list[Any]) -> float:
     """The largest number among `values` and in lists among them."""
     sizes = (
         _scale(value) if isinstance(value, list) else float(abs(value)) if is_number(value) else 0.0
@@ -338,84 +294,65 @@ def _scale(values: Iterable[Any]) -> float:
     return max(sizes, default=0.0)
 
 
-def _tolerance(name: str, now: Mapping[str, Any], spread: float, same: bool) -> float:
-    if same:
-        return SAME_DRAWS * spread
+def _tolerance(name: str, now: Mapping[str, Any], spread: float) -> float:
+    """Of an estimate from other draws."""
     mcse = float(now["mcse"]) if is_number(now.get("mcse")) else spread / math.sqrt(FEWEST)
     return SDS * math.sqrt(2.0) * _ERRORS[name] * mcse
 
 
-def _of_estimate(
-    file: str, place: str, before: Any, now: Any, tolerance: float
-) -> Iterator[Difference]:
-    if is_number(before) and is_number(now):
-        apart, bits = abs(before - now), _SAME * max(abs(before), abs(now))
-        if apart > bits:
-            yield Difference(
-                file,
-                place,
-                _short(before),
-                _short(now),
-                Verdict.WITHIN if apart <= max(tolerance, bits) else Verdict.WRONG,
-            )
-    elif before != now or type(before) is not type(now):
-        yield Difference(file, place, _short(before), _short(now))
-
-
-def _of_lines(
-    file: str, before: list[str], now: list[str], same: bool, exact: bool
-) -> Iterator[Difference]:
+def _of_lines(before: list[str], now: list[str], same: bool, exact: bool) -> Iterator[Difference]:
     """Line by line; lines with the same words belong together, whatever their numbers.
 
     Other words are wrong where every number is the same.  Else they can be a matter of the last
     digits: which of two equal shares is named first.
     """
     if len(before) > 4 * len(now) + 100:
-        yield Difference(file, "", f"{len(before)} lines", f"{len(now)} lines")
+        yield Difference("", f"{len(before)} lines", f"{len(now)} lines")
         return
     old, new = ([_DIGITS.sub("#", line) for line in lines] for lines in (before, now))
     for tag, i, j, k, m in difflib.SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
-        if tag != "equal":
-            a, b = _shown(" / ".join(before[i:j]), " / ".join(now[k:m]))
-            yield Difference(file, f"line {i + 1}", a, b, Verdict.WRONG if exact else Verdict.ASIDE)
-            continue
-        for at, (one, other) in enumerate(zip(before[i:j], now[k:m], strict=True), start=i + 1):
-            if one != other:
-                wrong = not _alike(one, other) if same else not _estimates_agree(one, other)
-                a, b = _shown(one, other)
-                yield Difference(
-                    file,
-                    f"line {at}",
-                    a,
-                    b,
-                    Verdict.WRONG if wrong else Verdict.WITHIN if same else Verdict.ASIDE,
-                )
+        if tag == "equal":
+            pairs = [
+                (at, a, b) for at, (a, b) in enumerate(zip(before[i:j], now[k:m], strict=True))
+            ]
+        else:
+            pairs = [(0, " / ".join(before[i:j]), " / ".join(now[k:m]))]
+        for at, one, other in pairs:
+            if one == other:
+                continue
+            if tag != "equal":
+                verdict = Verdict.WRONG if exact else Verdict.ASIDE
+            elif same:
+                verdict = Verdict.WITHIN if _alike(one, other) else Verdict.WRONG
+            else:
+                verdict = Verdict.ASIDE if _estimates_agree(one, other) else Verdict.WRONG
+            yield _difference(f"line {at}", *_shown(one, other), verdict)
 
 
 def _alike(one: str, other: str) -> bool:
     """Whether two texts have the same words, and numbers that differ by the rounding of their last
     digit or by a thousandth.
     """
-    a, b = _NUMBER.findall(one), _NUMBER.findall(other)
-    if _NUMBER.sub("#", one) != _NUMBER.sub("#", other) or len(a) != len(b):
-        return False
-    return all(
-        x == y
-        or abs(_value(x) - _value(y)) <= max(1.01 * _last_digit(y), _SIMILAR * abs(_value(y)))
-        for x, y in zip(a, b, strict=True)
+    return _NUMBER.sub("#", one) == _NUMBER.sub("#", other) and all(
+        _near(x, y, _SIMILAR * abs(_value(y)), 1.01)
+        for x, y in zip(_NUMBER.findall(one), _NUMBER.findall(other), strict=True)
     )
 
 
 def _estimates_agree(one: str, other: str) -> bool:
     """Whether what stands as value ± uncertainty in two lines agrees within Monte-Carlo errors."""
-    for (a, u_a), (b, u_b) in zip(
-        _PLUS_MINUS.findall(one), _PLUS_MINUS.findall(other), strict=False
-    ):
-        tolerance = SDS * math.sqrt(2.0 / FEWEST) * abs(_value(u_b))
-        for x, y in ((a, b), (u_a, u_b)):
-            if abs(_value(x) - _value(y)) > tolerance + _last_digit(y):
-                return False
-    return True
+    pairs = zip(_PLUS_MINUS.findall(one), _PLUS_MINUS.findall(other), strict=False)
+    return all(
+        _near(x, y, SDS * math.sqrt(2.0 / FEWEST) * abs(_value(b[1])) + _last_digit(y))
+        for a, b in pairs
+        for x, y in zip(a, b, strict=True)
+    )
+
+
+def _near(one: str, other: str, tolerance: float, digits: float = 0.0) -> bool:
+    """Whether two numbers differ by no more than `tolerance`, or `digits` units of the last."""
+    apart = abs(_value(one) - _value(other))
+    return one == other or apart <= max(tolerance, digits * _last_digit(other))
 
 
 def _value(text: str) -> float:
@@ -432,7 +369,7 @@ def _shown(one: str, other: str, width: int = 80) -> tuple[str, str]:
     """Two long lines from a little before they differ."""
     at = next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
     begin = max(at - width // 2, 0) if max(len(one), len(other)) > width else 0
-    return _short(one[begin:]), _short(other[begin:])
+    return one[begin:], other[begin:]
 
 
 def _short(value: object) -> str:

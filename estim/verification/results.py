@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
-from estim.verification.comparing import different_values, is_number
+from estim.verification.comparing import different_values, estimate_in
 
 _LAYERS = ("parameters", "derived", "outputs")  # keys that say nothing in a name
 _TOLD = ("schema", "kind", "formula", "status", "provenance")  # told as inputs
@@ -97,10 +97,9 @@ def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Esti
     if not isinstance(node, dict):
         return
     unit = node["unit"] if isinstance(node.get("unit"), str) else unit
-    for value, spread in (("mean", "sd"), ("value", "u"), ("mean", "u")):
-        if is_number(node.get(value)) and is_number(node.get(spread)):
-            yield _Estimate(name, place, unit, (float(node[value]), float(node[spread])))
-            return
+    if (value := estimate_in(node)) is not None:
+        yield _Estimate(name, place, unit, value)
+        return
     for key, inner in node.items():
         shown = name if key in _LAYERS else f"{name}.{key}" if name else key
         yield from _estimates(shown, f"{place}.{key}" if place else key, unit, inner)

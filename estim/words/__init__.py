@@ -10,6 +10,6 @@ from estim.words.parameters import one_sided
 from estim.words.regimes import sure
 from estim.words.releases import told_apart
 from estim.words.residuals import TESTS, name_of_test
-from estim.words.statuses import STATUS_WORDS
-from estim.words.telling import Voice, advice, advice_for, tell
+from estim.words.statuses import status_words
+from estim.words.telling import advice, advice_for, tell
 from estim.words.trials import direction_words

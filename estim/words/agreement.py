@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p, later, phrase, split_level
-from estim.words.parameters import symbol, value_words
-from estim.words.table import Table
+from estim.common import Finding, Kind, later, phrase, split_level
+from estim.words.table import Table, said, symbol
 
 _KEY_UNITS = MappingProxyType(
     {
@@ -32,35 +31,32 @@ def _stated(verdict: str, f: Finding) -> str:
         if len(parts) > 1
         else ""
     )
-    return f"{phrase(verdict, p=format_p(f.p))}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
+    return f"{said(f, verdict)}{': ' if parts else ''}{'; '.join(parts)}{one_of}"
 
 
 def _pull(f: Finding) -> str:
-    (stated,) = f.parameters
-    values = {"symbol": symbol(stated), "value": value_words(stated), "size": abs(f.size)}
-    if f.size > 0.0:
-        return phrase(
-            "{symbol} was stated as {value}, {size:.1f} standard deviations below what the "
-            "rest implies",
-            **values,
+    return said(
+        f,
+        later(
+            "{symbol} was stated as {shown}, {size:.1f} standard deviations below what the rest "
+            "implies"
         )
-    return phrase(
-        "{symbol} was stated as {value}, {size:.1f} standard deviations above what the "
-        "rest implies",
-        **values,
+        if f.size > 0.0
+        else later(
+            "{symbol} was stated as {shown}, {size:.1f} standard deviations above what the rest "
+            "implies"
+        ),
+        size=abs(f.size),
     )
 
 
 def _tied(f: Finding) -> str:
     named = phrase("{names} and {last}", names=", ".join(f.names[:-1]), last=f.names[-1])
-    tied = phrase(
-        "the runs disagree about the quantities they share ({p}), and these data cannot "
-        "show which of these is "
-        "wrong: {named}",
-        p=format_p(f.p),
-        named=named,
+    words = later(
+        "the runs disagree about the quantities they share ({p}), and these data cannot show which "
+        "of these is wrong: {named}"
     )
-    return tied + _let_it_vary(f)
+    return said(f, words, named=named) + _let_it_vary(f)
 
 
 def _let_it_vary(f: Finding) -> str:
@@ -114,15 +110,12 @@ def common_error(name: str, size: float, along: float | None) -> str:
 
 
 def _common(f: Finding) -> str:
-    error = common_error(f.test, f.size, f.numbers.get("along"))
-    if not f.parameters:
-        return phrase("{error}: no fit that allows for it converges", error=error)
-    (moved,) = f.parameters
-    return phrase(
-        "{error}: {symbol} shifts by {value:.1f}",
-        error=error,
-        symbol=symbol(moved),
-        value=moved.value,
+    return said(
+        f,
+        later("{error}: {symbol} shifts by {value:.1f}")
+        if f.parameters
+        else later("{error}: no fit that allows for it converges"),
+        error=common_error(f.test, f.size, f.numbers.get("along")),
     )
 
 
@@ -132,9 +125,7 @@ WORDS: Table = MappingProxyType(
             "the data hardly constrain the quantities that were stated beforehand, so "
             "there is nothing to compare"
         ),
-        Kind.STATED_AGREE: lambda f: phrase(
-            "the data agree with the values stated beforehand ({p})", p=format_p(f.p)
-        ),
+        Kind.STATED_AGREE: later("the data agree with the values stated beforehand ({p})"),
         Kind.STATED_HARDLY: lambda f: _stated(
             later("the data agree only marginally with the values stated beforehand ({p})"), f
         ),
@@ -145,40 +136,36 @@ WORDS: Table = MappingProxyType(
         ),
         Kind.PULL: _pull,
         Kind.COMMON_ERROR: _common,
-        Kind.COMMON_ERRORS: lambda f: phrase(
+        Kind.COMMON_ERRORS: later(
             "errors that leave no trace in the residuals would shift the result, in "
-            "posterior standard deviations: {errors}",
-            errors="; ".join(map(_common, f.parts)),
+            "posterior standard deviations: {parts}"
         ),
         Kind.RUNS_UNCOMPARED: later(
             "no shared quantity is determined by two of the runs, so there is nothing to compare"
         ),
-        Kind.RUNS_AGREE: lambda f: phrase(
-            "the {n:.0f} runs agree about the quantities they share ({p})",
-            n=f.size,
-            p=format_p(f.p),
-        ),
-        Kind.RUNS_AGAINST_STATED: lambda f: phrase(
+        Kind.RUNS_AGREE: later("the {n:.0f} runs agree about the quantities they share ({p})"),
+        Kind.RUNS_AGAINST_STATED: later(
             "the runs agree with each other but not with the stated values of the "
-            "quantities they share ({p})",
-            p=format_p(f.p),
+            "quantities they share ({p})"
         ),
         Kind.RUN_DISAGREES: lambda f: (
-            phrase(
-                "run {run} disagrees with the others about the quantities they share; "
-                "without it the others agree ({p} "
-                "with it)",
-                run=f.run,
-                p=format_p(f.p),
+            said(
+                f,
+                later(
+                    "run {run} disagrees with the others about the quantities they "
+                    "share; without it the others agree ({p} with it)"
+                ),
             )
             + _let_it_vary(f)
         ),
         Kind.RUNS_TIED: _tied,
         Kind.RUNS_DISAGREE: lambda f: (
-            phrase(
-                "the runs disagree about the quantities they share ({p}), and leaving out "
-                "any single run does not resolve this",
-                p=format_p(f.p),
+            said(
+                f,
+                later(
+                    "the runs disagree about the quantities they share ({p}), and "
+                    "leaving out any single run does not resolve this"
+                ),
             )
             + _let_it_vary(f)
         ),

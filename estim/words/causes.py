@@ -4,44 +4,35 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, phrase
-from estim.words.table import Table
-
-
-def _alike(f: Finding) -> str:
-    return phrase(
-        "these data cannot distinguish between: {names}. Each of these causes explains the "
-        "remaining discrepancy; an independent "
-        "measurement of one of them, or a different run (another tilt, another body, a "
-        "longer path), would decide",
-        names="; ".join(f.names),
-    )
-
-
-def _in_part(f: Finding) -> str:
-    return phrase(
-        "{which} improves the fit most (AIC falls by {fall:.0f}) but does not remove the "
-        "lack of fit: at best it is part of the cause",
-        which=phrase(" or ").join(f.names),
-        fall=f.size,
-    )
-
+from estim.common import Kind, later, phrase
+from estim.words.table import Table, said
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.CAUSE_NAMED: lambda f: phrase(
-            "the most likely missing effect is {name}: AIC falls by {fall:.0f}, and no "
-            "discrepancy remains to be "
-            "explained",
-            name=f.names[0],
-            fall=f.size,
+        Kind.CAUSE_NAMED: later(
+            "the most likely missing effect is {name}: AIC falls by {size:.0f}, and "
+            "no discrepancy remains to be explained"
         ),
-        Kind.CAUSES_ALIKE: _alike,
-        Kind.CAUSE_IN_PART: _in_part,
-        Kind.CAUSE_UNKNOWN: lambda f: phrase(
-            "none of the {n:.0f} known causes explains any of the discrepancy between "
-            "curve and data",
-            n=f.numbers["tried"],
+        Kind.CAUSES_ALIKE: lambda f: said(
+            f,
+            later(
+                "these data cannot distinguish between: {names}. Each of these causes explains the "
+                "remaining discrepancy; an independent measurement of one of them, or a different "
+                "run (another tilt, another body, a longer path), would decide"
+            ),
+            names="; ".join(f.names),
+        ),
+        Kind.CAUSE_IN_PART: lambda f: said(
+            f,
+            later(
+                "{which} improves the fit most (AIC falls by {size:.0f}) but does not remove the "
+                "lack of fit: at best it is part of the cause"
+            ),
+            which=phrase(" or ").join(f.names),
+        ),
+        Kind.CAUSE_UNKNOWN: later(
+            "none of the {tried:.0f} known causes explains any of the discrepancy "
+            "between curve and data"
         ),
     }
 )

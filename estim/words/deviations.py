@@ -7,8 +7,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later, phrase
-from estim.words.table import Table
+from estim.common import Finding, Kind, behind, later, phrase
+from estim.words.table import Table, said
 
 _READ_AS: Mapping[str, str] = MappingProxyType(
     {
@@ -19,25 +19,17 @@ _READ_AS: Mapping[str, str] = MappingProxyType(
 _SLOW: Mapping[str, str] = MappingProxyType(
     {
         "smooth": later(
-            "the discrepancy between curve and data is a trend: with probability {p:.2g} "
-            "the correlation length of the deviation exceeds "
+            "{of_run}the discrepancy between curve and data is a trend: with "
+            "probability {prob:.2g} the correlation length of the deviation exceeds "
             "a quarter of the range of x, as happens when the curve is wrong"
         ),
         "correlated": later(
-            "the discrepancy between curve and data is a trend: with probability {p:.2g} "
-            "the errors would remain correlated over more "
+            "{of_run}the discrepancy between curve and data is a trend: with "
+            "probability {prob:.2g} the errors would remain correlated over more "
             "than a third of the recording, as happens when the curve is wrong"
         ),
     }
 )
-
-
-def _unit(unit: str) -> str:
-    return "" if unit == "1" else f" {unit}"
-
-
-def _of_run(f: Finding) -> str:
-    return phrase("run {run}: ", run=f.run) if f.run else ""
 
 
 def _how(f: Finding) -> str:
@@ -45,7 +37,7 @@ def _how(f: Finding) -> str:
     n = f.numbers
     ways = [way for way in _READ_AS if way in n]
     probable = max(ways, key=lambda way: n[way])
-    along = _unit(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
+    along = behind(f.names[0]) if probable == "smooth" else f" {f.names[2]}"
     size, length, short, long = (
         n[f"{probable}_{what}"] for what in ("size", "length", "short", "long")
     )
@@ -60,7 +52,7 @@ def _how(f: Finding) -> str:
         if other
         else "",
         size=size,
-        unit=_unit(f.names[1]),
+        unit=behind(f.names[1]),
         length=length,
         along=along,
         short=short,
@@ -69,60 +61,42 @@ def _how(f: Finding) -> str:
 
 
 def _found(f: Finding) -> str:
-    n = f.numbers
-    return _of_run(f) + phrase(
-        "the residuals about the curve are not white noise; they are interpreted as {how}; "
-        "the part that no parameter values can "
-        "reproduce is {typical:.2g}{unit} (root mean square, at most {most:.2g}{unit}), "
-        "P(amplitude > 0) = {p:.3f}",
+    return said(
+        f,
+        later(
+            "{of_run}the residuals about the curve are not white noise; they are interpreted as "
+            "{how}; the part that no parameter values can reproduce is {typical:.2g}{unit} (root "
+            "mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {prob:.3f}"
+        ),
         how=_how(f),
-        typical=n["typical"],
-        unit=_unit(f.names[1]),
-        most=n["most"],
-        p=f.p,
+        unit=behind(f.names[1]),
     )
 
 
 WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
-        Kind.DEVIATION_UNDECIDED: lambda f: (
-            _of_run(f)
-            + phrase(
-                "it cannot be decided whether the curve deviates from the data, "
-                "P(amplitude > 0) = {p:.2f}; the intervals allow for an "
-                "irregular deviation, but not for a different curve",
-                p=f.p,
-            )
+        Kind.DEVIATION_UNDECIDED: later(
+            "{of_run}it cannot be decided whether the curve deviates from the data, "
+            "P(amplitude > 0) = {prob:.2f}; the intervals allow for an irregular "
+            "deviation, but not for a different curve"
         ),
-        Kind.DEVIATION_UNLIKELY: lambda f: (
-            _of_run(f)
-            + phrase(
-                "there is no evidence of a deviation from the curve, P(amplitude > 0) = {p:.2f}",
-                p=f.p,
-            )
+        Kind.DEVIATION_UNLIKELY: later(
+            "{of_run}there is no evidence of a deviation from the curve, P(amplitude "
+            "> 0) = {prob:.2f}"
         ),
-        Kind.DEVIATION_UNASKED: lambda f: (
-            _of_run(f)
-            + phrase(
-                "the curve is assumed to be complete: the intervals do not allow for a "
-                "smooth deviation from it; a deviation about as large "
-                "as the error of one reading has probability {p:.2f} (0.5 before the data)",
-                p=f.p,
-            )
+        Kind.DEVIATION_UNASKED: later(
+            "{of_run}the curve is assumed to be complete: the intervals do not allow "
+            "for a smooth deviation from it; a deviation about as large as the error "
+            "of one reading has probability {prob:.2f} (0.5 before the data)"
         ),
-        Kind.DEVIATION_TOO_LARGE: lambda f: (
-            _of_run(f)
-            + phrase(
-                "the deviation from the curve would have to be {times:.2g} times its "
-                "stated size (a half-normal prior of this scale exceeds "
-                "2.5 once in 80 cases): either the curve or the stated size of the "
-                "deviation is wrong",
-                times=f.size,
-            )
+        Kind.DEVIATION_TOO_LARGE: later(
+            "{of_run}the deviation from the curve would have to be {size:.2g} times "
+            "its stated size (a half-normal prior of this scale exceeds 2.5 once in "
+            "80 cases): either the curve or the stated size of the deviation is wrong"
         ),
-        Kind.DEVIATION_TOO_SLOW: lambda f: (
-            _of_run(f) + phrase(_SLOW["correlated" if "correlated" in f.names else "smooth"], p=f.p)
+        Kind.DEVIATION_TOO_SLOW: lambda f: said(
+            f, _SLOW["correlated" if "correlated" in f.names else "smooth"]
         ),
     }
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estim.common import Finding, Kind, phrase
-from estim.words.telling import Voice, advice
+from estim.words.telling import advice
 
 
 def _short() -> dict[Kind, str]:
@@ -53,7 +53,7 @@ def _short() -> dict[Kind, str]:
     }
 
 
-def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
+def first_step(findings: Sequence[Finding]) -> str:
     """What to do first about `findings`, gravest first; "" where there are none."""
     if not findings:
         return ""
@@ -65,5 +65,5 @@ def first_step(findings: Sequence[Finding], voice: Voice = Voice.PYTHON) -> str:
     if findings[0].test in tests and "largest" in tests and tests <= {"chi2", "largest"}:
         return phrase("look at the outlying reading")
     if findings[0].test in tests <= {"uneven", "repeated"}:
-        return advice(findings[0], voice)
-    return _short().get(findings[0].kind) or advice(findings[0], voice)
+        return advice(findings[0])
+    return _short().get(findings[0].kind) or advice(findings[0])

@@ -5,59 +5,53 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity, phrase
-from estim.words.table import Table
+from estim.common import Finding, Kind, format_quantity, later, phrase
+from estim.words.table import Table, said
 
 
 def _where(f: Finding) -> str:
     n = f.numbers
     place = f"x = {n['x']:.4g}" if math.isnan(n["t"]) else f"t = {n['t']:.6g} s"
-    return place + (phrase(" (line {line:.0f} of its file)", line=n["line"]) if n["line"] else "")
+    return place + (said(f, later(" (line {line:.0f} of its file)")) if n["line"] else "")
 
 
 def _shift(f: Finding) -> str:
-    counts = (
-        phrase(", {counts:+.1f} counts of the encoder", counts=f.numbers["counts"])
-        if f.numbers["counts"]
-        else ""
-    )
+    counts = said(f, later(", {counts:+.1f} counts of the encoder")) if f.numbers["counts"] else ""
     sign = "+" if f.size > 0.0 else ""
     return f"{sign}{format_quantity(f.size, f.numbers['sd'])} {f.names[0]}{counts} (P = {f.p:.3f})"
 
 
 def _frame(f: Finding) -> str:
-    off = phrase(
-        "run {run}: the frame at {where} is displaced by {shift}; the data are not "
-        "altered: the frame stays in the fit, and its "
-        "displacement is an additional unknown",
-        run=f.run,
+    off = said(
+        f,
+        later(
+            "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: "
+            "the frame stays in the fit, and its displacement is an additional unknown"
+        ),
         where=_where(f),
         shift=_shift(f),
     )
-    t = f.numbers["t"]
-    return (
-        off
-        if math.isnan(t)
-        else off
-        + phrase("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run", t=t)
-    )
+    cure = later("; to leave it out, put leave_out_s = [{t:.6g}] in the table of the run")
+    return off if math.isnan(f.numbers["t"]) else off + said(f, cure)
 
 
 def _windows(f: Finding) -> str:
-    return phrase(
-        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
-        "{t:.6g}}} those after it",
-        before=f.numbers["before"],
-        t=f.numbers["t"],
+    return said(
+        f,
+        later(
+            "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
+            "{t:.6g}}} those after it"
+        ),
     )
 
 
 def _step(f: Finding) -> str:
-    return phrase(
-        "run {run}: from the frame at {where} onwards all readings are displaced by "
-        "{shift}; the data are not altered: the displacement "
-        "is an additional unknown; {windows}",
-        run=f.run,
+    return said(
+        f,
+        later(
+            "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
+            "the data are not altered: the displacement is an additional unknown; {windows}"
+        ),
         where=_where(f),
         shift=_shift(f),
         windows=_windows(f),
@@ -65,29 +59,20 @@ def _step(f: Finding) -> str:
 
 
 def _lost(f: Finding) -> str:
-    frames, sd = f.numbers["frames"], f.numbers["sd_frames"]
-    n = format_quantity(abs(frames), sd)
-    return phrase(
-        "run {run}: before the frame at {where} {what}, but the time stamps do not show it "
-        "(P = {p:.3f}); the data are not altered: the "
-        "time offset is an additional unknown; {windows}",
-        run=f.run,
+    frames = f.numbers["frames"]
+    n = format_quantity(abs(frames), f.numbers["sd_frames"])
+    return said(
+        f,
+        later(
+            "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P "
+            "= {prob:.3f}); the data are not altered: the time offset is an additional unknown; "
+            "{windows}"
+        ),
         where=_where(f),
-        p=f.p,
         windows=_windows(f),
         what=phrase("{n} frames were lost", n=n)
         if frames > 0.0
         else phrase("{n} frames were counted twice", n=n),
-    )
-
-
-def _crowd(f: Finding) -> str:
-    return phrase(
-        "run {run}: more than {n:.0f} frames are displaced: these are not isolated errors; "
-        "the readings scatter more than "
-        "stated",
-        run=f.run,
-        n=f.size,
     )
 
 
@@ -96,6 +81,9 @@ WORDS: Table = MappingProxyType(
         Kind.FRAME_OFF: _frame,
         Kind.STEP_STAYS: _step,
         Kind.FRAMES_LOST: _lost,
-        Kind.FRAMES_CROWD: _crowd,
+        Kind.FRAMES_CROWD: later(
+            "run {run}: more than {n:.0f} frames are displaced: these are not "
+            "isolated errors; the readings scatter more than stated"
+        ),
     }
 )

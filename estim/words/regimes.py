@@ -7,8 +7,8 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, phrase
-from estim.words.table import Table
+from estim.common import Finding, Kind, later
+from estim.words.table import Table, said
 
 
 def sure(p: float) -> str:
@@ -26,24 +26,23 @@ def sure(p: float) -> str:
 
 def _off(f: Finding) -> str:
     n = f.numbers
-    values = {"run": f.run, "farthest": n["farthest"], "sure": sure(f.p)}
-    if n["sets_off"] < 0.5:
-        return phrase(
+    return said(
+        f,
+        later(
             "run {run}: with these values it should not start in this direction, but its "
-            "recording extends to {farthest:.3g} m ({sure})",
-            **values,
+            "recording extends to {farthest:.3g} m ({sure})"
         )
-    if math.isnan(n["expected"]):
-        return phrase(
-            "run {run}: with these values it should keep rolling, but its recording "
-            "extends only to {farthest:.3g} m ({sure})",
-            **values,
+        if n["sets_off"] < 0.5
+        else later(
+            "run {run}: with these values it should keep rolling, but its recording extends only "
+            "to {farthest:.3g} m ({sure})"
         )
-    return phrase(
-        "run {run}: with these values it should turn back at {expected:.3g} m, but its "
-        "recording extends to {farthest:.3g} m ({sure})",
-        expected=n["expected"],
-        **values,
+        if math.isnan(n["expected"])
+        else later(
+            "run {run}: with these values it should turn back at {expected:.3g} m, but its "
+            "recording extends to {farthest:.3g} m ({sure})"
+        ),
+        sure=sure(f.p),
     )
 
 

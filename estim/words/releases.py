@@ -5,62 +5,53 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_quantity, later, phrase, signed
-from estim.words.table import Table
+from estim.common import Finding, Kind, later, phrase, signed
+from estim.words.table import Table, measured, said
 
 _LEARNT, _SILENT = 0.5, 0.9  # posterior sd / prior sd
 
 
 def _silent(f: Finding) -> str:
-    n = int(f.numbers["n_trial"])
+    n = f.numbers["n_trial"]
     outcome = (
-        phrase("none of {n}", n=n)
+        later("none of {n_trial:.0f}")
         if f.size == 0
-        else phrase("all of {n}", n=n)
+        else later("all of {n_trial:.0f}")
         if f.size == n
-        else phrase("{k:.0f} of {n}", k=f.size, n=n)
+        else later("{size:.0f} of {n_trial:.0f}")
     )
-    return phrase(
-        "the trials do not determine gamma: {outcome} climbed, and the standard deviation "
-        "of gamma is still {share:.0f} % of its prior value",
-        outcome=outcome,
+    return said(
+        f,
+        later(
+            "the trials do not determine gamma: {outcome} climbed, and the standard deviation of "
+            "gamma is still {share:.0f} % of its prior value"
+        ),
+        outcome=said(f, outcome),
         share=100 * f.numbers["share"],
     )
 
 
-def _scatter(f: Finding) -> str:
-    return phrase(
-        "the trials scatter by {size:.2g}°, more than {factor:g} times the stated "
-        "{stated:.2g}°: no line separates the trials that "
-        "climbed from those that did not",
-        size=f.size,
-        factor=f.numbers["factor"],
-        stated=f.numbers["stated"],
-    )
-
-
 def _trials(f: Finding) -> str:
-    measured, stated = (
-        format_quantity(f.numbers[which], f.numbers[f"u_{which}"]) for which in ("trials", "stated")
-    )
-    return phrase(
-        "γ of the trials, {found}, and γ as stated, {stated}, disagree: E_n = {e_n:+.1f}; "
-        "the trials do not use the stated value",
-        found=measured,
-        stated=stated,
-        e_n=f.size,
+    return said(
+        f,
+        later(
+            "γ of the trials, {trials}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; "
+            "the trials do not use the stated value"
+        ),
+        trials=measured(f, "trials"),
+        stated=measured(f, "stated"),
     )
 
 
 def _ends(f: Finding) -> str:
-    return phrase(
-        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
-        "{e_n:+.1f}): a zero error of the angle (the "
-        "plumb line), or an effect of the release on the angle that differs at θ_max, "
-        "would explain it",
-        apart=format_quantity(f.numbers["apart"], f.numbers["u_apart"]),
-        sds=f.numbers["sds"],
-        e_n=f.size,
+    return said(
+        f,
+        later(
+            "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
+            "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
+            "on the angle that differs at θ_max, would explain it"
+        ),
+        apart=measured(f, "apart"),
     )
 
 
@@ -136,7 +127,11 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
 WORDS: Table = MappingProxyType(
     {
         Kind.TRIALS_SILENT: _silent,
-        Kind.TRIALS_SCATTER: _scatter,
+        Kind.TRIALS_SCATTER: later(
+            "the trials scatter by {size:.2g}°, more than {factor:g} times the "
+            "stated {stated:.2g}°: no line separates the trials that climbed from "
+            "those that did not"
+        ),
         Kind.TRIALS_DISAGREE: _trials,
         Kind.ENDS_DISAGREE: _ends,
     }

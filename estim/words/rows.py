@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later, phrase
+from estim.common import Kind, later
 from estim.words.table import Table
 
-_WHY = MappingProxyType(
+WORDS: Table = MappingProxyType(
     {
+        Kind.NO_DERIVATIVE: later(
+            "{n:.0f} at the ends or next to a missing frame, where the {test} "
+            "derivative cannot be computed"
+        ),
+        Kind.ROWS_BETWEEN: later("{n:.0f} in between: one in every {every:.0f} is fitted"),
         Kind.OUTSIDE_TIMES: later("{n:.0f} outside the time window"),
         Kind.OUTSIDE_POSITIONS: later("{n:.0f} outside the position window"),
         Kind.OUTSIDE_WINDOW: later("{n:.0f} outside the stated window"),
@@ -20,33 +25,5 @@ _WHY = MappingProxyType(
         Kind.BESIDE_TURNING: later(
             "{n:.0f} less than five standard deviations of a reading away from the turning point"
         ),
-    }
-)
-
-
-def _without_speed(f: Finding) -> str:
-    return phrase(
-        "{n:.0f} at the ends or next to a missing frame, where the {stencil} derivative "
-        "cannot be computed",
-        n=f.size,
-        stencil=phrase(f.test),
-    )
-
-
-def _left_out(f: Finding) -> str:
-    return phrase(_WHY[f.kind], n=f.size)
-
-
-def _between(f: Finding) -> str:
-    return phrase(
-        "{n:.0f} in between: one in every {every:.0f} is fitted", n=f.size, every=f.numbers["every"]
-    )
-
-
-WORDS: Table = MappingProxyType(
-    {
-        Kind.NO_DERIVATIVE: _without_speed,
-        Kind.ROWS_BETWEEN: _between,
-        **dict.fromkeys(_WHY, _left_out),
     }
 )

@@ -35,3 +35,8 @@ STATUS_WORDS = PhraseTable(
         Status.OK: later("the result can be used as it stands"),
     }
 )
+
+
+def status_words(status: str) -> str:
+    """What a status means."""
+    return STATUS_WORDS[Status(status)]

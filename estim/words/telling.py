@@ -1,16 +1,15 @@
 """A finding as a sentence, and what to do about it.
 
 Advice that names a choice of the reader speaks of options at the command line and of arguments in
-Python (`Voice`).
+Python (`estim.common.spoken`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from enum import StrEnum, auto
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later, phrase
+from estim.common import Finding, Kind, at_commands, later, phrase
 from estim.words import (
     agreement,
     causes,
@@ -65,31 +64,15 @@ _OF_TEST: Mapping[str, str] = MappingProxyType(
 )  # what to do about a curve whose residuals fail one test
 
 
-class Voice(StrEnum):
-    """To whom advice is given: `COMMANDS`, a person at the command line; `PYTHON`, one who calls
-    functions.
-    """
-
-    COMMANDS = auto()
-    PYTHON = auto()
-
-
 _CHOICES = MappingProxyType(
     {
-        Voice.COMMANDS: {
-            _SEED: "--seed",
-            _STEPS: "--max-steps",
-            _CORRELATED: later("correlated = true in [curve]"),
-            _ROBUST: later('robust = "mixture" in [curve]'),
-        },
-        Voice.PYTHON: {
-            _SEED: "seed=",
-            _STEPS: "target=Target(max_step=...)",
-            _CORRELATED: "correlated=True",
-            _ROBUST: 'robust="mixture"',
-        },
+        _SEED: ("seed=", "--seed"),
+        _STEPS: ("target=Target(max_step=...)", "--max-steps"),
+        _CORRELATED: ("correlated=True", later("correlated = true in [curve]")),
+        _ROBUST: ('robust="mixture"', later('robust = "mixture" in [curve]')),
     }
-)
+)  # what is chosen -> how in Python, and at the command line
+
 
 WORDS: Table = MappingProxyType(
     {
@@ -271,15 +254,15 @@ def tell(finding: Finding) -> str:
     return filled(WORDS, finding)
 
 
-def advice(finding: Finding, voice: Voice = Voice.PYTHON) -> str:
+def advice(finding: Finding) -> str:
     """What to do about a finding with which a result is not ok."""
     by_test = _OF_TEST.get(finding.test) if finding.kind is Kind.CURVE_LACKS else None
     words = phrase(by_test or ADVICE[finding.kind])
-    for choice, name in _CHOICES[voice].items():
-        words = words.replace(choice, phrase(name))
+    for choice, names in _CHOICES.items():
+        words = words.replace(choice, phrase(names[at_commands()]))
     return words
 
 
-def advice_for(findings: Iterable[Finding], voice: Voice = Voice.PYTHON) -> list[str]:
+def advice_for(findings: Iterable[Finding]) -> list[str]:
     """What to do about several findings, each piece of advice once."""
-    return list(dict.fromkeys(advice(finding, voice) for finding in findings))
+    return list(dict.fromkeys(map(advice, findings)))

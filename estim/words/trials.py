@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, format_p, later, phrase
-from estim.words.table import Table
+from estim.common import Finding, Kind, later, phrase
+from estim.words.table import Table, said
 
 _DIRECTIONS = MappingProxyType(
     {
@@ -25,45 +25,35 @@ def direction_words(direction: str) -> str:
 
 
 def _uneven(f: Finding) -> str:
-    return phrase(
-        "{name}: {how} (ranks not uniform, {p})",
-        name=f.parameters[0].name,
-        how=direction_words(f.test) or phrase("uneven"),
-        p=format_p(f.p),
-    )
+    how = direction_words(f.test) or phrase("uneven")
+    return said(f, later("{name}: {how} (ranks not uniform, {p})"), how=how)
 
 
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
-    values = {
-        "name": f.parameters[0].name,
-        "how": direction_words(f.test),
-        "p": 100 * p,
-        "held": 100 * held,
-        "errors": f.numbers["errors"],
-    }
-    if held < p:
-        return phrase(
-            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
-            "Monte-Carlo standard deviations too few)",
-            **values,
+    return said(
+        f,
+        later(
+            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
+            "standard deviations too few)"
         )
-    return phrase(
-        "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} "
-        "Monte-Carlo standard deviations too many)",
-        **values,
-    )
-
-
-def _failed(f: Finding) -> str:
-    return phrase(
-        "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {why}",
-        n=f.size,
-        trials=f.numbers["trials"],
-        why=f.names[0],
+        if held < p
+        else later(
+            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
+            "standard deviations too many)"
+        ),
+        how=direction_words(f.test),
+        p=100 * p,
+        held=100 * held,
     )
 
 
 WORDS: Table = MappingProxyType(
-    {Kind.RANKS_UNEVEN: _uneven, Kind.COVERAGE_OFF: _coverage, Kind.TRIALS_FAILED: _failed}
+    {
+        Kind.RANKS_UNEVEN: _uneven,
+        Kind.COVERAGE_OFF: _coverage,
+        Kind.TRIALS_FAILED: later(
+            "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {name}"
+        ),
+    }
 )
