@@ -44,7 +44,6 @@ _DPI = 150
 _COMPRESSION = 4  # of 9; more costs time and saves next to nothing
 MARKS = ("o", "s", "^", "D", "v", "P")
 WIDTH = 7.2
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)
 STYLE = {
     "axes.labelsize": 9,
     "axes.titlesize": 9,
@@ -225,7 +224,7 @@ def draw_bands(
 ) -> None:
     """The median, under the name `median`, with its 68 and 95 % bands.
 
-    quantiles : (5, n_x) at `LEVELS`, nan where nothing is known.
+    quantiles : (5, n_x) at `QUANTILES`, nan where nothing is known.
     said : what the bands are, with {p}; "": their per cent alone.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):

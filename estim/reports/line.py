@@ -12,6 +12,7 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
+    QUANTILES,
     Markdown,
     Notation,
     Quantity,
@@ -26,7 +27,7 @@ from estim.common import (
     significant,
     table,
 )
-from estim.drawing import BLUE, INK, LEVELS, ORANGE, Figure, draw_bands, legend_below, new_figure
+from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, new_figure
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
@@ -432,7 +433,7 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         names = analysis.chain.names
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         draw_bands(
-            ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %")
+            ax, x, np.quantile(lines, QUANTILES, axis=0), said=later("posterior of the line, {p} %")
         )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses
