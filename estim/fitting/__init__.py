@@ -10,7 +10,6 @@ from estim.fitting.edges import (
     Limit,
     around,
     curve_indices,
-    edge_of,
     limit_cell,
     limit_found,
     limit_of,
