@@ -224,7 +224,7 @@ def draw_bands(
 ) -> None:
     """The median, under the name `median`, with its 68 and 95 % bands.
 
-    quantiles : (5, n_x) at `estim.common.LEVELS`, nan where nothing is known.
+    quantiles : (5, n_x) at `QUANTILES`, nan where nothing is known.
     said : what the bands are, with {p}; "": their per cent alone.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):

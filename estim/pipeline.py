@@ -77,7 +77,6 @@ from estim.sampling import (
     marginal_chain,
     no_comparison,
     posterior_bands,
-    posterior_ends,
     proposed_chain,
     sample_posterior,
     summarise_parameter,
@@ -138,16 +137,11 @@ class Analysis:
     @cached_property
     def ends(self) -> Mapping[str, FloatArray]:
         """Run -> where its motion ends (n_draw,), as its band says; of those that are motions."""
-        if "bands" in vars(self):
-            return {
-                one.run: one.end
-                for one, run in zip(self.bands, self.problem.runs, strict=True)
-                if run.motion is not None
-            }
-        draws = self.chain.thinned(_BAND_DRAWS)
-        return posterior_ends(
-            self.problem, draws, rng=stream(self.seed, Stream.BANDS), forces=self.fit.forces
-        )
+        return {
+            band.run: band.end
+            for band, run in zip(self.bands, self.problem.runs, strict=True)
+            if run.motion is not None
+        }
 
     @cached_property
     def summaries(self) -> tuple[Summary, ...]:

@@ -14,7 +14,7 @@ import pytest
 from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
 
 from estim.campaign import load_campaign
-from estim.common import LEVELS
+from estim.common import QUANTILES
 from estim.common.errors import NumericalError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.sampling import certificate as importance
@@ -96,7 +96,7 @@ def test_quantiles_are_those_of_the_half_normal_distribution(rng: np.random.Gene
     from scipy.stats import halfnorm
 
     certificate = certificate_of(*TARGETS["half-normal"], rng=rng)
-    for p in LEVELS:
+    for p in QUANTILES:
         assert np.all(
             np.abs(halfnorm.cdf(certificate.quantiles[p]) - p) < 4.5 * certificate.mcse_shares[p]
         )
@@ -117,7 +117,7 @@ def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little
         normal(np.eye(6)),
         Proposal.single(np.zeros(6), np.eye(6)),
         60,
-        np.array(LEVELS)[:, None],
+        np.array(QUANTILES)[:, None],
     )
 
     def repeated() -> tuple[np.ndarray, np.ndarray]:
@@ -125,9 +125,9 @@ def test_errors_of_quantiles_are_the_scatter_of_repeated_runs_and_scatter_little
         runs = [
             certify(known, proposal, rng=np.random.default_rng([6, i])) for i in range(n_repeat)
         ]
-        errors = np.array([[run.mcse_shares[q] for q in LEVELS] for run in runs])
+        errors = np.array([[run.mcse_shares[q] for q in QUANTILES] for run in runs])
         return np.array(
-            [norm.cdf([run.quantiles[q] for q in LEVELS]) - p for run in runs]
+            [norm.cdf([run.quantiles[q] for q in QUANTILES]) - p for run in runs]
         ) / errors, errors
 
     z, errors = repeated()
@@ -159,7 +159,7 @@ def test_ends_of_a_short_chain_are_compared_in_errors_that_are_those_of_a_normal
     for i in range(n_repeat):
         rng = np.random.default_rng([9, i])
         chain = chain_of(autoregressive(rng, (4, 125, 24, 4), 0.4))
-        runs.append(compare_with_chain(certify(known, proposal, rng=rng), chain).z_ends)
+        runs.append(compare_with_chain(certify(known, proposal, rng=rng), chain).z[2:])
     z = np.abs(runs)
     assert abs(np.sqrt(np.mean(z**2)) - 1.0) < 4.0 / math.sqrt(2.0 * z.size)
     # one in a thousand beyond 3.29; three times that is far outside of chance
@@ -307,7 +307,7 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
             certify(known, Proposal.single(np.zeros(4), np.eye(4)), rng=rng), chain
         )
         verdicts.append(comparison.verdict)
-        zs.append([*comparison.z_mean, *comparison.z_sd])
+        zs.append(comparison.z[:2].ravel())
         naive.append(chain.flat.mean(axis=0) * math.sqrt(chain.flat.shape[0]))
     assert set(verdicts) == {"agree"}
     rms = np.sqrt(np.mean(np.square(zs), axis=0))
@@ -343,14 +343,14 @@ def test_chain_that_is_off_is_called_and_the_parameter_named(
     assert comparison.verdict == "disagree"
     assert f"the {word} of p2" in comparison.reason
     assert "p1" not in comparison.reason
-    off = np.abs([comparison.difference_mean, comparison.difference_sd])
+    off = np.abs(comparison.differences[:2])
     assert np.max(off) == pytest.approx(max(shift, stretch - 1.0), abs=0.05)
     # the ends of the interval move by both
-    assert comparison.difference_ends[:, 2] == pytest.approx(
+    assert comparison.differences[2:, 2] == pytest.approx(
         [shift - 1.96 * (stretch - 1.0), shift + 1.96 * (stretch - 1.0)], abs=0.1
     )
     assert comparison.largest_difference == max(
-        np.max(off), np.max(np.abs(comparison.difference_ends))
+        np.max(off), np.max(np.abs(comparison.differences[2:]))
     )
 
 
@@ -364,7 +364,7 @@ def test_negligible_difference_is_not_called_however_well_it_is_known(
     comparison = compare_with_chain(
         certificate, chain_of(rng.standard_normal((4, 4000, 20, 1)) + 0.02)
     )
-    assert abs(comparison.z_mean[0]) > comparison.limit / 1.5
+    assert abs(comparison.z[0, 0]) > comparison.limit / 1.5
     assert comparison.verdict == "agree"
 
 

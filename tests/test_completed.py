@@ -18,7 +18,7 @@ from estim.deviation.grid import START_SD
 from estim.deviation.kernels import without_mean
 from estim.pipeline import Analysis, analyse
 from estim.problem.roots import covariance_of
-from estim.sampling import Target, posterior_bands, posterior_ends
+from estim.sampling import Target, posterior_bands
 from estim.sampling.bands import moved_on
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
@@ -160,19 +160,3 @@ def test_noise_that_is_larger_than_stated_widens_the_band_of_new_points(
         np.ptp(after.predictive[0.95], axis=0)[middle]
         / np.ptp(before.predictive[0.95], axis=0)[middle]
     ) == pytest.approx(2.0, abs=0.2)
-
-
-def test_where_motions_end_is_told_without_their_bands(pushed: tuple[Analysis, Motion]) -> None:
-    analysis, _ = pushed
-    draws = analysis.chain.thinned(1000)
-    (ends,), (without,), (bands,) = (
-        posterior_ends(
-            analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces
-        ).values(),
-        posterior_ends(analysis.problem, draws, rng=np.random.default_rng(1)).values(),
-        posterior_bands(
-            analysis.problem, draws, rng=np.random.default_rng(1), forces=analysis.fit.forces
-        ),
-    )
-    assert ends == pytest.approx(bands.end, rel=1e-9)
-    assert np.max(np.abs(without - ends)) > 0.1 * np.std(ends)  # what start and force add counts

@@ -10,7 +10,7 @@ from scipy import stats
 
 from estim.sampling import Optima, Target, proposed_chain, sample_posterior
 from estim.sampling.diagnostics import mcse_mean
-from estim.sampling.proposal import adapt_proposal
+from estim.sampling.proposal import Proposal, adapt_proposal
 
 N_PAR = 24
 EDGE = 0.3  # sds: the first parameter is cut off there
@@ -44,8 +44,14 @@ def test_moments_are_right_and_come_soon() -> None:
     # a mean of 0, that of the normal distribution without its edge, is far off
     assert np.max(np.abs(chain.flat.mean(axis=0)) / error) > 20.0
     few = Target(ess=1500.0, max_step=chain.convergence.n_step)
+    elsewhere = Proposal.single(optima.value + 100.0 * density.sd, density.cov)
     blind = sample_posterior(
-        density, optima.value, optima.cov, target=few, rng=np.random.default_rng(3)
+        density,
+        optima.value,
+        optima.cov,
+        target=few,
+        rng=np.random.default_rng(3),
+        proposal=elsewhere,
     )
     assert blind.convergence.tau > 3.0 * chain.convergence.tau or np.isnan(blind.convergence.tau)
 

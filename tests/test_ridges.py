@@ -75,9 +75,8 @@ def test_ridges_followed_together_are_those_followed_one_by_one(name: str, repli
         one, of_ridge = coordinates.rows(only), row == i
         assert np.sum(of_ridge) > 2
         _, alone, masses = profile_paths(one, centres[only])
-        scale = sds[coordinates.order[i]]
         np.testing.assert_allclose(
-            expansions.points[of_ridge] / scale, alone.points / scale, rtol=0.0, atol=ROUNDING
+            expansions.points[of_ridge] / sds, alone.points / sds, rtol=0.0, atol=ROUNDING
         )
         # of a normal log density where it lies so deep, per standard deviation
         slope = np.sqrt(2.0 * np.maximum(-masses, 0.5))
@@ -102,13 +101,12 @@ def test_a_way_along_a_normal_density_is_its_regression() -> None:
     row, expansions, log_marginals = profile_paths(coordinates, centres)
     for axis in range(4):
         points = expansions.points[row == axis]
-        order = coordinates.order[axis]
-        expected = points[:, :1] * COV[axis, order] / COV[axis, axis]
+        expected = points[:, axis, None] * COV[axis] / COV[axis, axis]
         np.testing.assert_allclose(points, expected, atol=1e-6)
         np.testing.assert_allclose(
-            log_marginals[row == axis], -0.5 * points[:, 0] ** 2 / COV[axis, axis], atol=1e-6
+            log_marginals[row == axis], -0.5 * points[:, axis] ** 2 / COV[axis, axis], atol=1e-6
         )
-        assert np.max(np.abs(points[:, 0])) > 4.0 * np.sqrt(COV[axis, axis])
+        assert np.max(np.abs(points[:, axis])) > 4.0 * np.sqrt(COV[axis, axis])
 
 
 def test_a_ridge_that_bends_is_followed() -> None:
@@ -132,7 +130,8 @@ def test_what_is_pressed_against_a_limit_is_as_wide_as_the_density_falls() -> No
         falling, np.zeros((1, 2)), 50.0 * np.eye(2), (np.array([0.0, -np.inf]), np.full(2, np.inf))
     )
     np.testing.assert_allclose(centres, 0.0, atol=1e-6)
-    expansions = expanded(coordinates, centres, 0)
+    free = dataclasses.replace(coordinates, held=np.full(2, -1))
+    expansions = expanded(free, centres)
     assert expansions.at_bound[0].tolist() == [True, False]
     sds = np.sqrt(np.diag(np.linalg.inv(expansions.precisions[0])))
     assert sds == pytest.approx([1.0 / 3.0, 1.0], rel=0.01)

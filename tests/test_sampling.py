@@ -104,7 +104,7 @@ def test_same_seed_same_draws_and_numpy_global_state_has_no_say() -> None:
 
 def test_capped_chain_says_that_it_did_not_converge(rng: np.random.Generator) -> None:
     chain = sample_posterior(
-        Gaussian(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=400), rng=rng
+        Gaussian(COV), np.zeros(4), COV, target=Target(ess=1e9, max_step=400, n_walker=32), rng=rng
     )
     assert not chain.convergence.met
     assert chain.convergence.n_step == 400

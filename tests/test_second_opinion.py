@@ -235,7 +235,7 @@ def test_chain_without_a_tail_disagrees(monkeypatch: pytest.MonkeyPatch) -> None
         in analysis.comparison.reason
     )
     assert "of k by" in analysis.comparison.reason
-    assert analysis.comparison.z_ends[0, 1] > analysis.comparison.limit
+    assert analysis.comparison.z[2, 1] > analysis.comparison.limit
     assert any(finding.status == "methods-disagree" for finding in analysis.diagnosis.findings)
 
 

@@ -43,7 +43,6 @@ from estim.checks.fitted_curve import (
     curve_findings,
     curve_remarks,
     deviation_finding,
-    pressed_limits,
     unasked,
     values_outside,
     wrong_curves,

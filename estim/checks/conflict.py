@@ -40,12 +40,21 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.checks.goodness import check_goodness
+from estim.checks.sources import fitted
 from estim.common import Amount, Finding, Kind, NumericalError, Stream, stream
-from estim.fitting import Fit, Quadratic, around, chi2_p, curve_indices, fit_least_squares, refit
+from estim.fitting import (
+    ALONE,
+    Fit,
+    Quadratic,
+    around,
+    chi2_p,
+    curve_indices,
+    fit_least_squares,
+    refit,
+)
 from estim.problem import Prior, Problem
 
 P_CONFLICT = 0.01
@@ -58,9 +67,7 @@ _LEAST = 0.01
 # the same where a mixture was taken as one normal distribution, a few per cent of whose covariance
 # mean nothing
 _LEAST_OF_MIXTURE = 0.1
-_ALONE = 1e-9  # relative: eigenvalues below count as zero
 _TOO_FAR = 20.0  # pulls that an expansion around the mode cannot give
-_MANY_STATED = 100  # beyond, all pulls follow from one solution
 _FAR = 2.0  # pulls worth naming, and how many of them at most
 _NAMED = 3
 
@@ -106,7 +113,8 @@ def check_stated_values(fit: Fit) -> Conflict:
     free = np.flatnonzero((slopes == 0.0) & ~on_edge)
     model = around(fit)
     data = model.rows.T @ model.rows
-    known = _without(data, stated, free) / np.outer(slopes[stated], slopes[stated])
+    known = fitted(data, np.zeros(curve.size), stated, free)[0]
+    known /= np.outer(slopes[stated], slopes[stated])
     values, vectors = np.linalg.eigh(0.5 * (known + known.T))
     least = _LEAST_OF_MIXTURE if fit.forces or fit.deviations else _LEAST
     compared = values > least
@@ -120,11 +128,7 @@ def check_stated_values(fit: Fit) -> Conflict:
     uncompared = vectors[:, ~compared].T
     chi2 = max(0.0, together - model.least(uncompared @ pull_rows, uncompared @ off)[1])
     dof = int(np.sum(compared))
-    pull_values = (
-        _pulls_at_once(model, pull_rows, off)
-        if stated.size > _MANY_STATED
-        else np.full(stated.size, np.nan)
-    )
+    pull_values = _pulls_at_once(model, pull_rows, off)
     pulls = {}
     for k in np.flatnonzero(informed):
         if math.isnan(pull_values[k]):
@@ -165,7 +169,7 @@ def _pulls_at_once(model: Quadratic, pull_rows: FloatArray, off: FloatArray) -> 
         return np.full(off.size, np.nan)
     step, follow = solved[:, 0], solved[:, 1:]
     residual, room = scaled @ step + off, 1.0 - np.sum(scaled * follow.T, axis=1)
-    room = np.where(room > _ALONE, room, np.nan)
+    room = np.where(room > ALONE, room, np.nan)
     inside = np.ones(off.size, dtype=bool) & bool(np.all((step >= low) & (step <= high)))
     for i in np.flatnonzero(np.isfinite(low) | np.isfinite(high)):
         moved = step[i] + follow[i] * residual / room
@@ -266,19 +270,3 @@ def stated_values(fit: Fit, conflict: Conflict) -> Finding:
         else Kind.STATED_AND_CURVE
     )
     return Finding(kind, p=conflict.p_value, parts=tuple(parts))
-
-
-def _without(matrix: FloatArray, kept: NDArray[np.int64], fitted: NDArray[np.int64]) -> FloatArray:
-    """Information of the `kept` parameters when the others are fitted (Schur complement); what
-    nothing determines takes nothing with it.
-    """
-    inner = matrix[np.ix_(kept, kept)]
-    if not fitted.size:
-        return inner
-    scale = np.sqrt(np.maximum(np.diag(matrix)[fitted], 0.0))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    across = matrix[np.ix_(kept, fitted)] / scale
-    inverse = np.linalg.pinv(
-        matrix[np.ix_(fitted, fitted)] / np.outer(scale, scale), rcond=_ALONE, hermitian=True
-    )
-    return np.asarray(inner - across @ inverse @ across.T)

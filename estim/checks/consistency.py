@@ -39,7 +39,6 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.checks.sources import (
-    ALONE,
     PRIORS,
     Quadratic,
     Rows,
@@ -50,7 +49,8 @@ from estim.checks.sources import (
     total_of,
 )
 from estim.common import Amount, Finding, InputError, Kind, Label, NumericalError
-from estim.fitting import Fit, chi2_p
+from estim.fitting import ALONE, Fit, chi2_p
+from estim.problem import Problem
 from estim.words import tell
 
 P_INCONSISTENT = 0.01  # after Holm's correction
@@ -161,13 +161,18 @@ def comparable(fit: Fit) -> bool:
     """Whether there is something to compare: several runs, a parameter of the curve in common, and
     a fit that determines all.
     """
-    users = Counter(name for run in fit.problem.runs for name in run.parameters)
-    mean = [
-        p.name
-        for p in fit.problem.parameters
-        if p.name not in fit.problem.noise_names and not p.between
-    ]
-    return len(fit.problem.runs) > 1 and any(users[name] > 1 for name in mean) and not fit.singular
+    return len(fit.problem.runs) > 1 and _shared(fit.problem).size > 0 and not fit.singular
+
+
+def _shared(problem: Problem) -> NDArray[np.int64]:
+    """Places of the parameters of the curve that more than one run uses."""
+    users = Counter(name for run in problem.runs for name in run.parameters)
+    return np.flatnonzero(
+        [
+            users[p.name] > 1 and p.name not in problem.noise_names and not p.between
+            for p in problem.parameters
+        ]
+    )
 
 
 def check_consistency(fit: Fit) -> Consistency:
@@ -180,16 +185,7 @@ def check_consistency(fit: Fit) -> Consistency:
     determines nothing.
     """
     problem = fit.problem
-    noise = problem.noise_names
-    users = Counter(name for run in problem.runs for name in run.parameters)
-    shared = np.array(
-        [
-            i
-            for i, p in enumerate(problem.parameters)
-            if users[p.name] > 1 and p.name not in noise and not p.between
-        ],
-        dtype=np.int64,
-    )
+    shared = _shared(problem)
     if shared.size == 0:
         raise InputError(
             "must have a parameter of the curve in common to be compared",
@@ -209,7 +205,7 @@ def check_consistency(fit: Fit) -> Consistency:
     rows = measurements(copies, shared.size)
     tested = [name for name in (*names, PRIORS) if rows.moves[name].size]
     chi2, dof = rows.between((), tested)
-    judged = _holm([_one_against_others(name, rows) for name in tested])
+    judged = _each_against_others(tested, rows)
     p_value = chi2_p(chi2, dof)
     agree = p_value >= P_INCONSISTENT and all(row.p_holm >= P_INCONSISTENT for row in judged)
     suspects = () if agree else _suspects(judged, rows)
@@ -269,24 +265,19 @@ def _apart(fit: Fit, shared: NDArray[np.int64], alone: Sequence[SharedEstimate])
     return Amount(parameter.name, spread, parameter.label) if spread > 0.0 else None
 
 
-def _one_against_others(source: str, rows: Rows) -> Disagreement:
-    distance2, dof = rows.between((), (source,))
-    p_value = chi2_p(distance2, dof)
-    return Disagreement(source, distance2, dof, p_value, p_value)
-
-
-def _holm(rows: Sequence[Disagreement]) -> tuple[Disagreement, ...]:
-    """The rows with p values corrected for asking all of them."""
-    tested = [row for row in rows if row.dof > 0]
-    order = sorted(range(len(rows)), key=lambda i: (rows[i].dof == 0, rows[i].p_value))
-    corrected, largest = {}, 0.0
-    for place, i in enumerate(order):
-        if rows[i].dof > 0:
-            largest = max(largest, min(1.0, (len(tested) - place) * rows[i].p_value))
-        corrected[i] = largest if rows[i].dof > 0 else 1.0
+def _each_against_others(sources: Sequence[str], rows: Rows) -> tuple[Disagreement, ...]:
+    """Each source against all others, with p values corrected for asking all of them."""
+    distances = {source: rows.between((), (source,)) for source in sources}
+    p_values = {source: chi2_p(*distance) for source, distance in distances.items()}
+    compared = sorted(
+        (source for source in sources if distances[source][1]), key=lambda source: p_values[source]
+    )
+    corrected, largest = dict.fromkeys(sources, 1.0), 0.0
+    for n_left, source in zip(range(len(compared), 0, -1), compared, strict=True):
+        corrected[source] = largest = max(largest, min(1.0, n_left * p_values[source]))
     return tuple(
-        Disagreement(r.source, r.distance2, r.dof, r.p_value, corrected[i])
-        for i, r in enumerate(rows)
+        Disagreement(source, *distances[source], p_values[source], corrected[source])
+        for source in sources
     )
 
 
@@ -294,14 +285,12 @@ def _suspects(judged: Sequence[Disagreement], rows: Rows) -> tuple[str, ...]:
     """Sources without which the others agree, those least probable first; only those that explain
     it about as well as the best.
     """
-    healing = []
-    for row in sorted(judged, key=lambda row: row.p_value):
-        if (
-            chi2_p(*rows.between((row.source,), tuple(row.source for row in judged)))
-            >= P_INCONSISTENT
-            and row.p_value < P_INCONSISTENT
-        ):
-            healing.append(row)
+    sources = tuple(row.source for row in judged)
+    healing = [
+        row
+        for row in sorted(judged, key=lambda row: row.p_value)
+        if row.p_value < P_INCONSISTENT <= chi2_p(*rows.between((row.source,), sources))
+    ]
     best = healing[0].p_value if healing else 0.0
     return tuple(row.source for row in healing if row.p_value <= 100.0 * best)
 

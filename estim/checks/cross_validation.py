@@ -14,9 +14,9 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.problem import Posterior
-from estim.sampling import log_sum_exp, pareto_smoothed
+from estim.sampling import K_HAT_LIMIT, log_sum_exp, pareto_smoothed
 
-INFLUENTIAL = 0.7  # of k-hat
+INFLUENTIAL = K_HAT_LIMIT
 
 
 @dataclass(frozen=True, eq=False)

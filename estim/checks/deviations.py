@@ -9,24 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from estim.checks.forces import FAR_LARGER
+from estim.checks.forces import FAR_LARGER, LIKELY
 from estim.common import Finding, Kind
 from estim.deviation import FoundDeviation, presence
 from estim.fitting import MANY, Fit
 
 SURE = 0.99  # probability of a deviation beyond which it is said to be there
-_UNLIKELY = 0.5
 _FEWEST, _MOST = 20, 300  # points of a run, where it is asked
-_TREND = 0.5  # probability of a deviation that is a trend, above which the curve is another
 
 
 def deviation_finding(found: FoundDeviation, *, x_unit: str, y_unit: str) -> Finding:
     """Whether there is a deviation, and as what it is read in numbers; names: the units of x, y and
     of what errors follow each other in.
     """
-    undecided = (
-        Kind.DEVIATION_UNDECIDED if found.probability > _UNLIKELY else Kind.DEVIATION_UNLIKELY
-    )
+    undecided = Kind.DEVIATION_UNDECIDED if found.probability > LIKELY else Kind.DEVIATION_UNLIKELY
     kind = Kind.DEVIATION_FOUND if found.probability > SURE else undecided
     numbers = {"typical": found.visible.typical, "most": found.visible.most}
     for name, size in (("smooth", found.smooth), ("correlated", found.correlated)):
@@ -96,7 +92,7 @@ def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
         smooth = deviation.smooth
         if (
             smooth is not None
-            and smooth.share > _UNLIKELY
+            and smooth.share > LIKELY
             and smooth.amplitude[1] > FAR_LARGER * smooth.scale
         ):
             findings.append(
@@ -112,7 +108,7 @@ def wrong_curves(deviations: Iterable[FoundDeviation]) -> list[Finding]:
             for way, size in (("smooth", smooth), ("correlated", deviation.correlated))
             if size is not None
         }
-        if sum(slow.values()) > _TREND:
+        if sum(slow.values()) > LIKELY:
             findings.append(
                 Finding(
                     Kind.DEVIATION_TOO_SLOW,

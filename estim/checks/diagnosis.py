@@ -22,7 +22,7 @@ from estim.checks.outliers import bad_frames_found, too_many_bad_frames
 from estim.checks.rolling import Rolling, rolling_remarks
 from estim.checks.what_if import Influence, large_influences
 from estim.common import Amount, Finding, Kind, Status, decide, wrong
-from estim.fitting import PRESSED_BELOW, Fit, chi2_p, edge_amount, limit_found, open_sides, pressed
+from estim.fitting import Fit, chi2_p, limit_found, open_sides, pressed_edges
 from estim.problem import Observations, same_curves
 from estim.sampling import Agreement, Chain, mcse_mean, mixing_of
 from estim.words import tell
@@ -99,8 +99,8 @@ def diagnose(
             *([] if conflict.flagrant else _convergence(fit, chain)),
             *several_solutions(fit, modes),
             *_flat_directions(fit, identifiability),
-            *open_sides(fit.problem, fit.values, np.sqrt(np.diag(fit.cov))),
-            *_bounds(fit),
+            *open_sides(fit, np.sqrt(np.diag(fit.cov))),
+            *pressed_edges(fit, Kind.PRESSED_EDGE),
             *failed_tests(goodness, dof=fit.dof),
             *beyond_their_priors(fit.forces),
             *wrong_curves(fit.deviations),
@@ -183,21 +183,6 @@ def sampling_findings(chain: Chain) -> list[Finding]:
     if chain.stuck:
         findings.append(Finding(Kind.WALKERS_STUCK, size=chain.stuck))
     return findings
-
-
-def _bounds(fit: Fit) -> list[Finding]:
-    """Edges that the data contradict.  A parameter that merely lies on one is a limit, which is a
-    result (`_remarks`).
-    """
-    return [
-        Finding(
-            Kind.PRESSED_EDGE,
-            p=p_value,
-            parameters=(edge_amount(fit, name, float(fit.values[fit.names.index(name)])),),
-        )
-        for name, p_value in pressed(fit).items()
-        if p_value < PRESSED_BELOW
-    ]
 
 
 def several_solutions(fit: Fit, modes: Modes) -> list[Finding]:

@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from estim.arrays import FloatArray
 from estim.checks.counts import counts_as_readings
 from estim.checks.deviations import deviation_finding as deviation_finding
 from estim.checks.deviations import unasked as unasked
@@ -14,17 +13,7 @@ from estim.checks.deviations import wrong_curves as wrong_curves
 from estim.checks.diagnosis import failed_tests, marginal_tests, tolerated_pattern
 from estim.checks.goodness import P_FLOOR, P_POOR_FIT, Goodness
 from estim.common import Amount, Finding, Kind
-from estim.fitting import (
-    FEW,
-    PRESSED_BELOW,
-    Ends,
-    Fit,
-    Optimum,
-    coverage_of_sd,
-    edge_of,
-    pressed,
-    silent_parameters,
-)
+from estim.fitting import FEW, Ends, Fit, Optimum, coverage_of_sd, pressed_edges, silent_parameters
 
 _ROUNDED = 1e-6  # of an interval's width
 # standard deviations that rounding errors move a value by: worth a word; no result
@@ -58,7 +47,7 @@ def curve_findings(
         findings.append(best.unheld)
     if best.singular:
         findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fixed)))
-    findings += pressed_limits(fixed, best.values, estimated=estimated)
+    findings += pressed_edges(fixed, Kind.PRESSED_LIMIT, estimated=estimated)
     for failed in failed_tests(goodness, dof=dof):
         if failed.test == "chi2" and (len(goodness) == 1 or not failed.run):
             kind = (
@@ -86,17 +75,6 @@ def values_outside(values: Mapping[str, float], intervals: Mapping[str, Ends]) -
         if not math.isnan(high - low)
         and not low - _ROUNDED * (high - low) <= value <= high + _ROUNDED * (high - low)
     ]
-
-
-def pressed_limits(fit: Fit, values: FloatArray, *, estimated: bool = False) -> list[Finding]:
-    """Limits that the data contradict; values: (n_par,)."""
-    findings = []
-    for name, p in pressed(fit, estimated=estimated).items():
-        if p < PRESSED_BELOW:
-            i = fit.names.index(name)
-            limit = edge_of(fit.problem.parameters[i].prior, float(values[i]))
-            findings.append(Finding(Kind.PRESSED_LIMIT, p=p, parameters=(Amount(name, limit),)))
-    return findings
 
 
 def curve_remarks(

@@ -8,11 +8,10 @@ from estim.common import Finding, Kind
 from estim.deviation import SCALES, FoundForce
 
 FAR_LARGER = 2.5  # times the scale of its prior: an amplitude that one force in 80 exceeds
-TOO_LARGE = 0.5  # probability that the noise is as large as its prior reaches, or more
 # probability of a force beyond which it is said to be there; none of 300 simulated clean runs came
 # so far
 SURE = 0.95
-_UNLIKELY = 0.5
+LIKELY = 0.5  # probability from which something is there rather than not
 # sd: a mode that is farther from the linearised mean says that the answer to the force is not
 # linear
 _LINEAR = 1.0
@@ -27,7 +26,7 @@ def force_finding(found: FoundForce) -> Finding:
         Kind.FORCE_FOUND
         if probability > SURE
         else Kind.FORCE_UNDECIDED
-        if probability > _UNLIKELY
+        if probability > LIKELY
         else Kind.FORCE_UNLIKELY
     )
     low, middle, high = found.force.length
@@ -46,7 +45,7 @@ def noise_finding(found: FoundForce) -> Finding | None:
     """Where the readings scatter plainly otherwise than stated: far less, more, or more than there
     is room for; else None.
     """
-    if found.too_large > TOO_LARGE:
+    if found.too_large > LIKELY:
         return Finding(
             Kind.NOISE_TOO_LARGE,
             run=found.run,
@@ -98,7 +97,7 @@ def beyond_their_priors(forces: Iterable[FoundForce]) -> list[Finding]:
                     numbers={"share": 100.0 * force.force.typical, "runs": len(force.runs)},
                 )
             )
-        if force.force.probability > _UNLIKELY and force.moved > _LINEAR:
+        if force.force.probability > LIKELY and force.moved > _LINEAR:
             findings.append(
                 Finding(
                     Kind.FORCE_NOT_LINEAR,

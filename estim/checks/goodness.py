@@ -54,8 +54,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.fitting import MANY, Fit, chi2_p, linear_response, no_scatter, spreads_by_runs
-from estim.problem import Linear, Observations, reading_sd
+from estim.fitting import MANY, Fit, chi2_p, no_scatter, spreads_by_runs
+from estim.problem import Linear, Observations, Whitened, reading_sd
 from estim.words import TESTS
 
 P_POOR_FIT = 1e-3  # of each test
@@ -175,53 +175,41 @@ class Goodness:
 
 
 def check_goodness(fit: Fit, *, rng: np.random.Generator) -> tuple[Goodness, ...]:
-    """One `Goodness` for each run of a fit; `rng` draws the simulated null distributions."""
+    """One `Goodness` for each run of a fit; `rng` draws the simulated null distributions, of each
+    group of runs by itself.
+
+    A p-value that could count among hundreds of runs is simulated to where it can be told from that
+    of the worst of them.
+    """
     problem, posterior = fit.problem, fit.posterior
-    named = problem.named(fit.values)
-    noise = np.array([name in problem.noise_names for name in problem.names])
-    columns = problem.columns
+    named, n_run = problem.named(fit.values), len(problem.runs)
     responses = [
         likelihood.whitened(named, [problem.names[i] for i in used])
-        for likelihood, used in zip(posterior.likelihoods, columns, strict=True)
+        for likelihood, used in zip(posterior.likelihoods, problem.columns, strict=True)
     ]
-    linear = [candidate for candidate in responses if isinstance(candidate, Linear)]
-    whitened = posterior.by_run(response.z for response in responses)
-    if len(linear) == len(problem.runs) > MANY and not noise.any():
-        return _run_by_run(fit, linear, named, rng)
     pulls = posterior.prior_slopes(fit.values)
-    pulls[noise] = 0.0
-    shifts_by = linear_response([response.root for response in responses], columns, pulls)
-    n_error = problem.n_obs + problem.n_par
-    plain = posterior.likelihoods[0].normal is not None and not (
-        pulls.any() or fit.deviations or fit.forces
+    pulls[[name in problem.noise_names for name in problem.names]] = 0.0
+    spreads = spreads_by_runs([response.root for response in responses], problem.columns, pulls)
+    known = (
+        n_run == 1
+        and posterior.likelihoods[0].normal is not None
+        and not (pulls.any() or fit.deviations or fit.forces)
     )
-    dof = _dof(linear[0]) if plain and len(linear) == len(problem.runs) == 1 else 0
-    raw_and_sd = _raw_and_sd(fit, named)
-    tested = [
-        _Tested(z, _compared(run, named, sd), run.stated, dof)
-        for run, z, (_, sd) in zip(problem.runs, whitened, raw_and_sd, strict=True)
-    ]
-
-    def simulate(n_draw: int) -> list[FloatArray]:
-        by_group = [response.drawn(n_draw, rng) for response in responses]
-        of_priors = rng.standard_normal((problem.n_par, n_draw))
-        residuals = [
-            response.felt(error) for response, error in zip(responses, by_group, strict=True)
+    raw_and_sd = {
+        run.name: both for run, both in zip(problem.runs, _raw_and_sd(fit, named), strict=True)
+    }
+    judged = {}
+    for group, response, spread in zip(problem.groups, responses, spreads, strict=True):
+        whitened = group.split(response.z)
+        dof = _dof(response.root) if known else 0
+        tested = [
+            _Tested(z, _compared(run, named, raw_and_sd[run.name][1]), run.stated, dof)
+            for run, z in zip(group.runs, whitened, strict=True)
         ]
-        shifts = shifts_by(residuals, of_priors)
-        moved = (
-            response.moved(error, shifts[used])
-            for response, error, used in zip(responses, by_group, columns, strict=True)
-        )
-        return [block.T for block in posterior.by_run(moved)]
-
-    checked = _checks(tested, simulate, n_error)
-    return tuple(
-        _judged(fit, run, z, raw, sd, checks, named)
-        for run, z, (raw, sd), checks in zip(
-            problem.runs, whitened, raw_and_sd, checked, strict=True
-        )
-    )
+        checked = _checks(tested, _simulated(response, spread, rng), max(1.0, n_run / MANY))
+        for run, z, checks in zip(group.runs, whitened, checked, strict=True):
+            judged[run.name] = _judged(fit, run, z, *raw_and_sd[run.name], checks, named)
+    return tuple(judged[run.name] for run in problem.runs)
 
 
 def check_linear(
@@ -241,56 +229,32 @@ def check_linear(
         standard deviations about it.
     stated : whether the size of the errors was.
     """
-    response, compared = Linear(z, root), _Compared(None, _growing(f, x), _Repeated.of(x, sd))
-    simulate = _simulated(response, np.asarray(np.linalg.pinv(root.T @ root, hermitian=True)), rng)
-    tested = _Tested(z, compared, stated, _dof(response))
-    (checks,) = _checks([tested], lambda n: [simulate(n)], z.size)
+    n_par = root.shape[1]
+    (spread,) = spreads_by_runs([root], [np.arange(n_par)], np.zeros(n_par))
+    compared = _Compared(None, _growing(f, x), _Repeated.of(x, sd))
+    tested = _Tested(z, compared, stated, _dof(root))
+    (checks,) = _checks([tested], _simulated(Linear(z, root), spread, rng))
     return Goodness("", z, z * sd, sd, checks, float("nan"), pattern=_pattern(z), curve=True)
 
 
-def _run_by_run(
-    fit: Fit, responses: Sequence[Linear], named: Mapping[str, FloatArray], rng: np.random.Generator
-) -> tuple[Goodness, ...]:
-    """The same of many independent runs, the residuals of each drawn by themselves.
-
-    With C the covariance of what least squares of all runs make of the parameters of one, errors e
-    of its points move them by C J^T e, and all other errors by a normal vector of covariance C - C
-    J^T J C.  A p-value that could count among so many is simulated to where it can be told from
-    that of the worst of them.
-    """
-    problem, checked = fit.problem, []
-    among = max(1.0, len(problem.runs) / MANY)
-    spreads = spreads_by_runs(
-        [linear.root for linear in responses],
-        problem.columns,
-        fit.posterior.prior_slopes(fit.values),
-    )
-    for run, response, spread, (raw, sd) in zip(
-        problem.runs, responses, spreads, _raw_and_sd(fit, named), strict=True
-    ):
-        simulate = _simulated(response, spread, rng)
-        tested = _Tested(response.z, _compared(run, named, sd), run.stated)
-        (checks,) = _checks([tested], lambda n: [simulate(n)], run.n_obs, among)  # noqa: B023
-        checked.append(_judged(fit, run, response.z, raw, sd, checks, named))
-    return tuple(checked)
-
-
 def _simulated(
-    response: Linear, spread: FloatArray, rng: np.random.Generator
+    response: Whitened, spread: FloatArray, rng: np.random.Generator
 ) -> Callable[[int], FloatArray]:
-    """What draws (n, n_obs) residuals of a run, given the covariance (n_used, n_used) of the
-    parameters that it uses.
+    """What draws residuals (n_obs, n) of a group of runs in n data sets, given a root F of the
+    covariance of the parameters that it uses.
+
+    Errors e of its points move the parameters by F M^T e with M = J F, and all other errors by F
+    times a normal vector of covariance 1 - M^T M.
     """
-    back = spread @ response.root.T
-    scale = np.sqrt(np.diag(spread))
-    scale[scale == 0.0] = 1.0
-    spectrum, basis = np.linalg.eigh((spread - back @ back.T) / np.outer(scale, scale))
-    by_others = scale[:, None] * basis * np.sqrt(np.maximum(spectrum, 0.0))
+    moves = response.root @ spread
+    spectrum, basis = np.linalg.eigh(np.eye(spread.shape[1]) - moves.T @ moves)
+    by_others = spread @ (basis * np.sqrt(np.maximum(spectrum, 0.0)))
 
     def simulate(n: int) -> FloatArray:
-        errors = rng.standard_normal((n, len(response.root)))
-        shifts = errors @ back.T + rng.standard_normal((n, len(spread))) @ by_others.T
-        return response.moved(errors.T, shifts.T).T
+        errors = response.drawn(n, rng)
+        shifts = spread @ (moves.T @ response.felt(errors))
+        shifts += by_others @ rng.standard_normal((by_others.shape[1], n))
+        return response.moved(errors, shifts)
 
     return simulate
 
@@ -374,13 +338,10 @@ def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
     return float(named[size.scatter.parameter]) / instrument
 
 
-def _dof(response: Linear) -> int:
-    n_obs, _ = response.root.shape
-    return n_obs - int(
-        np.linalg.matrix_rank(
-            response.root / np.maximum(np.linalg.norm(response.root, axis=0), np.finfo(float).tiny)
-        )
-    )
+def _dof(root: FloatArray) -> int:
+    """Of chi2, from the derivatives (n_obs, n_par) of the residuals."""
+    lengths = np.maximum(np.linalg.norm(root, axis=0), np.finfo(float).tiny)
+    return len(root) - int(np.linalg.matrix_rank(root / lengths))
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,15 +365,12 @@ class _Tested:
 
 
 def _checks(
-    tested: Sequence[_Tested],
-    simulate: Callable[[int], Sequence[FloatArray]],
-    n_error: int,
-    among: float = 1.0,
+    tested: Sequence[_Tested], simulate: Callable[[int], FloatArray], among: float = 1.0
 ) -> list[dict[str, Check]]:
     """The tests of several runs against the same simulated data sets.
 
-    simulate : (n, n_obs) whitened residuals of each run in n data sets.  n_error : numbers that are
-        drawn for one of them.  among : by how many times more may be needed.
+    simulate : (n_obs, n) whitened residuals of all these runs in n data sets.  among : by how many
+        times more of them may be needed.
 
     Data sets are drawn until every statistic has been met or exceeded by `_ENOUGH` of them (Besag
     and Clifford, Biometrika 78 (1991) 301): a p-value that decides nothing needs few.
@@ -422,12 +380,14 @@ def _checks(
     for run, counts in zip(tested, least, strict=True):
         if run.dof > 0:
             counts.pop("chi2", None)
+    ends = np.cumsum([run.z.size for run in tested])
+    n_error = int(ends[-1])
     n_most = int(among * np.clip(_MOST_NUMBERS / n_error, _LEAST_SIMULATED, _N_SIMULATED))
     at_once, n = max(1, min(_AT_ONCE, int(_MOST_AT_ONCE / n_error))), 0
     while n < n_most and min(min(counts.values()) for counts in least) < _ENOUGH:
         more = min(at_once, n_most - n)
-        for i, null in enumerate(simulate(more)):
-            simulated = _statistics(null, tested[i].compared)
+        for i, null in enumerate(np.split(simulate(more), ends[:-1])):
+            simulated = _statistics(null.T, tested[i].compared)
             drift[i] = max(drift[i], float(np.max(simulated["trend"])))
             for name in least[i]:
                 reached = simulated[name] >= tested[i].statistics[name] - 1e-12

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
+from estim.checks.forces import LIKELY
 from estim.common import Finding, Kind
 from estim.deviation import FoundForce, Jump
 from estim.problem import Likelihood, Posterior, Problem
 
-NAMED = 0.5  # a frame is named as an outlier above this probability
 _KINDS = MappingProxyType(
     {"frame": Kind.FRAME_OFF, "step": Kind.STEP_STAYS, "clock": Kind.FRAMES_LOST}
 )
@@ -36,7 +36,7 @@ class Outliers:
     @property
     def frames(self) -> NDArray[np.int64]:
         """Indices of the frames that are named."""
-        return np.flatnonzero(self.probability > NAMED)
+        return np.flatnonzero(self.probability > LIKELY)
 
 
 def find_outliers(posterior: Posterior, draws: FloatArray) -> tuple[Outliers, ...]:

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
+from estim.checks.forces import SURE
 from estim.common import Finding, Kind
 from estim.problem import Observations, Problem
 
-SURELY = 0.95  # probability of rolling below which it is in doubt
 _MUCH = 0.5  # coefficient of friction that few pairs of dry surfaces surpass
 
 
@@ -48,7 +48,7 @@ class Rolling:
     @property
     def enough(self) -> float:
         """A coefficient of friction that is enough with probability 95 %."""
-        return float(np.quantile(self.needed, SURELY, method="higher"))
+        return float(np.quantile(self.needed, SURE, method="higher"))
 
     @property
     def typical(self) -> float:
@@ -70,8 +70,8 @@ class Rolling:
         }
         kind = Kind.FRICTION_NEEDED
         if self.stated:
-            kind = Kind.ROLLING_SURE if self.holds >= SURELY else Kind.ROLLING_DOUBTFUL
-        elif self.hops > 1.0 - SURELY:
+            kind = Kind.ROLLING_SURE if self.holds >= SURE else Kind.ROLLING_DOUBTFUL
+        elif self.hops > 1.0 - SURE:
             kind = Kind.ROLLING_HOPS
         return Finding(kind, run=self.run, p=self.holds, numbers=numbers, names=(self.unit,))
 

@@ -19,11 +19,10 @@ from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.common import later
-from estim.fitting import Fit
+from estim.fitting import ALONE, Fit
 from estim.problem import Group
 
 PRIORS = later("stated values")
-ALONE = 1e-9  # relative: singular values below count as zero
 _LEAST_SHARE = 1e-3  # of the information in a direction: a source that has less says nothing of it
 # the same beside what was stated, where a mixture was taken as one normal distribution: it has that
 # only roughly
@@ -95,7 +94,7 @@ class Copies:
     def alone(self, name: str) -> Quadratic:
         """What one source says where the others may have any values."""
         mine = self.of(name)
-        return _fitted(
+        return fitted(
             self.information, self.score, mine, np.setdiff1d(np.arange(self.score.size), mine)
         )
 
@@ -105,7 +104,7 @@ class Copies:
         if len(self.sources) == 1:
             return np.zeros((mine.size, mine.size)), np.zeros(mine.size)
         return _tied(
-            *_fitted(
+            *fitted(
                 self.information, self.score, np.setdiff1d(np.arange(self.score.size), mine), mine
             ),
             len(self.sources) - 1,
@@ -120,10 +119,12 @@ def _tied(information: FloatArray, score: FloatArray, n: int) -> Quadratic:
     )
 
 
-def _fitted(
+def fitted(
     information: FloatArray, score: FloatArray, kept: NDArray[np.int64], free: NDArray[np.int64]
 ) -> Quadratic:
-    """A quadratic in those `kept`, the `free` ones fitted."""
+    """A quadratic in those `kept`, the `free` ones fitted (Schur complement); what nothing
+    determines takes nothing with it.
+    """
     if not free.size:
         return information[np.ix_(kept, kept)], score[kept]
     scale = np.sqrt(np.maximum(np.diag(information)[free], 0.0))
@@ -154,7 +155,7 @@ def copies_of(fit: Fit, group: Group, shared: NDArray[np.int64]) -> tuple[Copies
         prior, pull = np.zeros(fit.values.size), np.zeros(fit.values.size)
         for i in nuisance:
             prior[i], pull[i] = slopes[i] ** 2, -slopes[i] * off[i]
-        alone = _fitted(
+        alone = fitted(
             information + np.diag(prior), score - information @ moved + pull, shared, nuisance
         )
         used = np.array([fit.names[i] in run.parameters for i in shared])
@@ -225,17 +226,9 @@ def _tied_copies(fit: Fit, group: Group, shared: NDArray[np.int64]) -> Copies:
     )
     rows = np.vstack([jacobian, slopes])
     z = np.append(residuals, fit.posterior.prior_residuals(fit.values)[nuisance])
-    data, mine = rows[:, : len(copied)], rows[:, len(copied) :]
-    if nuisance:  # what is left orthogonal to the own parameters
-        basis, singular, _ = np.linalg.svd(mine / _norms(mine), full_matrices=False)
-        basis = basis[:, singular > ALONE * singular[0]]
-        data, z = data - basis @ (basis.T @ data), z - basis @ (basis.T @ z)
-    return Copies(tuple(run.name for run in runs), data.T @ data, -data.T @ z)
-
-
-def _norms(matrix: FloatArray) -> FloatArray:
-    norms = np.sqrt(np.sum(matrix**2, axis=0))
-    return np.where(norms > 0.0, norms, 1.0)
+    kept = np.arange(len(copied))
+    alone = fitted(rows.T @ rows, -rows.T @ z, kept, np.arange(len(copied), rows.shape[1]))
+    return Copies(tuple(run.name for run in runs), *alone)
 
 
 def copies_of_priors(fit: Fit, shared: NDArray[np.int64]) -> Copies:

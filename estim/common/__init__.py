@@ -71,7 +71,7 @@ from estim.common.quantity import (
     percentage,
 )
 from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
-from estim.common.statuses import LEVELS, PROBABILITIES, Amount, Finding, decide, gravest, wrong
+from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
     held,
     inputs_read,

@@ -16,7 +16,7 @@ from estim.common.kinds import LEADS_TO, Kind, Status
 from estim.common.labels import Label
 
 PROBABILITIES = (0.68, 0.95)
-LEVELS = (0.025, 0.16, 0.5, 0.84, 0.975)  # their ends, and the median
+QUANTILES = (0.025, 0.16, 0.5, 0.84, 0.975)  # the median, and the ends of their intervals
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,6 @@ class Stream(IntEnum):
     PLAN_FIT = 31
     PLAN_DRAWS = 32  # against which linear theory is held
     REGIMES = 33  # what is known of bodies that are mapped
-    RELEASE_CHAIN = 34  # of trials of release: where it starts
     RELEASE_DRAWS = 35  # and their importance sampling
     PLAN_TESTS = 36  # null distributions of the tests of what is planned from
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import LEVELS
+from estim.common import QUANTILES
 from estim.deviation.force import FORCE, Response, Track, force_kernel, force_priors
 from estim.deviation.linearised import Linearised, mixture_quantiles
 
@@ -24,7 +24,7 @@ class Force:
     part of the rolling resistance).
 
     x : (n_node,) m or rad.
-    mean, sd : (n_node,).  quantiles : (5, n_node) at `LEVELS`.  All of the way out, where the body
+    mean, sd : (n_node,).  quantiles : (5, n_node) at `QUANTILES`.  All of the way out, where the body
         also came back.
     back : quantiles of the way back; None where there is none.
     probability : P(a > 0).
@@ -149,8 +149,8 @@ class Seen:
         )
 
     def quantiles(self) -> FloatArray:
-        """(5, n_place) at `LEVELS`."""
-        return mixture_quantiles(self.weights, self.means, self.sds, LEVELS)
+        """(5, n_place) at `QUANTILES`."""
+        return mixture_quantiles(self.weights, self.means, self.sds, QUANTILES)
 
 
 def see(linear: Linearised, priors: Iterable[tuple[FloatArray, FloatArray]]) -> Seen:

@@ -28,7 +28,7 @@ class ResidualPart:
     """The part of a deviation that shows, at the points, unit of y.
 
     x : (n_obs,).
-    quantiles : (5, n_obs) at `LEVELS`.  mean : (n_obs,).
+    quantiles : (5, n_obs) at `QUANTILES`.  mean : (n_obs,).
     residuals : (n_obs,) of the curve that fits best.
     """
 

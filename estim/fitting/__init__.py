@@ -2,20 +2,18 @@
 information.  Read `least_squares` first.
 """
 
-from estim.fitting.arrow import MANY, descend_by_runs, linear_response, spreads_by_runs
+from estim.fitting.arrow import MANY, descend_by_runs, spreads_by_runs
 from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import (
-    PRESSED_BELOW,
+    ALONE,
     Limit,
     around,
     curve_indices,
-    edge_amount,
-    edge_of,
     limit_cell,
     limit_found,
     limit_of,
-    pressed,
+    pressed_edges,
 )
 from estim.fitting.edges import Quadratic as Quadratic
 from estim.fitting.fisher_information import information, prior_sds

@@ -16,7 +16,7 @@ IMM-REP-1999-05 (damping).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -128,11 +128,11 @@ def solve_by_runs(rows: Sequence[Rows], slopes: FloatArray, pulls: FloatArray) -
 def spreads_by_runs(
     roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray
 ) -> list[FloatArray]:
-    """For each group the covariance (n_used, n_used), between the parameters `columns` that it
-    uses, of the least squares of `solve_by_runs`.
+    """For each group a root F (n_used, n_used or fewer) of the covariance F F^T of the least
+    squares of `solve_by_runs`, between the parameters `columns` that it uses.
 
     roots : of each group (n, n_used), in units of the standard deviation.  A parameter of which
-        nothing is said has none.
+        nothing is said has no covariance.
     """
     n_par = slopes.size
     own = own_columns(columns, n_par)
@@ -147,15 +147,15 @@ def spreads_by_runs(
         [np.diag(slopes[border]), *(part.below(place, border.size) for part in parts)]
     )
     root_of_shared = _inverted(design)
-    covariances = []
+    spreads = []
     for part, used in zip(parts, columns, strict=True):
         turned, of_shared = _inverted(part.triangle), root_of_shared[place[part.shared]]
         own_too = np.hstack([turned, -turned @ part.along @ of_shared])
         follow = np.zeros((used.size, own_too.shape[1]))
         follow[np.isin(used, part.mine)] = own_too
         follow[np.isin(used, part.shared), part.mine.size :] = of_shared
-        covariances.append(follow @ follow.T)
-    return covariances
+        spreads.append(np.transpose(np.linalg.qr(follow.T, mode="r")))
+    return spreads
 
 
 def _solved(design: FloatArray, aims: FloatArray) -> FloatArray:
@@ -327,31 +327,3 @@ def _step(
     after += float(np.sum((slopes * step + pulls) * slopes * step))
     before += float(np.sum(pulls * slopes * step))
     return step, -(after + before)
-
-
-def linear_response(
-    roots: Sequence[FloatArray], columns: Sequence[Indices], slopes: FloatArray
-) -> Callable[[Sequence[FloatArray], FloatArray], FloatArray]:
-    """What turns errors of all groups, (n, n_error) each, and of the priors (n_par, n_error) into
-    how far least squares move (n_par, n_error).
-
-    roots : of each group (n, n_used), the derivatives in the parameters `columns`.
-    slopes : (n_par,) of the residuals of the priors.
-    """
-    if len(roots) > MANY:
-        return lambda errors, of_priors: solve_by_runs(
-            [
-                Rows(used, root, error)
-                for used, root, error in zip(columns, roots, errors, strict=True)
-            ],
-            slopes,
-            of_priors,
-        )
-    design = np.zeros((sum(map(len, roots)) + slopes.size, slopes.size))
-    above = 0
-    for root, used in zip(roots, columns, strict=True):
-        design[above : above + len(root), used] = root
-        above += len(root)
-    design[above:] = np.diag(slopes)
-    inverse = _inverted(design)
-    return lambda errors, of_priors: np.asarray(inverse @ np.vstack([*errors, of_priors]))

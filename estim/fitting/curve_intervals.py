@@ -35,6 +35,7 @@ from estim.common import (
     phrase,
 )
 from estim.distributions import student_quantile, student_tail
+from estim.fitting.derived import LOPSIDED
 from estim.fitting.edges import edge_of
 from estim.fitting.least_squares import Fit
 from estim.fitting.open_ends import open_sides, side_left_open
@@ -44,7 +45,6 @@ from estim.fitting.profile import profile_intervals
 Ends = Mapping[float, tuple[float, float]]
 
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
-_SYMMETRIC = 0.2  # relative difference of a half interval from t s beyond which s misleads
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
-        left_open = open_sides(fixed.problem, best.values, sds)
+        left_open = open_sides(fixed, sds, dof=float(np.min(dofs)))
         unheld = {finding.parameters[0].name for finding in left_open}
         sds[[name in unheld for name in names]] = np.nan
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
@@ -184,7 +184,7 @@ def _lopsided(ends: Ends, value: float, sd: float, dof: float) -> bool:
     """Whether value ± sd would say something else than the 68 % interval does."""
     half = _quantile(PROBABILITIES[0], np.array([dof]))[0] * sd
     low, high = ends[PROBABILITIES[0]]
-    return not max(abs(value - low - half), abs(high - value - half)) <= _SYMMETRIC * half
+    return not max(abs(value - low - half), abs(high - value - half)) <= LOPSIDED * half
 
 
 def shown_value(

@@ -21,8 +21,9 @@ from estim.distributions import student_quantile
 from estim.problem import Derived, Observations
 
 _STEP = 0.01  # standard deviations, of differences
-# relative difference of a half interval from a standard deviation beyond which ± misleads
-_BENT = 0.2
+# relative difference of a half interval from a standard deviation, or from t of them, beyond which
+# ± misleads
+LOPSIDED = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,7 @@ def linear_derived(
                 interval = dict(zip(PROBABILITIES, ((low68, high68), (low95, high95)), strict=True))
                 plain = (
                     sd
-                    if max(abs(above - centre - sd), abs(centre - below - sd)) <= _BENT * sd
+                    if max(abs(above - centre - sd), abs(centre - below - sd)) <= LOPSIDED * sd
                     else np.nan
                 )
         quantities.append(

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.distributions import normal_tail, student_tail
-from estim.fitting.arrow import many
+from estim.fitting.finish import step_between
 from estim.fitting.least_squares import Fit
 from estim.problem import Prior
 from estim.words import one_sided
@@ -34,8 +34,7 @@ Indices = NDArray[np.int64]
 
 # probability of so much pressure by chance, below which edge and data contradict each other
 PRESSED_BELOW = 0.01
-_MANY_COLUMNS = 200
-_ALONE = 1e-9  # relative: eigenvalues below count as zero
+ALONE = 1e-9  # relative: eigenvalues below count as zero
 
 
 class Limit(msgspec.Struct, frozen=True):
@@ -69,29 +68,9 @@ class Quadratic:
         """The step (n_curve,) within the edges to the least sum of the data's chi^2 and |pull_rows
         . step + off|^2, and that sum.
         """
-        from scipy.optimize import lsq_linear
-
-        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.concatenate([self.aim, -off])
-        low, high = self.low / self.scale, self.high / self.scale
-        step = _solved(rows, aim)
-        if np.any(step < low) or np.any(step > high):
-            step = np.clip(lsq_linear(rows, aim, bounds=(low, high), method="bvls").x, low, high)
+        rows, aim = np.vstack([self.rows, pull_rows]) * self.scale, np.append(self.aim, -off)
+        step = step_between(rows, -aim, self.low / self.scale, self.high / self.scale, silent=ALONE)
         return step * self.scale, float(np.sum((rows @ step - aim) ** 2))
-
-
-def _solved(rows: FloatArray, aim: FloatArray) -> FloatArray:
-    """The step of least |rows step - aim|; of very many parameters by their normal equations, where
-    these say enough of each.
-    """
-    if rows.shape[1] > _MANY_COLUMNS:
-        gram = rows.T @ rows
-        try:
-            root = np.linalg.cholesky(gram)
-        except np.linalg.LinAlgError:
-            root = np.zeros(gram.shape)
-        if np.min(np.diag(root)) ** 2 > _ALONE * np.max(np.diag(gram)):
-            return np.asarray(np.linalg.solve(gram, rows.T @ aim))
-    return np.asarray(np.linalg.lstsq(rows, aim, rcond=_ALONE)[0])
 
 
 def curve_indices(fit: Fit) -> Indices:
@@ -106,37 +85,22 @@ def around(fit: Fit) -> Quadratic:
     curvature at the mode is that of the most probable sizes, and smaller ones than they allow for a
     good part of the probability.
     """
-    problem, posterior, curve = fit.problem, fit.posterior, curve_indices(fit)
+    problem, curve = fit.problem, curve_indices(fit)
     scale = np.sqrt(np.diag(fit.cov))[curve]
     scale = np.where(scale > 0.0, scale, 1.0)
     whole = fit.forces or fit.deviations
-    if not whole and many(problem):  # the rows of all runs would be as many as their points
-        curvature = posterior.told(fit.values)[np.ix_(curve, curve)] * np.outer(scale, scale)
-        gradient = posterior.score(fit.values)[curve] * scale
-        spectrum, basis = np.linalg.eigh(curvature)
-    elif not whole:
-        rows = (
-            np.vstack([root[:, curve] for root in posterior.information_roots(fit.values)]) * scale
-        )
-        gradient = (
-            np.sum(
-                [jacobian.T @ residual for jacobian, residual in posterior.scoring(fit.values)],
-                axis=0,
-            )[curve]
-            * scale
-        )
-    else:
-        curvature, score = whole[0].told
-        information = curvature[np.ix_(curve, curve)] * np.outer(scale, scale)
-        score = score[curve] * scale
-        spectrum, basis = np.linalg.eigh(information)
-        rows = (np.sqrt(np.maximum(spectrum, 0.0)) * basis).T
-        gradient = information @ ((fit.values - whole[0].about)[curve] / scale) - score
-    if not whole and many(problem):
-        singular, right = np.sqrt(np.maximum(spectrum[::-1], 0.0)), basis.T[::-1]
-    else:
-        _, singular, right = np.linalg.svd(rows, full_matrices=False)
-    seen = singular > math.sqrt(_ALONE) * singular[0]
+    told, score = (
+        whole[0].told
+        if whole
+        else (fit.posterior.told(fit.values), -fit.posterior.score(fit.values))
+    )
+    information = told[np.ix_(curve, curve)] * np.outer(scale, scale)
+    gradient = -score[curve] * scale
+    if whole:
+        gradient += information @ ((fit.values - whole[0].about)[curve] / scale)
+    spectrum, basis = np.linalg.eigh(information)
+    singular, right = np.sqrt(np.maximum(spectrum, 0.0)), basis.T
+    seen = singular > math.sqrt(ALONE) * singular[-1]
     aim = -(right @ gradient)[seen] / singular[seen]
     edges = [(problem.parameters[i].prior, float(fit.values[i])) for i in curve]
     low = np.array([min(prior.low - value, 0.0) for prior, value in edges])
@@ -184,6 +148,17 @@ def pressed(fit: Fit, *, estimated: bool = False) -> Mapping[str, float]:
     return probabilities
 
 
+def pressed_edges(fit: Fit, kind: Kind, *, estimated: bool = False) -> list[Finding]:
+    """Edges that the data contradict, as findings of a `kind`.  A parameter that merely lies on one
+    is a limit, which is a result.  estimated : as of `pressed`.
+    """
+    return [
+        Finding(kind, p=p_value, parameters=(_edge_of_parameter(fit, name),))
+        for name, p_value in pressed(fit, estimated=estimated).items()
+        if p_value < PRESSED_BELOW
+    ]
+
+
 def limit_of(fit: Fit, name: str, draws: FloatArray) -> Limit | None:
     """One-sided limits of a parameter that lies on an edge, from its draws (n_draw,); None for one
     that does not.
@@ -219,11 +194,12 @@ def limit_found(fit: Fit, name: str, draws: FloatArray) -> Finding:
         Kind.LIMIT,
         test=limit.side,
         size=limit.limit_95,
-        parameters=(edge_amount(fit, name, limit.edge),),
+        parameters=(_edge_of_parameter(fit, name),),
     )
 
 
-def edge_amount(fit: Fit, name: str, value: float) -> Amount:
-    """The edge of a parameter's range next to `value`."""
-    parameter = fit.problem.parameters[fit.names.index(name)]
-    return Amount(name, edge_of(parameter.prior, value), parameter.label)
+def _edge_of_parameter(fit: Fit, name: str) -> Amount:
+    """The edge of a parameter's range next to its value."""
+    i = fit.names.index(name)
+    parameter = fit.problem.parameters[i]
+    return Amount(name, edge_of(parameter.prior, float(fit.values[i])), parameter.label)

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import InputError, later, percentage, phrase
+from estim.common import PROBABILITIES, InputError, later, percentage, phrase
 from estim.descent import End, Start, minima, together
 from estim.distributions import chi2_quantile, student_quantile
 from estim.fitting.least_squares import Fit
@@ -92,7 +92,7 @@ def profile_intervals(
     fit: Fit,
     *,
     names: Sequence[str] | None = None,
-    probabilities: tuple[float, ...] = (0.68, 0.95),
+    probabilities: tuple[float, ...] = PROBABILITIES,
     dof: float = math.inf,
 ) -> tuple[ProfileInterval, ...]:
     """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for
@@ -114,7 +114,7 @@ def contour(
     fit: Fit,
     a: str,
     b: str,
-    probabilities: tuple[float, ...] = (0.68, 0.95),
+    probabilities: tuple[float, ...] = PROBABILITIES,
     *,
     n: int = 17,
     dof: float = math.inf,

@@ -67,8 +67,7 @@ def crossing(
     """Where the objective passes `rise` for the last time on a walk (None: it does not), and the
     points computed to find it.
 
-    False position with the weights of Anderson and Bjoerck, and the middle where three cuts have
-    not halved what encloses the crossing.
+    False position, the height of an end that stays halved (Illinois).
     """
     mode = points[0]
     inside = [k for k, point in enumerate(points) if point.objective - mode.objective < rise]
@@ -78,35 +77,27 @@ def crossing(
     inner, beyond = points[outer - 1], points[outer]
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     cuts: list[End] = []
-    widths = [abs(float(beyond.values[i] - inner.values[i]))]
-    while len(cuts) < _MAX_CUTS and widths[-1] > _CLOSE * search.scale[i]:
+    before = 0.0
+    while (
+        len(cuts) < _MAX_CUTS
+        and abs(float(beyond.values[i] - inner.values[i])) > _CLOSE * search.scale[i]
+    ):
         share = below / (below - above)
-        if len(widths) > 3 and widths[-1] > 0.5 * widths[-4]:
-            share, widths = 0.5, widths[-1:]
         values = inner.values + share * (beyond.values - inner.values)
-        near = inner if share < 0.5 else beyond
-        if not math.isfinite(near.objective):
-            near = inner
+        near = inner if share < 0.5 or not math.isfinite(beyond.objective) else beyond
         point = yield Start(values, (i,), near, instead=_with(inner.values, i, float(values[i])))
         cuts.append(point)
         height = _height(point, mode, rise)
         if height < 0.0:
-            above *= _weight(height, below) if cuts[-2:-1] == [inner] else 1.0
-            inner, below = point, height
+            inner, below, above = point, height, above * (0.5 if before < 0.0 else 1.0)
         else:
-            below *= _weight(height, above) if cuts[-2:-1] == [beyond] else 1.0
-            beyond, above = point, height
-        widths.append(abs(float(beyond.values[i] - inner.values[i])))
+            beyond, above, below = point, height, below * (0.5 if before > 0.0 else 1.0)
+        before = height
         if abs(height) < _ON_LEVEL:
             break
     below, above = _height(inner, mode, rise), _height(beyond, mode, rise)
     share = below / (below - above)
     return float(inner.values[i] + share * (beyond.values[i] - inner.values[i])), cuts
-
-
-def _weight(height: float, before: float) -> float:
-    weight = 1.0 - height / before
-    return weight if weight > 0.0 else 0.5
 
 
 def _with(values: FloatArray, i: int, value: float) -> FloatArray:

@@ -58,9 +58,7 @@ from estim.sampling import (
 )
 from estim.words import advice_for, tell
 
-_N_ROUGH = 2000
-_LOG_SD_GAMMA = 0.5  # of the first draws about a rough value
-_LEAST_SIZE = 40.0  # effective draws that a rough covariance rests on
+_SD_GAMMA = 0.5  # about a rough value, a share of it
 
 WAYS: Mapping[str, str] = PhraseTable(
     {
@@ -244,7 +242,7 @@ def analyse_trials(
     posterior = release_posterior(trials, resistance)
     certified = certified_chain(
         posterior,
-        Optima(*rough_start(posterior, stream(seed, Stream.RELEASE_CHAIN))),
+        Optima(*rough_start(posterior)),
         target=target or Target(),
         seed=seed,
         most=MAX_PARAMETERS,
@@ -301,44 +299,25 @@ def analyse_trials(
     )
 
 
-def rough_start(
-    posterior: ReleasePosterior, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Mean (n_par,) and covariance (n_par, n_par) to start from: draws of the prior, of gamma about
-    a rough value, weighted.
-
-    The weights are flattened until 40 effective draws are left.
+def rough_start(posterior: ReleasePosterior) -> tuple[FloatArray, FloatArray]:
+    """Mean (n_par,) and covariance (n_par, n_par) to start from: those of the priors, of gamma
+    about a rough value.
     """
-    columns, log_proposal = [], np.zeros(_N_ROUGH)
     rough = rough_gamma(posterior.trials)
-    for name in posterior.names:
-        prior = posterior.priors[name]
-        if name.startswith("gamma"):
-            z = rng.standard_normal(_N_ROUGH)
-            column = rough * np.exp(_LOG_SD_GAMMA * z)
-            log_proposal += -0.5 * z**2 - np.log(column)
-        else:
-            column = prior.draw(rng, _N_ROUGH)
-            log_proposal += prior.log_density(column)
-        columns.append(column)
-    draws = np.column_stack(columns)
-    log_ratio = posterior.log_density(draws) - log_proposal
-    log_ratio -= np.max(log_ratio)
-    for power in 0.5 ** np.arange(12):
-        weights = np.exp(power * log_ratio)
-        weights /= weights.sum()
-        if 1.0 / np.sum(weights**2) > _LEAST_SIZE:
-            break
-    mean = weights @ draws
-    return mean, np.atleast_2d(np.cov(draws.T, aweights=weights, ddof=0))
+    pairs = [
+        (rough, _SD_GAMMA * rough) if name.startswith("gamma") else (prior.expectation, prior.sd)
+        for name, prior in posterior.priors.items()
+    ]
+    mean, sd = np.array(pairs).T
+    return mean, np.diag(sd**2)
 
 
 def weigh(posterior: ReleasePosterior, *, rng: np.random.Generator) -> Certificate:
     """The posterior by importance sampling alone: some tenths of a second; `reliable` says whether
     to believe it.
     """
-    mean, cov = rough_start(posterior, rng)
-    return certify(posterior, adapt_proposal(posterior, mean, cov, rng=rng), rng=rng)
+    proposal = adapt_proposal(posterior, *rough_start(posterior), rng=rng)
+    return certify(posterior, proposal, rng=rng)
 
 
 def _way(gamma: FloatArray, gamma_masses: Quantity | None, reliable: bool) -> Way:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.common import QUANTILES
 from estim.line.release_likelihood import outcomes
 from estim.line.trial_data import HIGH, LOW, Trials
 
@@ -27,7 +28,6 @@ _N_SCATTER = 40  # values of the scatter, equally probable
 # of the grid of angles: this, or this share of u_theta where that is smaller
 _STEP, _SHARE = math.radians(0.1), 0.1
 _MOST = 9001
-QUANTILES = (0.025, 0.16, 0.5, 0.84, 0.975)
 
 
 @dataclass(frozen=True, eq=False)

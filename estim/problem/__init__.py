@@ -25,6 +25,7 @@ from estim.problem.likelihood import (
     NormalErrors,
     Points,
     StackedPoints,
+    Whitened,
     n_draws,
     reading_sd,
 )

@@ -83,8 +83,6 @@ def report_and_result(
     campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
-    if figures:
-        _ = analysis.bands  # with them where motions end is known too
     determination = determine(analysis, profiles=profiles)
     budget = budget_of(analysis)
     result = result_of(campaign, analysis, determination, budget=budget)

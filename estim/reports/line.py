@@ -12,7 +12,7 @@ import numpy as np
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
-    LEVELS,
+    QUANTILES,
     Markdown,
     Notation,
     Quantity,
@@ -433,7 +433,7 @@ def line_figure(analysis: LineAnalysis) -> Figure:
         names = analysis.chain.names
         lines = draws[:, [names.index("intercept")]] + draws[:, [names.index("slope")]] * x
         draw_bands(
-            ax, x, np.quantile(lines, LEVELS, axis=0), said=later("posterior of the line, {p} %")
+            ax, x, np.quantile(lines, QUANTILES, axis=0), said=later("posterior of the line, {p} %")
         )
     if analysis.gamma_masses is not None:
         gamma = analysis.gamma_masses

@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import Rolling, way_of
-from estim.common import LEVELS, phrase, significant
+from estim.common import QUANTILES, phrase, significant
 from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
@@ -94,8 +94,8 @@ def rolling_figure(problem: Problem, draws: FloatArray, rolling: Sequence[Rollin
 def _quantiles(values: FloatArray) -> FloatArray:
     """(5, n_x) where half of the draws get: beyond, a band would be that of the few that do."""
     there = np.mean(np.isfinite(values), axis=0) > 0.5
-    quantiles = np.full((len(LEVELS), there.size), np.nan)
-    quantiles[:, there] = np.nanquantile(values[:, there], LEVELS, axis=0)
+    quantiles = np.full((len(QUANTILES), there.size), np.nan)
+    quantiles[:, there] = np.nanquantile(values[:, there], QUANTILES, axis=0)
     return quantiles
 
 

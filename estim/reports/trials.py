@@ -14,7 +14,7 @@ from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import (
-    LEVELS,
+    QUANTILES,
     Label,
     Notation,
     Quantity,
@@ -347,7 +347,7 @@ def starts_figure(analysis: TrialsAnalysis) -> Figure:
 
 def _draw_starts(ax: Axes, analysis: TrialsAnalysis, end: str, phi: FloatArray) -> None:
     if analysis.status.ok:
-        starts = np.quantile(np.degrees(analysis.starts(end, phi)), LEVELS, axis=0)
+        starts = np.quantile(np.degrees(analysis.starts(end, phi)), QUANTILES, axis=0)
         draw_bands(
             ax,
             np.degrees(phi),
@@ -436,7 +436,7 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
         draw_bands(
             ax,
             np.degrees(angles),
-            np.quantile(chance, LEVELS, axis=0),
+            np.quantile(chance, QUANTILES, axis=0),
             said=later("probability of climbing, {p:.0f} %"),
         )
         if len(trials.ends) > 1 and trials.u_zero_theta > 0.0:  # else the two ends have one curve

@@ -4,13 +4,7 @@ computation, bands.
 Read `chain` first, then `certificate`.
 """
 
-from estim.sampling.bands import (
-    Bands,
-    central_intervals,
-    curve_draws,
-    posterior_bands,
-    posterior_ends,
-)
+from estim.sampling.bands import Bands, central_intervals, curve_draws, posterior_bands
 from estim.sampling.certificate import (
     MAX_PARAMETERS,
     MAX_TIED,

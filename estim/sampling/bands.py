@@ -15,7 +15,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import PROBABILITIES
@@ -60,45 +59,6 @@ def posterior_bands(
         _bands(problem, run, draws, completed.get(run.name), rng, probabilities, n_x)
         for run, rng in pairs
     )
-
-
-def posterior_ends(
-    problem: Problem,
-    draws: FloatArray,
-    *,
-    rng: np.random.Generator,
-    n_x: int = 200,
-    forces: Sequence[FoundForce] = (),
-) -> dict[str, FloatArray]:
-    """Run -> where its motion ends (n_draw,), of those that are motions: what `posterior_bands`
-    says of it with the same `rng`, without the bands.
-    """
-    completed = {force.run: force.completed for force in forces}
-    pairs = zip(problem.runs, rng.spawn(len(problem.runs)), strict=True)
-    return {
-        run.name: _ends(problem, run, draws, completed.get(run.name), rng, n_x)
-        for run, rng in pairs
-        if run.motion is not None
-    }
-
-
-def _ends(
-    problem: Problem,
-    run: Observations,
-    draws: FloatArray,
-    completed: Completed | None,
-    rng: np.random.Generator,
-    n_x: int,
-) -> FloatArray:
-    end = motion_end(problem, run, draws)
-    if completed is None:
-        return end
-    x = curve_grid(run, end, n_x)
-    used, inside = np.unique(_last_before(x, end), return_inverse=True)
-    curve, _ = curve_draws(problem, run, x[used], draws)
-    gained, _ = completed.gained(x[used], problem.named(draws), rng)
-    rows = np.arange(end.size)
-    return _moved_ends(x[used][inside], curve[rows, inside], end, gained[rows, inside])[0]
 
 
 def curve_grid(run: Observations, end: FloatArray, n_x: int) -> FloatArray:
@@ -187,9 +147,11 @@ def moved_on(
     """The curve (n_draw, n_x) and its end (n_draw,) with v^2 `gained` (n_draw, n_x); about the end
     v^2 falls like a straight line.
     """
-    inside, rows = _last_before(x, end), np.arange(end.size)
-    moved, fall = _moved_ends(x[inside], curve[rows, inside], end, gained[rows, inside])
-    ends = np.isfinite(end) & np.isfinite(fall)
+    last, rows = np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1), np.arange(end.size)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fall = np.square(curve[rows, last]) / (end - x[last])
+        ends = np.isfinite(end) & np.isfinite(fall) & (fall > 0.0)
+        moved = np.where(ends, end + gained[rows, last] / fall, end)
     beyond = np.where(
         ends[:, None] & (x > end[:, None]),
         np.where(ends, fall, 0.0)[:, None] * (x - np.where(ends, end, 0.0)[:, None]),
@@ -197,23 +159,6 @@ def moved_on(
     )
     square = np.square(curve) - beyond + gained
     return np.sqrt(np.maximum(square, 0.0)), moved
-
-
-def _last_before(x: FloatArray, end: FloatArray) -> NDArray[np.intp]:
-    """(n_draw,) the last of the places x (n_x,) before each end (n_draw,)."""
-    return np.asarray(np.clip(np.sum(x < end[:, None], axis=1) - 1, 0, x.size - 1))
-
-
-def _moved_ends(
-    at: FloatArray, speed: FloatArray, end: FloatArray, gained: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Ends (n_draw,) with v^2 `gained` at places `at` before them, with speeds `speed`, and how
-    fast v^2 falls there, inf where it does not.
-    """
-    with np.errstate(divide="ignore", invalid="ignore"):
-        fall = np.square(speed) / (end - at)
-    fall = np.where(fall > 0.0, fall, np.inf)
-    return np.where(np.isfinite(end) & np.isfinite(fall), end + gained / fall, end), fall
 
 
 def central_intervals(

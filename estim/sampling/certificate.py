@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import LEVELS, Amount, Finding, Kind, later, phrase
+from estim.common import QUANTILES, Amount, Finding, Kind, later, phrase
 from estim.distributions import normal_quantile
 from estim.fitting import MAX_PARAMETERS
 from estim.sampling.chain import Chain
@@ -105,11 +105,10 @@ class Agreement:
 
     verdict : "agree", "disagree" or "missing".
     told : why.
-    difference_mean, difference_sd : (n_par,) chain minus certificate, in posterior standard
-        deviations of the certificate.
-    difference_ends : (2, n_par) the same of the 2.5 % and 97.5 % quantiles.
-    z_mean, z_sd, z_ends : the same in units of the combined Monte-Carlo standard error (for the
-        quantiles, of the share of draws beyond).
+    differences : (4, n_par) chain minus certificate of means, standard deviations, 2.5 % and 97.5 %
+        quantiles, in posterior standard deviations of the certificate.
+    z : (4, n_par) the same in units of the combined Monte-Carlo standard error (for the quantiles,
+        of the share of draws beyond).
     limit : |z| above which a difference that is not negligible is called, all parameters
         considered.
     """
@@ -117,12 +116,8 @@ class Agreement:
     names: tuple[str, ...]
     verdict: str
     told: tuple[Finding, ...]
-    difference_mean: FloatArray
-    difference_sd: FloatArray
-    difference_ends: FloatArray
-    z_mean: FloatArray
-    z_sd: FloatArray
-    z_ends: FloatArray
+    differences: FloatArray
+    z: FloatArray
     limit: float
 
     @property
@@ -135,12 +130,7 @@ class Agreement:
         """Largest difference of a mean, a standard deviation or an end of a 95 % interval, in
         posterior standard deviations.
         """
-        return float(
-            max(
-                np.max(np.abs(d))
-                for d in (self.difference_mean, self.difference_sd, self.difference_ends)
-            )
-        )
+        return float(np.max(np.abs(self.differences)))
 
 
 def certify(
@@ -212,7 +202,7 @@ def _summarise(
     sd = np.sqrt(variance)
     squares = weights**2
     quantiles, errors = {}, {}
-    for p in LEVELS:
+    for p in QUANTILES:
         quantiles[p] = np.array([column.at(p) for column in columns])
         errors[p] = np.array([column.error_below(p) for column in columns])
     resampled = draws[rng.permutation(systematic(weights, _N_RESAMPLED, rng))]
@@ -272,78 +262,44 @@ def compare_with_chain(
 
     most : parameters beyond which there is no verdict.
     """
-    n_par = len(certificate.names)
+    n_par, flat = len(certificate.names), chain.flat
     sd = np.where(certificate.sd > 0.0, certificate.sd, np.nan)
-    flat = chain.flat
-    mean, spread = flat.mean(axis=0), flat.std(axis=0)
-    error_mean, error_sd = chain_errors(chain)
-    u_mean = np.hypot(error_mean, certificate.mcse_mean)
-    u_sd = np.hypot(error_sd, certificate.mcse_sd)
-    ends = np.array([certificate.quantiles[p] for p in ENDS])
-    ordered = np.sort(flat, axis=0)
-    own_ends = np.array([_quantiles(ordered, np.full(n_par, p)) for p in ENDS])
-    differences = (
-        (mean - certificate.mean) / sd,
-        (spread - certificate.sd) / sd,
-        (own_ends - ends) / sd,
-    )
-    z_ends, u_ends = (
-        np.array(both)
-        for both in zip(*(_end(certificate, chain, ordered, p) for p in ENDS), strict=True)
-    )
-    zs = (mean - certificate.mean) / u_mean, (spread - certificate.sd) / u_sd, z_ends
+    own = [flat.mean(axis=0), flat.std(axis=0), *np.quantile(flat, ENDS, axis=0)]
+    other = [certificate.mean, certificate.sd, *(certificate.quantiles[p] for p in ENDS)]
+    apart = np.array(own) - np.array(other)
+    moments = np.hypot(chain_errors(chain), [certificate.mcse_mean, certificate.mcse_sd])
+    z_ends, ends = zip(*(_end(certificate, chain, p) for p in ENDS), strict=True)
+    differences, z = apart / sd, np.vstack([apart[:2] / moments, *z_ends])
+    errors = np.vstack([moments, *ends]) / sd
     limit = -float(normal_quantile(_FALSE_ALARM / (8 * n_par)))
-    if n_par > most:
-        return Agreement(
-            certificate.names, "missing", (too_many(n_par, most),), *differences, *zs, limit
-        )
-    verdict, finding = _verdict(
-        certificate, differences, zs, (u_mean / sd, u_sd / sd, u_ends / sd), limit
+    verdict, finding = (
+        ("missing", too_many(n_par, most))
+        if n_par > most
+        else _verdict(certificate, differences, z, errors, limit)
     )
-    return Agreement(certificate.names, verdict, (finding,), *differences, *zs, limit)
+    return Agreement(certificate.names, verdict, (finding,), differences, z, limit)
 
 
-def _end(
-    certificate: Certificate, chain: Chain, ordered: FloatArray, p: float
-) -> tuple[FloatArray, FloatArray]:
+def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
     """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.
-    ordered : (n_draw, n_par) draws, each column in order.
 
     z compares shares, not quantiles: that of the draws above the certificate's quantile with 1 - p.
     """
-    at, every = certificate.quantiles[p], np.full(len(certificate.names), p)
-    below = np.array(
-        [
-            np.searchsorted(column, quantile, side="right")
-            for column, quantile in zip(ordered.T, at, strict=True)
-        ]
-    )
+    flat = chain.flat
+    below = np.mean(flat <= certificate.quantiles[p], axis=0)
     # beyond the chain's own quantile, since there may be nothing beyond the certificate's
-    size = effective_size((chain.draws > _quantiles(ordered, every)).astype(float), "mean")
+    beyond = chain.draws > np.quantile(flat, p, axis=0)
+    size = effective_size(beyond.astype(float), "mean")
     u = np.hypot(np.sqrt(p * (1.0 - p) / size), certificate.mcse_shares[p])
-    spread = 0.5 * (
-        _quantiles(ordered, np.minimum(p + u, 1.0)) - _quantiles(ordered, np.maximum(p - u, 0.0))
-    )
-    return np.asarray((p - below / len(ordered)) / u), spread
-
-
-def _quantiles(ordered: FloatArray, p: FloatArray) -> FloatArray:
-    """(n_par,) quantiles of the columns of `ordered` (n_draw, n_par), of p (n_par,) in each."""
-    place = p * (len(ordered) - 1)
-    first = np.minimum(place.astype(np.int64), max(len(ordered) - 2, 0))
-    low, high = (
-        np.take_along_axis(ordered, at[None], axis=0)[0]
-        for at in (first, np.minimum(first + 1, len(ordered) - 1))
-    )
-    return np.asarray(low + (place - first) * (high - low))
+    around = np.clip([p - u, p + u], 0.0, 1.0).T
+    ends = [np.quantile(column, pair) for column, pair in zip(flat.T, around, strict=True)]
+    return np.asarray((p - below) / u), 0.5 * np.diff(ends)[:, 0]
 
 
 def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
-    unknown, ends = np.full(len(names), np.nan), np.full((len(ENDS), len(names)), np.nan)
-    return Agreement(
-        names, "missing", told, unknown, unknown, ends, unknown, unknown, ends, math.nan
-    )
+    unknown = np.full((2 + len(ENDS), len(names)), np.nan)
+    return Agreement(names, "missing", told, unknown, unknown, math.nan)
 
 
 def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
@@ -367,46 +323,42 @@ def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
 
 def _verdict(
     certificate: Certificate,
-    differences: Sequence[FloatArray],
-    zs: Sequence[FloatArray],
-    us: Sequence[FloatArray],
+    differences: FloatArray,
+    z: FloatArray,
+    errors: FloatArray,
     limit: float,
 ) -> tuple[str, Finding]:
-    """us : the errors of the differences in posterior sds."""
+    """errors : (4, n_par) of the differences in posterior sds."""
     if not certificate.reliable:
         numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
-    called: list[Finding] = []
-    hidden: list[float] = []
+    hidden = limit * errors
+    if certificate.ess < _FEWEST:
+        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax(hidden)))
     whats = (
         phrase("mean"),
         phrase("standard deviation"),
         *(phrase("{p:.1f} % quantile", p=100.0 * p) for p in ENDS),
     )
-    rows = ([*column[:2], *column[2]] for column in (differences, zs, us))
-    limits = [(_NEGLIGIBLE, _COARSE)] * 2 + [(_NEGLIGIBLE_END, _COARSE_END)] * len(ENDS)
-    for what, (negligible, coarse), difference, z, u in zip(whats, limits, *rows, strict=True):
-        for name, d, value in zip(certificate.names, difference, z, strict=True):
-            if not (abs(d) <= negligible or abs(value) <= limit):
-                errors = {"errors": float(abs(value))}
-                called.append(
-                    Finding(
-                        Kind.DIFFERENCE,
-                        test=what,
-                        size=float(d),
-                        numbers=errors,
-                        parameters=(Amount(name),),
-                    )
-                )
-        hidden += [float(value) for value in limit * u if value > coarse]
-    if certificate.ess < _FEWEST:
-        return "missing", Finding(
-            Kind.ERRORS_TOO_LARGE, size=float(np.nanmax([limit * np.max(value) for value in us]))
+    negligible = np.array([_NEGLIGIBLE, _NEGLIGIBLE, _NEGLIGIBLE_END, _NEGLIGIBLE_END])
+    called = [
+        Finding(
+            Kind.DIFFERENCE,
+            test=whats[i],
+            size=float(differences[i, j]),
+            numbers={"errors": float(abs(z[i, j]))},
+            parameters=(Amount(certificate.names[j]),),
         )
+        for i, j in np.argwhere(
+            ~((np.abs(differences) <= negligible[:, None]) | (np.abs(z) <= limit))
+        )
+    ]
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
         return "disagree", Finding(Kind.CHAIN_DIFFERS, test=_IMPORTANCE, parts=tuple(called[:3]))
-    if hidden:
-        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=max(hidden))
-    largest = max(float(np.max(np.abs(d))) for d in differences)
+    coarse = np.array([_COARSE, _COARSE, _COARSE_END, _COARSE_END])
+    too_large = hidden[hidden > coarse[:, None]]
+    if too_large.size:
+        return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.max(too_large)))
+    largest = float(np.max(np.abs(differences)))
     return "agree", Finding(Kind.CHAIN_AGREES, size=largest)

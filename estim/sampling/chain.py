@@ -21,13 +21,14 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.common import Finding, Kind, NumericalError, phrase
 from estim.sampling.diagnostics import Mixing, autocorrelation_time, mixing_of
+from estim.sampling.factors import lower_factor
 from estim.sampling.importance import K_HAT_LIMIT, IndexArray, kish_size, pareto_smoothed
 from estim.sampling.independence import STEPS_AHEAD, IndependenceMoves
 from estim.sampling.proposal import Proposal
 from estim.sampling.protocol import Density, log_density_in_batches
 from estim.words import tell
 
-_FIRST_CHECK, _FIRST_CHECK_BLIND = 60, 200  # steps, with a proposal and without
+_FIRST_CHECK = 60  # steps
 _MOST_WALKERS = 512
 # autocorrelation times: walkers that start from draws of the posterior have little to forget
 _BURN, _BURN_BLIND = 5.0, 10.0
@@ -53,8 +54,8 @@ class Target:
     ess : smallest bulk and tail effective sample size (4000 gives the ends of a 95 % interval to
         about 3 % of a standard deviation).  n_tau : length in autocorrelation times.
     max_step : hard cap on the steps of each ensemble.
-    n_ensemble, n_walker : ensembles and walkers in each (0: four for each parameter, 32 at least;
-        with a proposal two, and as many as give `ess` in `n_tau`); an odd number gets one more.
+    n_ensemble, n_walker : ensembles and walkers in each (0: two for each parameter, and as many as
+        give `ess` in `n_tau`); an odd number gets one more.
     """
 
     rhat: float = 1.01
@@ -141,44 +142,38 @@ def sample_posterior(
     progress: Progress | None = None,
     proposal: Proposal | None = None,
 ) -> Chain:
-    """Draws from `posterior`, walkers started from the normal distribution of mean `start` (n_par,)
-    and `cov`.
+    """Draws from `posterior`, which is about as high as the normal distribution of mean `start`
+    (n_par,) and `cov`.
 
-    The moves are differential evolution with its mode-jumping variant now and then, tested on known
-    targets; emcee's snooker move has a wrong acceptance factor (3.1.6) and is never used.
-
-    proposal : adapted to the posterior (`estim.sampling.proposal`).  Most moves then propose from
-        it and walkers start from draws of it, weighted; the other moves stay in the mixture, so
-        that a bad proposal costs time and not correctness.
+    Most moves propose from `proposal` (`estim.sampling.proposal`; a Student-t distribution of that
+    mean and covariance if None), and walkers start from draws of it, weighted.  The others are
+    differential evolution with its mode-jumping variant now and then, tested on known targets, so
+    that a bad proposal costs time and not correctness; emcee's snooker move has a wrong acceptance
+    factor (3.1.6) and is never used.
 
     Raises NumericalError where walkers find no place to start, or run away, so that there is no
     posterior.
     """
     from estim.sampling.ensembles import EnsembleRun, sampler_of  # which imports emcee
 
-    blind = proposal is None
-    shape = (target.n_ensemble, _n_walker(len(posterior.names), target, blind=blind))
+    proposal = Proposal.single(start, cov) if proposal is None else proposal
+    shape = (target.n_ensemble, _n_walker(len(posterior.names), target))
     starts, share = _first_points(posterior, start, cov, shape, rng, proposal)
-    ahead = (
-        None
-        if proposal is None
-        else IndependenceMoves(
-            proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior
-        )
+    ahead = IndependenceMoves(
+        proposal, share, shape[0] * shape[1], int(rng.integers(2**63)), posterior
     )
     walk = EnsembleRun(sampler_of(posterior, shape, ahead, seed=int(rng.integers(2**32))), starts)
-    n_step = min(_FIRST_CHECK_BLIND if blind else _FIRST_CHECK, target.max_step)
-    tau_before = math.nan
+    n_step, tau_before = min(_FIRST_CHECK, target.max_step), math.nan
     while True:
         walk.advance(n_step)
         draws = walk.draws
         tau = autocorrelation_time(draws)
-        if not blind and math.isnan(tau_before):
+        if math.isnan(tau_before):
             tau_before = autocorrelation_time(draws[:, : n_step // 2])
         long_enough = math.ceil(1.03 * target.n_tau * tau) if math.isfinite(tau) else 0
-        if not blind and n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
+        if n_step < min(long_enough, 3 * _FIRST_CHECK, target.max_step):
             # too short whatever else is said: on at once to the length that is asked for
-            wanted = _whole_blocks(long_enough)
+            wanted = long_enough
         else:
             n_burn = _n_burn(n_step, tau, sure=share > _LEAST_SHARE)
             mixing = mixing_of(draws[:, n_burn:])
@@ -192,12 +187,10 @@ def sample_posterior(
                 progress(_percent(convergence, target), message)
             if convergence.met or n_step >= target.max_step:
                 break
-            wanted = (
-                n_step + max(200, n_step // 2)
-                if blind
-                else _whole_blocks(_next_check(convergence, target, n_burn, long_enough))
-            )
-        n_step, tau_before = min(target.max_step, wanted), tau
+            wanted = _next_check(convergence, target, n_burn, long_enough)
+        # the moves of a block are evaluated together: it costs little to make all of them
+        blocks = -(-wanted // STEPS_AHEAD)
+        n_step, tau_before = min(target.max_step, blocks * STEPS_AHEAD), tau
     retained = draws[:, n_burn:]
     moved = np.any(retained[:, 1:] != retained[:, :-1], axis=(1, 3))
     acceptance = np.mean(walk.accepted, axis=1) / n_step
@@ -213,15 +206,12 @@ def sample_posterior(
     )
 
 
-def _n_walker(n_par: int, target: Target, *, blind: bool) -> int:
-    """Walkers of an ensemble, an even number: with a proposal as many as give enough draws in the
-    length that is asked for anyway.
+def _n_walker(n_par: int, target: Target) -> int:
+    """Walkers of an ensemble, an even number: as many as give enough draws in the length that is
+    asked for anyway, half of which span all directions.
     """
-    least = max(4 * n_par, 32)
-    if not blind:
-        each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
-        # half of them span all directions
-        least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))
+    each = _YIELD * max(target.n_tau - _BURN, 1.0) * target.n_ensemble
+    least = max(2 * n_par + 4, min(math.ceil(target.ess / each), _MOST_WALKERS))
     n_walker = target.n_walker or least
     return n_walker + n_walker % 2
 
@@ -245,18 +235,13 @@ def _next_check(convergence: Convergence, target: Target, n_burn: int, long_enou
     return int(min(max(wanted, long_enough, 1.1 * n_step), 1.5 * n_step))
 
 
-def _whole_blocks(n_step: int) -> int:
-    """The moves of a block are evaluated together: it costs little to make all of them."""
-    return -(-n_step // STEPS_AHEAD) * STEPS_AHEAD
-
-
 def _first_points(
     posterior: Density,
     start: FloatArray,
     cov: FloatArray,
     shape: tuple[int, int],
     rng: np.random.Generator,
-    proposal: Proposal | None,
+    proposal: Proposal,
 ) -> tuple[FloatArray, float]:
     """Starting points (n_ensemble, n_walker, n_par), and the share of moves that `proposal`
     deserves.
@@ -266,22 +251,21 @@ def _first_points(
         is seldom accepted gets few of the moves.
     """
     n_ensemble, n_walker = shape
-    if proposal is not None:
-        n_draw = max(500, 20 * n_walker)
-        draws = proposal.draw(rng, n_ensemble * n_draw)
-        log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
-        log_weights, k_hat, _ = pareto_smoothed(log_ratio)
-        parts = np.split(np.exp(log_weights), n_ensemble)
-        if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
-            # what lies beyond the support is drawn again
-            efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))
-            chosen = [
-                rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts
-            ]
-            points = [
-                part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)
-            ]
-            return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
+    n_draw = max(500, 20 * n_walker)
+    draws = proposal.draw(rng, n_ensemble * n_draw)
+    log_ratio = log_density_in_batches(posterior, draws) - proposal.log_density(draws)
+    log_weights, k_hat, _ = pareto_smoothed(log_ratio)
+    parts = np.split(np.exp(log_weights), n_ensemble)
+    if k_hat <= K_HAT_LIMIT and min(np.count_nonzero(part) for part in parts) >= 2 * n_walker:
+        # what lies beyond the support is drawn again
+        efficiency = kish_size(log_weights) / np.count_nonzero(np.isfinite(log_weights))
+        chosen = [
+            rng.choice(n_draw, n_walker, replace=False, p=part / np.sum(part)) for part in parts
+        ]
+        points = [
+            part[which] for part, which in zip(np.split(draws, n_ensemble), chosen, strict=True)
+        ]
+        return np.array(points), _PROPOSAL_SHARE * min(1.0, efficiency / _GOOD_EFFICIENCY)
     return np.array(
         [_scatter(posterior, start, cov, n_walker, rng) for _ in range(n_ensemble)]
     ), _LEAST_SHARE
@@ -293,7 +277,7 @@ def _scatter(
     """(n_walker, n_par) starting points, every one with a finite log density: a walker at -inf
     would never move.
     """
-    factor = _square_root(cov)
+    factor = lower_factor(cov)
     points: list[FloatArray] = []
     shrink = 1.0
     for _ in range(200):
@@ -306,11 +290,6 @@ def _scatter(
         "sampling cannot start: the posterior density is zero or not finite everywhere "
         "around the fit"
     )
-
-
-def _square_root(cov: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(cov)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _percent(convergence: Convergence, target: Target) -> int:

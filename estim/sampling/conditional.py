@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +35,7 @@ _REACH = 4.0  # standard deviations of s within which the quadratic terms are us
 _N_REFINE, _WIDER = 10, 1.5
 # error of polynomials from which modes are sought at each draw, and by how many steps
 _ROUGH, _N_STEP = 0.1, 3
+_EXCLUDED = 20.0  # fall of log m(s) from which on a point counts as excluded
 _LONGEST_STEP, _FROM_AFAR = 3.0, 100.0  # conditional standard deviations
 _NOT_NORMAL = "must have plain normal noise for a marginal over runs: use the sampler"
 
@@ -184,14 +184,14 @@ class Expansion:
         """Mode (n_draw, n_own) and root (n_draw, n_own, n_own) of the covariance at shared (n_draw,
         n_shared).
         """
-        out = _features((shared - self.centre) @ self.whiten.T) @ self.coefficients
-        k = self.n_own
+        z, k = (shared - self.centre) @ self.whiten.T, self.n_own
         root = np.zeros((shared.shape[0], k, k))
         lower = np.tril_indices(k)
-        root[:, lower[0], lower[1]] = out[:, k:]
+        # far out it stays: else a volume that grows without end would make up for any misfit
+        root[:, lower[0], lower[1]] = _features(_near(z)) @ self.coefficients[:, k:]
         diagonal = np.arange(k)
         root[:, diagonal, diagonal] = np.exp(root[:, diagonal, diagonal])
-        return out[:, :k], root
+        return _features(z) @ self.coefficients[:, :k], root
 
 
 def run_terms(fit: Fit, sampled: IndexArray) -> tuple[RunTerm, ...]:
@@ -235,17 +235,11 @@ def _require_the_same(term: RunTerm) -> None:
         raise InputError(_NOT_NORMAL, field="run", value=term.run.name)
 
 
-def expand(
-    term: RunTerm,
-    shared: FloatArray,
-    start: FloatArray,
-    log_weight: Callable[[FloatArray], FloatArray],
-) -> Expansion:
+def expand(term: RunTerm, shared: FloatArray, start: FloatArray) -> Expansion:
     """Polynomials through the modes at the points shared (n_point, n_shared), from own parameters
     `start` (n_point, n_own).
 
-    log_weight : of log m(s) at the points, the logarithm of the weight of each in the least
-        squares.
+    Points that the run all but excludes are given little weight in the least squares.
     """
     modes = start
     for _ in range(2):
@@ -264,7 +258,7 @@ def expand(
     whiten = np.diag(1.0 / np.where(scale > 0.0, scale, 1.0))
     centre = np.mean(shared, axis=0)
     features = _features((shared - centre) @ whiten.T)
-    weight = np.exp(0.5 * log_weight(log_p))[:, None]
+    weight = np.exp(0.125 * np.maximum(log_p - np.nanmax(log_p), -_EXCLUDED))[:, None]
     usable = np.all(np.isfinite(out), axis=1) & (weight[:, 0] > 0.0)
     coefficients = np.linalg.lstsq(
         weight[usable] * features[usable], weight[usable] * out[usable], rcond=None
@@ -285,11 +279,14 @@ def _features(z: FloatArray) -> FloatArray:
     """(n, 1 + d + d (d + 1)/2) constant, linear and quadratic terms of z (n, d); the quadratic ones
     stop growing at `_REACH`.
     """
-    n, d = z.shape
+    near, (i, j) = _near(z), np.triu_indices(z.shape[1])
+    return np.hstack([np.ones((len(z), 1)), z, near[:, i] * near[:, j]])
+
+
+def _near(z: FloatArray) -> FloatArray:
+    """z (n, d), those beyond `_REACH` drawn back to it."""
     length = np.sqrt(np.sum(z**2, axis=1, keepdims=True))
-    near = z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300))
-    i, j = np.triu_indices(d)
-    return np.hstack([np.ones((n, 1)), z, near[:, i] * near[:, j]])
+    return np.asarray(z * np.minimum(1.0, _REACH / np.maximum(length, 1e-300)))
 
 
 def _gauss_newton(

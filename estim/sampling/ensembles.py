@@ -6,8 +6,6 @@ The only file that imports emcee.
 
 from __future__ import annotations
 
-from typing import Any
-
 import emcee
 import numpy as np
 
@@ -55,10 +53,10 @@ class Apart(emcee.moves.RedBlueMove):  # type: ignore[misc]
 
 
 def sampler_of(
-    density: Density, shape: tuple[int, int], ahead: IndependenceMoves | None, *, seed: int
+    density: Density, shape: tuple[int, int], ahead: IndependenceMoves, *, seed: int
 ) -> emcee.EnsembleSampler:
     """A sampler of all walkers.  shape : (n_ensemble, n_walker).  ahead : what independent moves
-    propose, where there is something to propose.
+    propose.
     """
     moves = [
         (emcee.moves.DEMove(), 0.8),
@@ -66,9 +64,12 @@ def sampler_of(
         (emcee.moves.StretchMove(), 0.1),
     ]
     others = [(Apart(move, shape[0]), share) for move, share in moves]
-    chosen: Any = others if ahead is None else Moves(ahead, others)
     sampler = emcee.EnsembleSampler(
-        shape[0] * shape[1], len(density.names), density.log_density, vectorize=True, moves=chosen
+        shape[0] * shape[1],
+        len(density.names),
+        density.log_density,
+        vectorize=True,
+        moves=Moves(ahead, others),
     )
     # emcee would start from NumPy's global state
     sampler.random_state = np.random.RandomState(seed).get_state()

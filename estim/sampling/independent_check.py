@@ -18,12 +18,9 @@ from estim.sampling.proposal import Proposal, grown
 from estim.sampling.protocol import Density, Support, log_density_in_batches
 from estim.sampling.ridges import ridge_proposal
 
-# density over proposal, root mean square at draws of the posterior, from which others are tried
+# density over proposal, root mean square at draws of the posterior, from which another is made
 _UNEVEN = 2.0
-_N_COMPONENT = (1, 4, 8)
-_TRAINED = 0.75  # of the draws; the others judge
-# of the draws of a mixture: a long tail needs many of them, an uneven middle fewer
-_RIDGE_SHARES = (0.5, 0.2)
+_N_COMPONENT, _RIDGE_SHARE = 8, 0.3
 
 
 def second_opinion(
@@ -68,31 +65,16 @@ def repaired(
     *,
     rng: np.random.Generator,
 ) -> Proposal:
-    """The `adapted` proposal, or a better one where it leaves out what `draws` (n_draw, n_par) of
-    the posterior hold.
+    """The `adapted` proposal, or a mixture of the `ridges`, which guard the tails, with one fitted
+    to `draws` (n_draw, n_par) of the posterior where it leaves out what they hold.
 
     What counts is the density over the proposal, both normalised, at draws of the posterior, which
     come from elsewhere: its mean is the reciprocal of the effective share of the proposal's draws,
     its largest values how long a chain of such steps would stay in what the proposal leaves out.
-    The root of its mean square heeds both.  Tried are mixtures of the `ridges`, which guard the
-    tails, with the adapted one and with others fitted to most of the draws.
+    The root of its mean square heeds both.
     """
-    train, test = np.split(draws, [int(_TRAINED * len(draws))])
-    heights = log_density_in_batches(density, test) - log_evidence
-    if _unevenness(adapted, test, heights) < _UNEVEN:
+    heights = log_density_in_batches(density, draws) - log_evidence
+    ratio = np.exp(np.minimum(heights - adapted.log_density(draws), 300.0))
+    if np.sqrt(np.mean(ratio**2)) < _UNEVEN:
         return adapted
-    grown_ones = [grown(train, n_component, rng) for n_component in _N_COMPONENT]
-    candidates = [
-        both(proposal, ridges, share)
-        for proposal in (adapted, *grown_ones)
-        for share in _RIDGE_SHARES
-    ]
-    return min(candidates, key=lambda proposal: _unevenness(proposal, test, heights))
-
-
-def _unevenness(proposal: Proposal, draws: FloatArray, heights: FloatArray) -> float:
-    """Root mean square of density over proposal at draws of the posterior of log densities
-    `heights`: 1 where both are the same, else more.
-    """
-    ratio = np.exp(np.minimum(heights - proposal.log_density(draws), 300.0))
-    return float(np.sqrt(np.mean(ratio**2)))
+    return both(grown(draws, _N_COMPONENT, rng), ridges, _RIDGE_SHARE)

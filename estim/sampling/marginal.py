@@ -21,7 +21,7 @@ Source: Rue, Martino, Chopin, J. R. Stat. Soc. B 71 (2009) 319 (nested Laplace a
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,10 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, Kind, NumericalError, phrase
 from estim.fitting import Fit
 from estim.sampling.chain import Progress
-from estim.sampling.conditional import Expansion, expand, run_terms
-from estim.sampling.factors import lower_factor
+from estim.sampling.conditional import expand, run_terms
 from estim.sampling.importance import (
     K_HAT_LIMIT,
     difference,
-    flattened,
     kish_size,
     pareto_smoothed,
     spread,
@@ -43,7 +41,7 @@ from estim.sampling.importance import (
     u_log_mean,
 )
 from estim.sampling.marginal_density import Marginal
-from estim.sampling.proposal import Proposal
+from estim.sampling.proposal import Proposal, adapt_proposal
 from estim.words import tell
 
 IndexArray = NDArray[np.int64]
@@ -53,7 +51,8 @@ _MOST_SAMPLED = 12
 _CLOSE = 4.0  # standard deviations to a hard edge below which a parameter is not treated as normal
 _N_ADAPT = 1000
 _N_POINT = 200
-_MOST_ROUNDS = 8
+_ROUNDS = 2
+_DOF = 100  # of the points: far out, polynomials would be bent for what hardly counts
 # spread of a run's log weights above which its own parameters are no normal variables: a shift of
 # 0.08 of their sd
 _UNEVEN = 0.1
@@ -167,11 +166,9 @@ def sample_marginal(
     columns = sampled_columns(fit)
     terms = run_terms(fit, columns)
     target = Marginal(fit.problem, columns, terms, fit.sampled.measure)
-    proposal, expansions = _adapt(fit, target, rng, progress)
+    proposal, target = _adapt(fit, target, rng, progress)
     shared = proposal.draw(rng, options.n_draw)
-    log_beside, by_run = target.terms_at(
-        shared, expansions, n_node=options.n_node, progress=progress
-    )
+    log_beside, by_run = target.terms_at(shared, n_node=options.n_node, progress=progress)
     log_proposal = proposal.log_density(shared)
     raw = log_beside + np.sum(by_run, axis=0) - log_proposal
     log_weights, k_hat, log_evidence = pareto_smoothed(raw)
@@ -183,7 +180,7 @@ def sample_marginal(
     raw_all[first] = (log_beside - log_proposal)[first]
     refined = []
     for number, (term, expansion, log_marginal) in enumerate(
-        zip(terms, expansions, by_run, strict=True), start=1
+        zip(terms, target.expansions, by_run, strict=True), start=1
     ):
         if progress is not None:
             progress(0, phrase("own parameters of run {k} of {n}", k=number, n=len(terms)))
@@ -198,7 +195,7 @@ def sample_marginal(
     check, k_hat_all, log_evidence_all = pareto_smoothed(raw_all)
     shift, u_shift = difference(shared[: check.size], log_weights[: check.size], check)
     ess, ess_all = kish_size(log_weights), kish_size(check)
-    error = max((expansion.error for expansion in expansions if not expansion.rough), default=0.0)
+    error = max((each.error for each in target.expansions if not each.rough), default=0.0)
     trusted, findings = _judge(
         k_hat,
         ess,
@@ -267,88 +264,46 @@ def sampled_columns(fit: Fit) -> IndexArray:
 
 def _adapt(
     fit: Fit, target: Marginal, rng: np.random.Generator, progress: Progress | None
-) -> tuple[Proposal, list[Expansion]]:
-    """A proposal with mean and covariance of the marginal, and the expansions of the runs over its
-    bulk.
+) -> tuple[Proposal, Marginal]:
+    """A proposal adapted to the marginal, and that with the runs expanded over its bulk.
 
-    Starts from the Gaussian approximation of the fit (the Schur complement of its information).
-    While its weights are poor they are flattened to w^b so that a tenth of the draws count; it
-    settles when two rounds in a row needed no flattening.
+    Both start from the Gaussian approximation of the fit (the Schur complement of its information).
     """
     columns = target.columns
     mean, cov = fit.values[columns], fit.cov[np.ix_(columns, columns)]
     # (n_par, n_sampled): how the conditional mean of every parameter follows the sampled ones
     regression: FloatArray = np.asarray(np.linalg.solve(cov, fit.cov[columns]).T, dtype=np.float64)
-    points = _pilot_points(target, mean, cov, rng)
-    expansions = _expand_all(fit, target, points, regression, Proposal.single(mean, cov))
-    settled = 0
-    for number in range(1, _MOST_ROUNDS + 1):
+    proposal = Proposal.single(mean, cov)
+    for number in range(1, _ROUNDS + 1):
         if progress is not None:
             progress(0, phrase("adaptation to the marginal over the runs, round {k}", k=number))
-        proposal = Proposal.single(mean, cov)
-        shared = proposal.draw(rng, _N_ADAPT)
-        raw = target.log_density(shared, expansions, n_node=1) - proposal.log_density(shared)
-        if not np.any(np.isfinite(raw)):
-            raise NumericalError("the marginal over runs finds no posterior mass around the fit")
-        weights, power = flattened(raw, 0.1 * _N_ADAPT)
-        mean = weights @ shared
-        cov = (weights[:, None] * (shared - mean)).T @ (shared - mean)
-        settled = settled + 1 if power == 1.0 else 0
-        if settled == 2:
-            break
-        points = shared[systematic(weights, _n_point(columns.size), rng)]
-        # wider than the posterior, and no point twice
-        points = points + 0.3 * rng.standard_normal(points.shape) @ lower_factor(cov).T
-        points = points[np.isfinite(target.log_prior(points))]
-        expansions = _expand_all(fit, target, points, regression, None)
-    return Proposal.single(mean, cov), expansions
+        points = _points(target, proposal, rng)
+        conditional = fit.values + (points - mean) @ regression.T
+        expansions = [
+            expand(term, target.given(term, points), conditional[:, term.columns[term.own]])
+            for term in target.terms
+        ]
+        target = replace(target, expansions=expansions)
+        proposal = adapt_proposal(target, mean, cov, rng=rng, n_round=_N_ADAPT)
+    return proposal, target
 
 
-def _n_point(n_sampled: int) -> int:
-    """Points that determine quadratic polynomials of `n_sampled` variables six times over."""
-    return max(_N_POINT, 3 * (n_sampled + 1) * (n_sampled + 2))
-
-
-def _pilot_points(
-    target: Marginal, mean: FloatArray, cov: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    """(n_point, n_sampled) points inside the priors' support from the normal density of `mean` and
-    `cov`.
+def _points(target: Marginal, proposal: Proposal, rng: np.random.Generator) -> FloatArray:
+    """(n_point, n_sampled) points of a proposal inside the priors' support, which determine
+    quadratic polynomials six times over.
     """
-    points = np.empty((0, mean.size))
+    n = proposal.n_par
+    n_point = max(_N_POINT, 3 * (n + 1) * (n + 2))
+    points = np.empty((0, n))
     for _ in range(100):
-        drawn = (
-            mean + rng.standard_normal((4 * _n_point(mean.size), mean.size)) @ lower_factor(cov).T
-        )
+        drawn = replace(proposal, dof=_DOF).draw(rng, 4 * n_point)
         points = np.vstack([points, drawn[np.isfinite(target.log_prior(drawn))]])
-        if points.shape[0] >= _n_point(mean.size):
-            return points[: _n_point(mean.size)]
+        if points.shape[0] >= n_point:
+            return points[:n_point]
     raise NumericalError(
         "the marginal over runs cannot start: hardly any point around the fit lies inside "
         "the priors"
     )
-
-
-def _expand_all(
-    fit: Fit, target: Marginal, points: FloatArray, regression: FloatArray, around: Proposal | None
-) -> list[Expansion]:
-    """The expansion of every run over the points (n_point, n_sampled).
-
-    around : density that the points came from; points that the run all but excludes are then given
-        little weight.
-    """
-    conditional = fit.values + (points - fit.values[target.columns]) @ regression.T
-
-    def log_weight(log_marginal: FloatArray) -> FloatArray:
-        if around is None:
-            return np.zeros(log_marginal.size)
-        return np.maximum(log_marginal - np.max(log_marginal), -20.0) / 4.0
-
-    expansions = []
-    for term in target.terms:
-        start = conditional[:, term.columns[term.own]]
-        expansions.append(expand(term, target.given(term, points), start, log_weight))
-    return expansions
 
 
 def _judge(

@@ -23,12 +23,18 @@ class Marginal:
     (n_sampled,) of the problem.
 
     weight : the measure of readings, None where there is none.
+    expansions : of the runs.
     """
 
     problem: Problem
     columns: IndexArray
     terms: tuple[RunTerm, ...]
     weight: Measure | None
+    expansions: Sequence[Expansion] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.problem.names[i] for i in self.columns)
 
     def given(self, term: RunTerm, shared: FloatArray) -> FloatArray:
         """The columns of shared (n_draw, n_sampled) that one run uses."""
@@ -47,12 +53,7 @@ class Marginal:
         )
 
     def terms_at(
-        self,
-        shared: FloatArray,
-        expansions: Sequence[Expansion],
-        *,
-        n_node: int,
-        progress: Progress | None = None,
+        self, shared: FloatArray, *, n_node: int, progress: Progress | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """`log_prior` (n_draw,) of the sampled parameters, -inf outside its support, and the
         marginal (n_run, n_draw) of every run, 0 there.
@@ -60,7 +61,7 @@ class Marginal:
         log_p = self.log_prior(shared)
         inside = np.flatnonzero(np.isfinite(log_p))
         by_run = np.zeros((len(self.terms), shared.shape[0]))
-        for i, (term, expansion) in enumerate(zip(self.terms, expansions, strict=True)):
+        for i, (term, expansion) in enumerate(zip(self.terms, self.expansions, strict=True)):
             if progress is not None:
                 progress(0, phrase("run {k} of {n}", k=i + 1, n=len(self.terms)))
             by_run[i, inside] = term.log_marginal(
@@ -68,9 +69,7 @@ class Marginal:
             )
         return log_p, by_run
 
-    def log_density(
-        self, shared: FloatArray, expansions: Sequence[Expansion], *, n_node: int
-    ) -> FloatArray:
-        """(n_draw,) log p(y, s); -inf outside the priors' support."""
-        log_p, by_run = self.terms_at(shared, expansions, n_node=n_node)
+    def log_density(self, draws: FloatArray) -> FloatArray:
+        """(n_draw,) log p(y, s) in Laplace's approximation; -inf outside the priors' support."""
+        log_p, by_run = self.terms_at(draws, n_node=1)
         return np.asarray(log_p + np.sum(by_run, axis=0))

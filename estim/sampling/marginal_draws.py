@@ -13,6 +13,7 @@ from estim.fitting import Fit
 from estim.sampling.certificate import Agreement, no_comparison
 from estim.sampling.chain import Chain, Convergence, Progress, Target
 from estim.sampling.diagnostics import r_hat
+from estim.sampling.importance import K_HAT_LIMIT
 from estim.sampling.marginal import MarginalOptions, MarginalPosterior, sample_marginal
 
 _N_CHAIN = 4  # parts that the independent draws are shown in
@@ -70,6 +71,6 @@ def _opinion(marginal: MarginalPosterior, n_par: int) -> Agreement:
     tell.
     """
     disagree = any(finding.kind is Kind.WEIGHTS_MOVE for finding in marginal.told)
-    conclusive = marginal.k_hat_all < 0.7 or len(marginal.sampled) == n_par
+    conclusive = marginal.k_hat_all < K_HAT_LIMIT or len(marginal.sampled) == n_par
     verdict = "disagree" if disagree else "agree" if marginal.trusted and conclusive else "missing"
     return replace(no_comparison(marginal.names, *marginal.told), verdict=verdict)

@@ -3,7 +3,7 @@
 A spike and wide parts beside it in twenty dimensions cannot be found by fitting mixtures to draws:
 a covariance rests on hundreds of them, and the parts are narrow in some directions alone.  Known
 from a linearised posterior, their widths are nearly right; what is not linear moves them together.
-It shows in the heaviest part, which most draws belong to; its covariance is adapted too.
+It shows in the heaviest part, which most draws belong to.
 """
 
 from __future__ import annotations
@@ -52,20 +52,14 @@ def proposal_of_parts(
 
 
 def _adapted(mixture: Proposal, heaviest: int, draws: FloatArray, weights: FloatArray) -> Proposal:
-    """All parts moved with the heaviest, whose moments are those of its share of weighted draws, as
-    far as these are known.
+    """All parts moved with the heaviest, whose mean is that of its share of weighted draws, as far
+    as it is known.
     """
-    mean, factor, n_par = mixture.means[heaviest], mixture.factors[heaviest], mixture.n_par
     distances = mixture.distances(draws)
     parts = mixture.log_parts(distances)
     share = weights * np.exp(parts[heaviest] - np.logaddexp.reduce(parts, axis=0))
-    pull = share * (mixture.dof + n_par) / (mixture.dof + distances[heaviest])
+    pull = share * (mixture.dof + mixture.n_par) / (mixture.dof + distances[heaviest])
     size = float(np.sum(share) ** 2 / max(float(np.sum(share**2)), 1e-300))
-    moved = size / (size + n_par) * (pull @ draws / np.sum(pull) - mean)
-    off = draws - (mean + moved)
-    known = size / (size + n_par**2)
-    factors = mixture.factors.copy()
-    factors[heaviest] = lower_factor(
-        known * (pull[:, None] * off).T @ off / np.sum(share) + (1.0 - known) * factor @ factor.T
-    )
-    return replace(mixture, means=mixture.means + moved, factors=factors)
+    mean = pull @ draws / np.sum(pull)
+    moved = size / (size + mixture.n_par) * (mean - mixture.means[heaviest])
+    return replace(mixture, means=mixture.means + moved)

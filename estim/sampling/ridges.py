@@ -51,58 +51,64 @@ _LEAST_CURVATURE = 0.02  # of the whitened log density, for its curvatures to be
 
 @dataclass(frozen=True, eq=False)
 class Coordinates:
-    """Local coordinates about n points: the parameters in an order in which the profiled one, which
-    may be held, comes first.
+    """Local coordinates about n points, in each of which one parameter may be held.
 
-    order : (n, n_par) indices of the parameters.
-    factor : (n, n_par, n_par) lower Cholesky factors of a covariance there, along whose columns
-        finite differences are taken.
-    low, high : (n, n_par) bounds, infinite where there are none.  Points (n, n_par) are in this
-        order too.
+    held : (n,) which; -1 for none.
+    factor : (n, n_par, n_par) lower Cholesky factors of a covariance there given that parameter,
+        along whose columns finite differences are taken; its own is its standard deviation.
+    slope : (n, n_par) how all parameters follow it.
+    low, high : (n_par,) bounds, infinite where there are none.
     """
 
     density: Density
-    order: IndexArray
+    held: IndexArray
     factor: FloatArray
+    slope: FloatArray
     low: FloatArray
     high: FloatArray
 
     def rows(self, which: IndexArray) -> Coordinates:
         """The same for some of the n points."""
-        return Coordinates(
-            self.density, self.order[which], self.factor[which], self.low[which], self.high[which]
+        return replace(
+            self, held=self.held[which], factor=self.factor[which], slope=self.slope[which]
         )
 
-    def original(self, points: FloatArray) -> FloatArray:
-        """(n, n_move, n_par) the same points with the parameters in the density's own order."""
-        reordered = np.empty_like(points)
-        np.put_along_axis(
-            reordered, np.broadcast_to(self.order[:, None], points.shape), points, axis=2
-        )
-        return reordered
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """(n, n_par) True for the parameter that is held."""
+        return np.asarray(np.arange(self.low.size) == self.held[:, None])
+
+    @property
+    def width(self) -> FloatArray:
+        """(n,) standard deviation of the parameter that is held."""
+        return np.asarray(self.factor[np.arange(self.held.size), self.held, self.held])
+
+    def place(self, points: FloatArray) -> FloatArray:
+        """(n,) value of the parameter that is held, of points (n, n_par)."""
+        return np.asarray(points[np.arange(self.held.size), self.held])
 
     def log_densities(self, points: FloatArray) -> FloatArray:
         """(n, n_move) log density at points (n, n_move, n_par), n_move about each point; -inf
         beyond the bounds.
         """
-        inside = np.all((points >= self.low[:, None]) & (points <= self.high[:, None]), axis=2)
+        inside = np.all((points >= self.low) & (points <= self.high), axis=2)
         values = np.full(inside.shape, -np.inf)
         if np.any(inside):
             # far from the mode a curve may overflow: no density there
             with np.errstate(all="ignore"):
-                values[inside] = log_density_in_batches(self.density, self.original(points)[inside])
+                values[inside] = log_density_in_batches(self.density, points[inside])
         return values
 
 
 @dataclass(frozen=True, eq=False)
 class Expansions:
     """Second-order expansions of the log density about points (n, n_par), in the parameters that
-    are not held (n_free of them).
+    are not held.
 
     log_densities : (n,).
-    gradients : (n, n_free).  curvatures : (n, n_free, n_free) negative Hessians, made positive
-        definite.
-    at_bound : (n, n_free) active bounds: the parameter lies on one and the density rises beyond it.
+    gradients : (n, n_par), 0 for a held parameter.  curvatures : (n, n_par, n_par) negative
+        Hessians, made positive definite; a held parameter has its standard deviation.
+    at_bound : (n, n_par) active bounds: the parameter lies on one and the density rises beyond it.
     """
 
     points: FloatArray
@@ -117,7 +123,7 @@ class Expansions:
 
     @property
     def precisions(self) -> FloatArray:
-        """(n, n_free, n_free) of the normal distribution of the same width; at an active bound the
+        """(n, n_par, n_par) of the normal distribution of the same width; at an active bound the
         density falls off exponentially.
         """
         steep = np.where(self.at_bound, self.gradients, 0.0)
@@ -151,7 +157,7 @@ def coordinates_at_modes(
     density: Density, modes: FloatArray, cov: FloatArray, support: Support | None
 ) -> tuple[Coordinates, FloatArray]:
     """Coordinates about those of the modes (n_mode, n_par) that are not negligible, one for each
-    parameter in front, and their centres (n, n_par).
+    parameter that is held, and their centres (n, n_par).
     """
     n_par = modes.shape[1]
     low, high = (
@@ -166,91 +172,75 @@ def coordinates_at_modes(
     else:
         modes = modes[:1]
     n_mode = len(modes)
-    same = Coordinates(
-        density,
-        np.tile(np.arange(n_par), (n_mode, 1)),
-        np.tile(lower_factor(cov), (n_mode, 1, 1)),
-        np.tile(low, (n_mode, 1)),
-        np.tile(high, (n_mode, 1)),
-    )
+    factor = np.tile(lower_factor(cov), (n_mode, 1, 1))
     for _ in range(_ROUNDS):
-        expansions = conditional_maxima(same, modes, 0)
+        free = Coordinates(density, np.full(n_mode, -1), factor, np.zeros_like(modes), low, high)
+        expansions = conditional_maxima(free, modes)
         modes = expansions.points
-        before = same
-        same = replace(same, factor=lower_factor(np.asarray(np.linalg.inv(expansions.precisions))))
+        factor = lower_factor(np.asarray(np.linalg.inv(expansions.precisions)))
         if np.allclose(
-            np.linalg.norm(before.factor, axis=2), np.linalg.norm(same.factor, axis=2), rtol=0.1
+            np.linalg.norm(free.factor, axis=2), np.linalg.norm(factor, axis=2), rtol=0.1
         ):
             break
-    orders = np.array([[axis, *(i for i in range(n_par) if i != axis)] for axis in range(n_par)])
-    covs = same.factor @ np.swapaxes(same.factor, 1, 2)
-    factors = lower_factor(
-        covs[:, orders[:, :, None], orders[:, None, :]].reshape(-1, n_par, n_par)
-    )
-    order = np.tile(orders, (n_mode, 1))
-    return Coordinates(density, order, factors, low[order], high[order]), modes[:, orders].reshape(
-        -1, n_par
-    )
+    eye = np.eye(n_par)
+    covs = np.repeat(factor @ np.swapaxes(factor, 1, 2), n_par, axis=0)
+    held = np.tile(np.arange(n_par), n_mode)
+    own = covs[np.arange(held.size), held, held]
+    slope = covs[np.arange(held.size), held] / own[:, None]
+    given = covs - own[:, None, None] * slope[:, :, None] * slope[:, None, :]
+    one = eye[held]
+    others = (1.0 - one)[:, :, None] * (1.0 - one)[:, None, :]
+    factors = lower_factor(others * given + own[:, None, None] * one[:, :, None] * one[:, None, :])
+    return Coordinates(density, held, factors, slope, low, high), np.repeat(modes, n_par, axis=0)
 
 
 def path_proposal(coordinates: Coordinates, centres: FloatArray) -> Proposal:
-    """Components along the profile paths of the first parameter from centres (n, n_par)."""
+    """Components along the profile paths of the held parameter from centres (n, n_par)."""
     row, expansions, log_marginals = profile_paths(coordinates, centres)
     points, at = expansions.points, coordinates.rows(row)
-    covariances = np.zeros(at.factor.shape)
-    covariances[:, 1:, 1:] = np.linalg.inv(expansions.precisions)
-    width = at.factor[:, 0, 0]
-    spacing, tangents = width.copy(), at.factor[:, :, 0].copy()
+    covariances: FloatArray = np.asarray(np.linalg.inv(expansions.precisions), dtype=np.float64)
+    covariances[np.arange(row.size), at.held, at.held] = 0.0
+    spacing, tangents = at.width.copy(), at.width[:, None] * at.slope
     for path in np.split(np.arange(row.size), np.flatnonzero(np.diff(row)) + 1):
         if path.size > 1:
-            spacing[path], tangents[path] = (
-                np.gradient(points[path, 0]),
-                np.gradient(points[path], axis=0),
-            )
+            tangents[path] = np.gradient(points[path], axis=0)
+            spacing[path] = tangents[path, at.held[path]]
     covariances += _OVERLAP**2 * tangents[:, :, None] * tangents[:, None, :]
     # else half of the draws of a component on a bound would lie beyond it
-    for i, (low, high) in enumerate(zip(at.low.T, at.high.T, strict=True)):
+    for i, (low, high) in enumerate(zip(at.low, at.high, strict=True)):
         margin = np.minimum(np.sqrt(covariances[:, i, i]), 0.25 * (high - low))
         shift = np.clip(points[:, i], low + margin, high - margin) - points[:, i]
         points = points + (shift / covariances[:, i, i])[:, None] * covariances[:, :, i]
-    back = np.argsort(at.order, axis=1)
-    factors = lower_factor(
-        covariances[np.arange(len(back))[:, None, None], back[:, :, None], back[:, None, :]]
-    )
-    weights = _TEMPER * log_marginals + np.log(np.maximum(spacing, 1e-300) / width)
-    return Proposal(
-        np.exp(weights - log_sum_exp(weights)), at.original(points[:, None])[:, 0], factors
-    )
+    weights = _TEMPER * log_marginals + np.log(np.maximum(spacing, 1e-300) / at.width)
+    return Proposal(np.exp(weights - log_sum_exp(weights)), points, lower_factor(covariances))
 
 
 def profile_paths(
     coordinates: Coordinates, centres: FloatArray
 ) -> tuple[IndexArray, Expansions, FloatArray]:
-    """Points of the profile paths of the first parameter from centres (n, n_par), both ways at
-    once.
+    """Points of the profile paths of the held parameter from centres (n, n_par), both ways at once.
 
     Returned: (n_point,) the index of the centre of each; the expansions there, path by path, from
     end to end; their log marginal densities (n_point,) less that at the centre.
     """
-    at_mode = expanded(coordinates, centres, 1)
+    at_mode = expanded(coordinates, centres)
     centre, direction = np.repeat(np.arange(len(centres)), 2), np.tile([-1.0, 1.0], len(centres))
-    bound = np.where(direction > 0.0, coordinates.high[centre, 0], coordinates.low[centre, 0])
-    width = coordinates.factor[centre, 0, 0]
-    here, depth, step = centres[centre], np.zeros(centre.size), width.copy()
-    tangent = coordinates.factor[centre, :, 0] / width[:, None]  # how the others follow the first
+    sides = coordinates.rows(centre)
+    bound = np.where(direction > 0.0, sides.high[sides.held], sides.low[sides.held])
+    here, depth, step = centres[centre], np.zeros(centre.size), sides.width.copy()
+    tangent = sides.slope.copy()  # how the others follow the held one
     rows, batches, depths = [np.arange(len(centres))], [at_mode], [np.zeros(len(centres))]
     for _ in range(_MAX_STEPS):
+        room = np.abs(bound - sides.place(here))
         active = np.flatnonzero(
-            (np.abs(bound - here[:, 0]) > 1e-12 * width)
-            & (depth < _DEPTH)
-            & (step > _MIN_STEP * width)
+            (room > 1e-12 * sides.width) & (depth < _DEPTH) & (step > _MIN_STEP * sides.width)
         )
         if active.size == 0:
             break
-        there, before = coordinates.rows(centre[active]), here[active]
-        advance = direction[active] * np.minimum(step[active], np.abs(bound[active] - before[:, 0]))
+        there, before = sides.rows(active), here[active]
+        advance = direction[active] * np.minimum(step[active], room[active])
         guess = np.clip(before + tangent[active] * advance[:, None], there.low, there.high)
-        expansions = conditional_maxima(there, guess, 1)
+        expansions = conditional_maxima(there, guess)
         new_depth = at_mode.log_marginals[centre[active]] - expansions.log_marginals
         decrease, allowed = new_depth - depth[active], _FALL + np.maximum(depth[active], 0.0)
         accepted = np.isfinite(decrease) & (decrease <= 1.5 * allowed)
@@ -258,9 +248,8 @@ def profile_paths(
         rows.append(centre[path])
         batches.append(reached)
         depths.append(new_depth[accepted])
-        tangent[path] = (reached.points - before[accepted]) / (reached.points - before[accepted])[
-            :, :1
-        ]
+        moved = reached.points - before[accepted]
+        tangent[path] = moved / sides.rows(path).place(moved)[:, None]
         here[path], depth[path] = reached.points, new_depth[accepted]
         with np.errstate(divide="ignore", invalid="ignore"):
             factor = np.sqrt(allowed / np.maximum(np.abs(decrease), 1e-3))
@@ -276,67 +265,57 @@ def profile_paths(
             for parts in zip(*(vars(batch).values() for batch in batches), strict=True)
         )
     )
-    order = np.lexsort((expansions.points[:, 0], row))
+    order = np.lexsort((coordinates.rows(row).place(expansions.points), row))
     return row[order], expansions.rows(order), -np.concatenate(depths)[order]
 
 
-def conditional_maxima(coordinates: Coordinates, points: FloatArray, n_held: int) -> Expansions:
-    """Conditional maxima near points (n, n_par), the first `n_held` parameters staying where they
-    are.
-    """
-    begun = expanded(coordinates, points, n_held)
-    points = _newton_step(coordinates, begun, n_held)
-    maxima = expanded(coordinates, points, n_held, begun.curvatures)
-    moved = (points - begun.points)[:, n_held:]
+def conditional_maxima(coordinates: Coordinates, points: FloatArray) -> Expansions:
+    """Conditional maxima near points (n, n_par); what is held stays where it is."""
+    begun = expanded(coordinates, points)
+    points = _newton_step(coordinates, begun)
+    maxima = expanded(coordinates, points, begun.curvatures)
+    moved = points - begun.points
     far = np.flatnonzero(~(np.einsum("ni,nij,nj->n", moved, begun.curvatures, moved) < _NEAR**2))
     if far.size:
         subset = coordinates.rows(far)
-        further = expanded(
-            subset, _newton_step(subset, expanded(subset, points[far], n_held), n_held), n_held
-        )
+        further = expanded(subset, _newton_step(subset, expanded(subset, points[far])))
         for name, whole in vars(maxima).items():
             whole[far] = getattr(further, name)
     return maxima
 
 
 def expanded(
-    coordinates: Coordinates, points: FloatArray, n_held: int, curvatures: FloatArray | None = None
+    coordinates: Coordinates, points: FloatArray, curvatures: FloatArray | None = None
 ) -> Expansions:
-    """Expansions about points (n, n_par) by finite differences, the first `n_held` parameters held.
-    curvatures : where they are known.
+    """Expansions about points (n, n_par) by finite differences.  curvatures : where they are
+    known.
     """
-    n, n_par = points.shape
-    free = slice(n_held, n_par)
-    factor = coordinates.factor[:, free, free]
-    low = coordinates.low[:, free]
-    high = coordinates.high[:, free]
-    margin = np.minimum(2.0 * _DIFFERENCE * np.sum(np.abs(factor), axis=2), 0.49 * (high - low))
-    middle = points.copy()
+    low, high, held = coordinates.low, coordinates.high, coordinates.mask
+    steps = _DIFFERENCE * np.where(held[:, None, :], 0.0, coordinates.factor)
+    margin = np.minimum(2.0 * np.sum(np.abs(steps), axis=2), 0.49 * (high - low))
     # no difference reaches beyond a bound from there
-    middle[:, free] = np.clip(points[:, free], low + margin, high - margin)
-    eye, (first, second) = np.eye(n_par - n_held), np.triu_indices(n_par - n_held, 1)
+    middle = np.clip(points, low + margin, high - margin)
+    eye, (first, second) = np.eye(low.size), np.triu_indices(low.size, 1)
     moves = np.concatenate([eye, -eye])
     if curvatures is None:
         moves = np.concatenate(
             [moves, np.zeros((1, len(eye))), eye[first] + eye[second], -eye[first] - eye[second]]
         )
-    stencil = np.repeat(middle[:, None], len(moves), axis=1)
-    stencil[:, :, free] += _DIFFERENCE * np.einsum("mj,nij->nmi", moves, factor)
+    stencil = middle[:, None] + np.einsum("mj,nij->nmi", moves, steps)
     values = coordinates.log_densities(np.concatenate([points[:, None], stencil], axis=1))
     log_densities, values = values[:, 0], values[:, 1:]
     finite = np.all(np.isfinite(values), axis=1)
     values = np.where(finite[:, None], values, 0.0)
     plus, minus = values[:, : len(eye)], values[:, len(eye) : 2 * len(eye)]
-    inverse = np.asarray(np.linalg.inv(factor))
+    inverse = np.asarray(np.linalg.inv(coordinates.factor))
     if curvatures is None:
         centre, pairs = values[:, 2 * len(eye), None], values[:, 2 * len(eye) + 1 :]
         single = plus + minus - 2.0 * centre
         both = pairs[:, : first.size] + pairs[:, first.size :] - 2.0 * centre
-        curved = np.zeros((n, *eye.shape))
+        curved = (held - single / _DIFFERENCE**2)[:, :, None] * eye
         curved[:, first, second] = curved[:, second, first] = -(
             both - single[:, first] - single[:, second]
         ) / (2.0 * _DIFFERENCE**2)
-        curved -= single[:, :, None] / _DIFFERENCE**2 * eye
         curved[~finite] = eye
         sizes, vectors = np.linalg.eigh(curved)
         positive = (
@@ -344,14 +323,12 @@ def expanded(
         ) @ np.swapaxes(vectors, 1, 2)
         curvatures = np.swapaxes(inverse, 1, 2) @ positive @ inverse
     gradients = np.einsum("nji,nj->ni", inverse, plus - minus) / (2.0 * _DIFFERENCE)
-    gradients -= np.einsum("nij,nj->ni", curvatures, (points - middle)[:, free])
-    at_bound = ((points[:, free] <= low) & (gradients < 0.0)) | (
-        (points[:, free] >= high) & (gradients > 0.0)
-    )
+    gradients -= np.einsum("nij,nj->ni", curvatures, points - middle)
+    at_bound = ((points <= low) & (gradients < 0.0)) | ((points >= high) & (gradients > 0.0))
     return Expansions(points, log_densities, gradients, np.array(curvatures), at_bound)
 
 
-def _newton_step(coordinates: Coordinates, at: Expansions, n_held: int) -> FloatArray:
+def _newton_step(coordinates: Coordinates, at: Expansions) -> FloatArray:
     """Points (n, n_par) after a Newton step with a line search, within the bounds; parameters at
     active bounds stay there.
     """
@@ -368,9 +345,11 @@ def _newton_step(coordinates: Coordinates, at: Expansions, n_held: int) -> Float
     )[:, :, 0]
     size = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", step, matrix, step), 1e-300))
     step *= np.minimum(1.0, _LONGEST / size)[:, None]
-    trials = np.repeat(at.points[:, None], len(_FRACTIONS), axis=1)
-    trials[:, :, n_held:] += np.array(_FRACTIONS)[:, None] * step[:, None]
-    trials = np.clip(trials, coordinates.low[:, None], coordinates.high[:, None])
+    trials = np.clip(
+        at.points[:, None] + np.array(_FRACTIONS)[:, None] * step[:, None],
+        coordinates.low,
+        coordinates.high,
+    )
     better = coordinates.log_densities(trials) > at.log_densities[:, None]
     # the longest fraction that leads higher
     best = trials[np.arange(len(trials)), np.argmax(better, axis=1)]

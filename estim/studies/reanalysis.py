@@ -147,7 +147,7 @@ class _TaskRunner:
                 store=self.store,
             )
             # kept with it: the report asks for them, one run after the other
-            _ = alone.bands, alone.ends
+            _ = alone.bands
             return alone
         return self._together(self.runs_of(name), progress)
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
-from estim.common import LEVELS, Finding, InputError
+from estim.common import QUANTILES, Finding, InputError
 from estim.curves import borders_of, farthest_stop, steepest_tilt, turning_contours
 from estim.problem import Observations
 from estim.studies.known_values import FittedValues, KnownValues, known_values
@@ -40,7 +40,7 @@ class BodyMap:
 
     phi : (n_phi,) rad.
     theta0_range : rad.
-    lowest, highest, rolls_on, passes : (5, n_phi) quantiles (`LEVELS`) of the borders
+    lowest, highest, rolls_on, passes : (5, n_phi) quantiles (`QUANTILES`) of the borders
         (`estim.curves.Borders`).
     stops : (n_stop,) m.
     contours : (n_stop, n_phi) rad, the release from which the body turns after so far, at the
@@ -162,7 +162,7 @@ def _map_body(
     farthest = farthest_stop(_first(first, _FAR_DRAWS), far_phi)
     stops = _steps(float(np.max(farthest[np.isfinite(farthest)], initial=0.0)))
     lowest, highest, rolls_on, passes = (
-        np.quantile(b, LEVELS, axis=0)
+        np.quantile(b, QUANTILES, axis=0)
         for b in (borders.lowest, borders.highest, borders.rolls_on, borders.passes)
     )
     return BodyMap(
@@ -175,9 +175,9 @@ def _map_body(
         passes=passes,
         stops=stops,
         contours=turning_contours(_central(first), phi, stops)[0],
-        steepest=np.quantile(steepest, LEVELS),
+        steepest=np.quantile(steepest, QUANTILES),
         far_phi=far_phi,
-        farthest=np.quantile(farthest, LEVELS, axis=0, method="higher"),
+        farthest=np.quantile(farthest, QUANTILES, axis=0, method="higher"),
         runs=places,
         end=end,
         left_out=known.beside(runs),

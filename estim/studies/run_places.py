@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.checks import way_of
-from estim.common import LEVELS, Finding, Kind
+from estim.common import QUANTILES, Finding, Kind
 from estim.curves import placed, stop_of
 from estim.problem import Observations
 
@@ -26,8 +26,8 @@ class RunPlace:
 
     phi, theta0 : true tilt and angle of release, (value, standard uncertainty), rad.
     sets_off : probability that it sets off.
-    stop : (5,) quantiles (`LEVELS`) of the distance to the turning point among the draws that set
-        off and turn, m; nan where half of them do not.
+    stop : (5,) `QUANTILES` of the distance to the turning point among the draws that set off and
+        turn, m; nan where half of them do not.
     farthest : m, how far the recording shows it.
     turned : whether it turns there.
     agrees : probability of the draws to get as far as that, two-sided where it turned.
@@ -72,7 +72,9 @@ def place_of(
         (float(np.mean(phi)), float(np.std(phi))),
         _angle(theta0),
         float(np.mean(stop > 0.0)),
-        np.quantile(stop[turns], LEVELS) if np.mean(turns) > 0.5 else np.full(len(LEVELS), np.nan),
+        np.quantile(stop[turns], QUANTILES)
+        if np.mean(turns) > 0.5
+        else np.full(len(QUANTILES), np.nan),
         farthest,
         turned,
         min(1.0, 2.0 * min(beyond, before)) if turned else beyond,
