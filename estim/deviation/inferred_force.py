@@ -24,8 +24,8 @@ class Force:
     part of the rolling resistance).
 
     x : (n_node,) m or rad.
-    mean, sd : (n_node,).  quantiles : (5, n_node) at `QUANTILES`.  All of the way out, where the body
-        also came back.
+    mean, sd : (n_node,).
+    quantiles : (5, n_node) at `QUANTILES`.  All of the way out, where the body also came back.
     back : quantiles of the way back; None where there is none.
     probability : P(a > 0).
     amplitude, length : quantiles 0.16, 0.5, 0.84 of the size and the distance over which it
