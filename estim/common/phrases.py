@@ -42,12 +42,13 @@ def spoken(language: str, *, commands: bool | None = None) -> Iterator[None]:
     if language not in LANGUAGES:
         raise InputError(f"must be one of {', '.join(LANGUAGES)}", field="language", value=language)
     before = _LANGUAGE.set(language)
-    others = _COMMANDS.set(at_commands() if commands is None else commands)
+    others = None if commands is None else _COMMANDS.set(commands)
     try:
         yield
     finally:
         _LANGUAGE.reset(before)
-        _COMMANDS.reset(others)
+        if others is not None:
+            _COMMANDS.reset(others)
 
 
 def language() -> str:

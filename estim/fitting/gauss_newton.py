@@ -27,10 +27,10 @@ def descended(search: SeparableSearch, starts: FloatArray) -> list[End]:
     points, chi2, settled = search.squares.descend(
         starts, share=_ROUGHLY if search.creeps else _CLOSELY, most=_MOST_STEPS
     )
-    ends = [
-        stepped(search, point, most=_N_FINISH)[0] if search.creeps else search.solved(point)
-        for point in points[np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))]
-    ]
+    # differences leave the sixth digit to an exact step
+    most = _N_FINISH if search.creeps else 1
+    lowest = np.isfinite(chi2) & (settled | (chi2 <= np.min(chi2)))
+    ends = [stepped(search, point, most=most)[0] for point in points[lowest]]
     return [(values, size) for values in ends if math.isfinite(size := search.chi2(values))]
 
 

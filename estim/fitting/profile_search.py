@@ -198,7 +198,9 @@ def search_of(fit: Fit) -> ProfileSearch:
         whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
     if not np.all(np.isfinite(whitened)):
         whitened = np.zeros_like(whitened)
-    cov = np.linalg.inv(0.5 * (whitened + whitened.T) + np.eye(sds.size)) * np.outer(sds, sds)
+    # its eigenvalues are positive: terms that all but cancel leave rounding errors for some
+    known, basis = np.linalg.eigh(0.5 * (whitened + whitened.T))
+    cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
     return ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
