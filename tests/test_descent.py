@@ -1,0 +1,88 @@
+"""Batched least squares (`estim.descent.Squares`) against SciPy's, one start at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+from scipy.special import voigt_profile
+
+from estim import fit_curve
+from estim.arrays import FloatArray
+from estim.descent import Indices, Squares
+
+X = np.linspace(0.0, 6.0, 40)
+
+
+def decays(points: FloatArray) -> FloatArray:
+    a, rate, c = (points[:, [i]] for i in range(3))
+    return a * np.exp(-rate * X) + c
+
+
+def hill(y: FloatArray, low: float, linear: tuple[int, ...]) -> Squares:
+    """Data sets y (n, n_obs), one for each descent, and a rate of at least `low`."""
+
+    def residuals(points: FloatArray, which: Indices) -> FloatArray:
+        return decays(points) - y[which]
+
+    bent = np.array([i for i in range(3) if i not in linear])
+    return Squares(
+        residuals,
+        np.array([-np.inf, low, -np.inf]),
+        np.full(3, np.inf),
+        np.ones(3),
+        np.array(linear, dtype=np.int64),
+        bent,
+        1e-7,
+        X.size,
+    )
+
+
+@pytest.mark.parametrize("linear", [(), (0, 2)])
+@pytest.mark.parametrize("low", [0.0, 0.7])
+def test_all_descents_end_where_scipy_ends(
+    linear: tuple[int, ...], low: float, rng: np.random.Generator
+) -> None:
+    truth = np.column_stack(
+        [rng.uniform(1.0, 5.0, 30), rng.uniform(0.3, 1.5, 30), rng.uniform(-1.0, 1.0, 30)]
+    )
+    y = decays(truth) + 0.05 * rng.standard_normal((30, X.size))
+    start = np.tile([2.0, 1.0, 0.5], (30, 1))
+    ends, squares, settled = hill(y, low, linear).descend(start, share=1e-12, most=100)
+    for k in range(30):
+        best = least_squares(
+            lambda p, k=k: decays(p[None, :])[0] - y[k],
+            start[k],
+            bounds=([-np.inf, low, -np.inf], np.inf),
+            xtol=1e-12,
+            ftol=1e-12,
+            gtol=1e-12,
+        )
+        assert squares[k] == pytest.approx(2.0 * best.cost, rel=1e-6)
+        np.testing.assert_allclose(ends[k], best.x, rtol=1e-3, atol=1e-4)
+    assert np.all(settled)
+
+
+def test_where_there_is_no_height_a_point_stays() -> None:
+    y = decays(np.array([[3.0, 0.5, 1.0]]))
+    start = np.array([[2.0, -1e4, 0.5]])
+    _, squares, settled = hill(y, -np.inf, ()).descend(start, share=1e-9, most=20)
+    assert np.isinf(squares[0])
+    assert not settled[0]
+
+
+def test_a_width_near_its_limit_leaves_it_though_the_curve_is_all_but_level_there(
+    rng: np.random.Generator,
+) -> None:
+    """A Voigt profile is even in sigma: at 0 its derivative is 0, whatever the data say."""
+    x = np.linspace(0.0, 12.0, 80)
+    y = 5.0 * voigt_profile(x - 6.0, 0.8, 0.7) + 3.0 + 0.1 * rng.standard_normal(x.size)
+    formula, bounds = (
+        "A*voigt(x - m, sigma, gamma) + c",
+        {"sigma": (0.0, None), "gamma": (0.0, None)},
+    )
+    start = {"A": 6.0, "m": 5.9, "sigma": 0.01, "gamma": 1.2, "c": 2.8}
+    from_near = fit_curve(formula, x, y, u_y=0.1, start=start, bounds=bounds, n_start=1)
+    inside = fit_curve(formula, x, y, u_y=0.1, start=start | {"sigma": 0.8}, bounds=bounds)
+    assert from_near.chi2 == pytest.approx(inside.chi2, rel=1e-6)
+    assert from_near.values["sigma"] > 0.3
