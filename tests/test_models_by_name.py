@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from estim import EventTimes, Poisson, fit_curve, load_campaign
-from estim.common import InputError
+from estim.common import InputError, NumericalError
 from estim.curves.formula import read_formula
 from estim.curves.models import MODELS, read_model
 from estim.curves.starts import find_starts
@@ -254,7 +254,7 @@ def reached(text: str, rng: np.random.Generator, *, blind: bool = False) -> bool
     ones = dict.fromkeys(truth, 1.0) if blind else None
     try:
         found = fit_curve(text, x, y, u_y=u, n_start=1, start=ones)
-    except InputError:
+    except (InputError, NumericalError):
         return False
     return found.chi2 < fit_curve(text, x, y, u_y=u, n_start=1, start=truth).chi2 + 0.01
 

@@ -176,7 +176,7 @@ def misled(fit: CurveFit) -> bool:
 def test_seven_points_mislead_nobody_about_a_frequency() -> None:
     assert not any(misled(fit_seven(seed)) for seed in range(20))
     # the wrong way: one descent from the start
-    assert sum(misled(fit_seven(seed, n_start=1)) for seed in range(20)) >= 5
+    assert sum(misled(fit_seven(seed, n_start=1)) for seed in range(20)) >= 3
 
 
 @pytest.mark.slow

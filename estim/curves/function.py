@@ -158,8 +158,12 @@ def wrap_function(
 
 
 def _called(function: Function, x: Any, parameters: Mapping[str, Any]) -> FloatArray:
+    """The curve; nan where a parameter that is a plain number divides by 0, which is no number."""
     with np.errstate(all="ignore"):
-        return np.asarray(function(x, **parameters), dtype=float)
+        try:
+            return np.asarray(function(x, **parameters), dtype=float)
+        except ZeroDivisionError:
+            return np.full(np.shape(x), np.nan)
 
 
 def _own_precision(function: Function) -> float:
