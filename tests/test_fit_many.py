@@ -113,3 +113,21 @@ def test_what_is_wrong_is_named(changes: dict[str, object], field: str) -> None:
     arguments = {"x": X, "y": decays(2), "u_y": 0.1, "start": START, **changes}
     with pytest.raises(InputError, match=field):
         fit_many(DECAY, **arguments)
+
+
+def test_a_curve_through_every_point_has_no_standard_deviation() -> None:
+    fits = fit_many(DECAY, X, decays(3, u=0.0), start=START)
+    np.testing.assert_allclose(np.sort(fits.values[0]), [1.0, 2.5, 5.0], rtol=1e-6)
+    assert np.all(np.isnan(fits.sds))
+
+
+def test_a_line_far_from_the_origin_is_refused_and_not_wrong() -> None:
+    """Its intercept is tied to its slope closer than differences can tell; `fit_curve` tells it."""
+    x, rng = np.linspace(0.0, 5.0, 30), np.random.default_rng(1)
+    y = 2.0 + 0.3 * x + 0.1 * rng.standard_normal((2, 30))
+    far = fit_many("a + b*x", x + 2459000.0, y, start={"a": 1.0, "b": 1.0}, u_y=0.1)
+    assert set(far.status.tolist()) == {"not-identified"}
+    near = fit_many("a + b*x", x, y, start={"a": 1.0, "b": 1.0}, u_y=0.1)
+    assert set(near.status.tolist()) == {"ok"}
+    alone = fit_curve("a + b*x", x + 2459000.0, y[0], u_y=0.1)
+    assert near.values[0, near.names.index("b")] == pytest.approx(alone.values["b"], rel=1e-5)

@@ -176,14 +176,14 @@ def misled(fit: CurveFit) -> bool:
 def test_seven_points_mislead_nobody_about_a_frequency() -> None:
     assert not any(misled(fit_seven(seed)) for seed in range(20))
     # the wrong way: one descent from the start
-    assert sum(misled(fit_seven(seed, n_start=1)) for seed in range(20)) >= 3
+    assert sum(misled(fit_seven(seed, n_start=1)) for seed in range(40)) >= 10
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistics)])
 def test_evidence_of_many_solutions_is_that_of_a_grid(seed: int) -> None:
     fit = fit_seven(seed)
-    found = sample_curve(fit, seed=2, target=Target(ess=500.0))
+    found = sample_curve(fit, seed=1, target=Target(ess=500.0))
     expected = grid_evidence(*seven(seed))
     assert found.diagnosis.status == "multimodal"
     assert found.certificate.log_evidence == pytest.approx(expected, abs=0.05)

@@ -21,7 +21,8 @@ from estim.given_numbers import real_numbers
 _SETTLED, _MOST_STEPS = 1e-12, 60
 _CONVERGED = 1e-3  # standard deviations
 _STEP = 1e-6  # of a parameter's size, for differences
-_RESOLVED = 1e-10  # ratio of singular values; differences have no more digits
+_RESOLVED = 1e-5  # ratio of singular values: differences have no more digits
+_PERFECT = 1e-10  # of the largest y: smaller residuals say nothing of the size of errors
 _ON_LIMIT = 1e-6  # of a parameter's size
 
 
@@ -30,9 +31,9 @@ class ManyFits:
     """One curve fit to many data sets.
 
     names : parameters that were fit.
-    values, sds : (n_set, n_par), sds nan where a set does not determine the parameter or where it
-        lies on a limit.
-    cov : (n_set, n_par, n_par), 0 for a parameter on a limit.
+    values, sds : (n_set, n_par), sds nan where a set does not determine its parameters, where one
+        lies on a limit, and where the curve meets every point and u_y was not stated.
+    cov : (n_set, n_par, n_par), 0 for a parameter on a limit, nan where there are no sds.
     chi2 : (n_set,) sums of squares over u_y, or of y - f where u_y was not stated.
     dof : points less parameters.
     p_value : (n_set,) of chi2, nan where u_y was not stated.
@@ -72,7 +73,9 @@ def fit_many(
 
     It is `fit_curve` without its search and its tests: one descent in each set, from the same
     start, and chi-square.  So it takes a set a tenth of a millisecond, and finds another optimum
-    than the best where the start is far away.  Give a set that matters to `fit_curve`.
+    than the best where the start is far away.  Its derivatives are differences: parameters that are
+    tied closer than one to 1e5 (the intercept of a line far from x = 0) count as not identified.
+    Give a set that matters to `fit_curve`.
 
     curve : as for `fit_curve`; a function that takes no arrays of parameters is called once for
         each set, which is slow.
@@ -123,7 +126,8 @@ def fit_many(
     solved, moving = np.split(np.arange(len(priors)), [0])
     hill = Squares(residuals, low, high, size, solved, moving, _STEP, sets.shape[1])
     values, chi2, _ = hill.descend(np.tile(begin, (len(sets), 1)), share=_SETTLED, most=_MOST_STEPS)
-    return _concluded(hill, first.names, values, chi2, stated=u_y is not None)
+    rounding = (_PERFECT * np.max(np.abs(sets), axis=1)) ** 2
+    return _concluded(hill, first.names, values, chi2, rounding, stated=u_y is not None)
 
 
 def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> FloatArray:
@@ -147,7 +151,13 @@ def _rows(values: ArrayLike, field: str, shape: tuple[int, ...] | None) -> Float
 
 
 def _concluded(
-    hill: Squares, names: tuple[str, ...], values: FloatArray, chi2: FloatArray, *, stated: bool
+    hill: Squares,
+    names: tuple[str, ...],
+    values: FloatArray,
+    chi2: FloatArray,
+    least: FloatArray,
+    *,
+    stated: bool,
 ) -> ManyFits:
     slopes, information = hill.shape(values, np.arange(len(values)), np.ones(len(values), bool))
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2))
@@ -156,9 +166,9 @@ def _concluded(
     unit = np.where(moving, scale, 1.0)
     pairs = moving[:, :, None] & moving[:, None, :]
     scaled = np.where(pairs, information / (unit[:, :, None] * unit[:, None, :]), 0.0)
-    singular, vectors = np.linalg.eigh(scaled + np.eye(len(names)) * ~moving[:, :, None])
-    known = singular > _RESOLVED
-    inverse = np.where(known, 1.0 / np.where(known, singular, 1.0), 0.0)
+    squared, vectors = np.linalg.eigh(scaled + np.eye(len(names)) * ~moving[:, :, None])
+    known = squared > _RESOLVED**2
+    inverse = np.where(known, 1.0 / np.where(known, squared, 1.0), 0.0)
     cov = np.einsum("nik,nk,njk->nij", vectors, inverse, vectors)
     cov = np.where(pairs, cov / (unit[:, :, None] * unit[:, None, :]), 0.0)
     dof = hill.n_res - len(names)
@@ -178,13 +188,14 @@ def _concluded(
         [str(Status.NOT_CONVERGED), str(Status.NOT_IDENTIFIED), str(Status.POOR_FIT)],
         str(Status.OK),
     )
-    unidentified = status == str(Status.NOT_IDENTIFIED)
+    unknown = (status == str(Status.NOT_IDENTIFIED)) | ((not stated) & (variance <= least))
     cov = cov * np.where(stated, 1.0, variance)[:, None, None]
+    cov[unknown] = np.nan
     sds = np.sqrt(np.diagonal(cov, axis1=1, axis2=2))
     return ManyFits(
         names,
         values,
-        np.where(moving & ~unidentified[:, None], sds, np.nan),
+        np.where(moving, sds, np.nan),
         cov,
         chi2,
         dof,
