@@ -114,7 +114,7 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
     high = float(np.sum(weight * scores[0] * scores[1]))
     product[-1] += 0.5 * (high - low) - product[1::2].sum()
     product[-2] += 0.5 * (high + low) - product[0::2].sum()
-    if not low <= target <= high:
+    if not low - PSD_TOLERANCE <= target <= high + PSD_TOLERANCE:
         symmetric = abs(low + high) < 1e-6
         rule = (
             f"between '{first.name}' and '{second.name}' can be "
@@ -123,6 +123,10 @@ def _copula_coefficient(first: Input, second: Input, target: float) -> float:
         )
         raise InputError(rule, field="correlation", value=target)
     powers = np.arange(_N_TERM)
-    return float(
-        brentq(lambda rho: float(np.sum(product * rho**powers)) - target, -1.0, 1.0, xtol=1e-14)
-    )
+
+    def excess(rho: float) -> float:
+        return float(np.sum(product * rho**powers)) - target
+
+    if excess(1.0) <= 0.0 or excess(-1.0) >= 0.0:  # at a limit but for rounding
+        return math.copysign(1.0, target)
+    return float(brentq(excess, -1.0, 1.0, xtol=1e-14))
