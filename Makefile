@@ -23,7 +23,7 @@ statistics: $(VENV)/.installed
 # the rendered report that the repository shows; a test compares it with a new one
 reports: $(VENV)/.installed
 	$(BIN)/estim simulate data/replica/design.toml --out data/replica
-	$(BIN)/estim reanalyse $(CAMPAIGN) --out reports/replica
+	$(BIN)/estim reanalyse $(CAMPAIGN) --figures all --out reports/replica
 
 # real experiments with published results: reports/gallery, in about two minutes
 gallery: $(VENV)/.installed

@@ -187,7 +187,7 @@ def joint(path: str) -> Measured:
     campaign = load_campaign(Path(path))
     analysis = analyse(campaign, campaign.run_names, seed=SEED)
     analysed = time.process_time() - began
-    analysis_report(campaign, analysis, figures=False)
+    analysis_report(campaign, analysis, figures="none")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     return {
         "analysis": analysed,

@@ -103,7 +103,7 @@ def test_one_bad_file_stops_no_other_and_is_told(three: Path, tmp_path: Path) ->
 
 
 def test_a_run_in_a_batch_has_the_numbers_of_the_run_alone(three: Path, tmp_path: Path) -> None:
-    batch(three, "--out", tmp_path / "out", "--no-figures")
+    batch(three, "--out", tmp_path / "out", "--figures", "none")
     runner().invoke(
         cli,
         [
@@ -113,7 +113,8 @@ def test_a_run_in_a_batch_has_the_numbers_of_the_run_alone(three: Path, tmp_path
             "b",
             "--out",
             str(tmp_path / "alone"),
-            "--no-figures",
+            "--figures",
+            "none",
         ],
     )
     alone = json.loads((tmp_path / "alone" / "result.json").read_text())
@@ -269,10 +270,10 @@ def test_a_folder_whose_name_is_not_utf8_is_a_run_like_any_other(tmp_path: Path)
         (tmp_path / "two").rename(tmp_path / "in" / os.fsdecode(b"tw\xff"))
     except OSError:
         pytest.skip("a file system of UTF-8 alone")
-    done = batch(tmp_path / "in", "--out", tmp_path / "out", "--no-figures")
+    done = batch(tmp_path / "in", "--out", tmp_path / "out", "--figures", "none")
     assert "2 runs: 2 ok" in done.output, done.output
     assert "tw\\udcff/campaign.toml" in (tmp_path / "out" / "summary.csv").read_text()
-    again = batch(tmp_path / "in", "--out", tmp_path / "out", "--no-figures", "--resume")
+    again = batch(tmp_path / "in", "--out", tmp_path / "out", "--figures", "none", "--resume")
     assert "2 runs: 2 ok" in again.output, again.output
 
 
@@ -312,7 +313,7 @@ def test_one_run_that_is_not_ok_ends_the_command_with_3(
     rows = rows_of(np.array([1.0, 1.1]), 0.1)
     rows[1] = msgspec.structs.replace(rows[1], status=status, error=error)
     monkeypatch.setattr("estim.batch.run_batch", lambda *_, **__: rows)
-    assert batch(three, "--out", three.parent / "out", "--no-figures").exit_code == code
+    assert batch(three, "--out", three.parent / "out", "--figures", "none").exit_code == code
 
 
 def test_one_name_in_two_units_is_two_quantities() -> None:
@@ -324,7 +325,7 @@ def test_one_name_in_two_units_is_two_quantities() -> None:
     ]
     table = list(
         csv.DictReader(
-            batch_report([*rows, *other], figures=False)["summary.csv"].decode().splitlines()
+            batch_report([*rows, *other], figures="none")["summary.csv"].decode().splitlines()
         )
     )
     assert [(line["a [m]"], line["a [V]"]) for line in table] == [
@@ -346,13 +347,13 @@ def test_a_frame_interval_unlike_those_of_most_runs_is_told_in_the_batch() -> No
         msgspec.structs.replace(row, interval=dt)
         for row, dt in zip(rows_of(np.full(4, 1.0), 0.1), (0.04, 0.04, 0.02, None), strict=True)
     ]
-    text = batch_report(rows, figures=False)["report.md"].decode().replace("\u00a0", " ")
+    text = batch_report(rows, figures="none")["report.md"].decode().replace("\u00a0", " ")
     assert (
         "| c.toml | r2 | the frames are 0.02 s apart, while those of most runs are 0.04 s "
         "apart: is the frame rate right? |" in text
     )
     elsewhere = [msgspec.structs.replace(row, campaign=f"{i}.toml") for i, row in enumerate(rows)]
-    assert "the frames are" not in batch_report(elsewhere, figures=False)["report.md"].decode()
+    assert "the frames are" not in batch_report(elsewhere, figures="none")["report.md"].decode()
 
 
 def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wanted(
@@ -360,7 +361,7 @@ def test_a_batch_is_verified_and_its_reports_have_figures_only_where_they_are_wa
 ) -> None:
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path / "one", {"a": 2.0})
-    done = batch("one", "--reports", "--no-figures", "--out", "out")
+    done = batch("one", "--reports", "--figures", "none", "--out", "out")
     assert done.exit_code == 0
     assert "1 run: 1 ok (" in done.output
     assert (tmp_path / "out" / "one" / "a" / "report.md").is_file()
@@ -432,7 +433,7 @@ def test_a_cluster_does_the_work_where_one_is_named(
     only = campaign(tmp_path / "one", {"a": 2.0})
     assert (
         batch(
-            only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures"
+            only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--figures", "none"
         ).exit_code
         == 0
     )
@@ -441,7 +442,9 @@ def test_a_cluster_does_the_work_where_one_is_named(
         batch(only, "--out", tmp_path / "no", "--scheduler", "tcp://nowhere:1").exception
     )
     monkeypatch.setattr(Client, "get_executor", lambda self: Lost())
-    lost = batch(only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--no-figures")
+    lost = batch(
+        only, "--out", tmp_path / "out", "--scheduler", "tcp://here:1", "--figures", "none"
+    )
     assert (
         str(lost.exception)
         == "'--scheduler' was lost (CancelledError); what is done is kept: continue with "
@@ -458,7 +461,16 @@ def test_verify_knows_what_other_processes_have_read(three: Path, tmp_path: Path
         runner()
         .invoke(
             cli,
-            ["batch", str(three), "--jobs", "2", "--out", str(tmp_path / "out"), "--no-figures"],
+            [
+                "batch",
+                str(three),
+                "--jobs",
+                "2",
+                "--out",
+                str(tmp_path / "out"),
+                "--figures",
+                "none",
+            ],
         )
         .exit_code
         == 0
@@ -543,6 +555,6 @@ def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:
     assert spoiled.apart == (17,)
     assert spreads(rows_of(means, 0.1, informed=False))[0].apart == ()
     assert spreads(rows_of(means, 2.0))[0].apart == ()  # their own uncertainties are that large
-    text = batch_report(rows_of(means, 0.1), figures=False)["report.md"].decode()
+    text = batch_report(rows_of(means, 0.1), figures="none")["report.md"].decode()
     assert "c.toml: r17" in text
     assert "SYNTHETIC" not in text

@@ -130,7 +130,7 @@ def report() -> tuple[Budget, dict[str, bytes]]:
     fit = line()
     analysis = sample_curve(fit, seed=2, target=Target(ess=2000))
     return made(fit.fit, analysis.chain.flat), curve_report(
-        fit, analysis, title="Line", kind="synthetic", figures=False
+        fit, analysis, title="Line", kind="synthetic", figures="none"
     )
 
 
@@ -160,7 +160,7 @@ def test_the_record_closes_and_the_report_shows_it(report: tuple[Budget, dict[st
 def test_no_budget_without_a_result() -> None:
     fit = fit_curve("a*x", X, 3.0 * X**2 + 0.001 * np.sin(40 * X), u_y=0.01, start={"a": 1.0})
     analysis = sample_curve(fit, seed=2, target=Target(ess=300))
-    files = curve_report(fit, analysis, title="Bad", kind="synthetic", figures=False)
+    files = curve_report(fit, analysis, title="Bad", kind="synthetic", figures="none")
     assert fit.status == "poor-fit"
     assert json.loads(files["result.json"])["budget"] is None
     assert "Uncertainty budget" not in files["report.md"].decode()

@@ -46,7 +46,9 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A report of one replica run."""
     out = tmp_path_factory.mktemp("fit")
     campaign = Path(__file__).parents[1] / "data" / "replica" / "campaign.toml"
-    done = process("fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1")
+    done = process(
+        "fit", campaign, "--run", "heavy-04", "--out", out, "--seed", "1", "--figures", "all"
+    )
     assert done.returncode == 0, done.stderr
     assert "heavy-04: ok" in done.stdout
     assert done.stderr == ""  # no progress bar where nobody watches
@@ -100,7 +102,8 @@ def test_result_json_keeps_to_the_published_schema(fitted: Path, project: Path) 
 def test_same_seed_gives_the_same_bytes(
     estim: Command, fitted: Path, tmp_path: Path, replica: Path
 ) -> None:
-    estim("fit", replica / "campaign.toml", "--run", "heavy-04", "--out", tmp_path, "--seed", "1")
+    chosen = ("--run", "heavy-04", "--seed", "1", "--figures", "all")
+    estim("fit", replica / "campaign.toml", *chosen, "--out", tmp_path)
     for file in ("result.json", "report.md", "figures/phase.png"):
         assert (tmp_path / file).read_bytes() == (fitted / file).read_bytes(), file
 

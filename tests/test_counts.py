@@ -540,7 +540,7 @@ def test_counts_have_a_section_in_the_report(rng: np.random.Generator) -> None:
         noise="poisson",
     )
     analysis = sample_curve(fit, seed=1, target=Target(ess=400))
-    report = curve_report(fit, analysis, title="Counts", kind="synthetic", figures=False)[
+    report = curve_report(fit, analysis, title="Counts", kind="synthetic", figures="none")[
         "report.md"
     ].decode()
     assert "## Counts" in report

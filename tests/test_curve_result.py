@@ -100,7 +100,7 @@ def test_the_second_opinion_of_a_line_has_the_covariance_of_the_normal_equations
     sds = 0.2 * np.sqrt(np.diag(np.linalg.inv(design.T @ design)))
     assert np.all(np.abs(certificate.sd - sds) < 4.0 * certificate.mcse_sd)
     assert np.all(certificate.mcse_sd < 0.015 * sds)
-    report = curve_report(fit, found, title="Line", kind="synthetic", figures=False)
+    report = curve_report(fit, found, title="Line", kind="synthetic", figures="none")
     shown = (
         f"({certificate.n_draw} draws with an effective sample size of {round(certificate.ess)};"
     )

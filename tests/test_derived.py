@@ -177,7 +177,7 @@ def test_the_report_has_them_once_where_runs_agree_and_by_run_where_not(
     joint: tuple[Campaign, Analysis],
 ) -> None:
     campaign, analysis = joint
-    report = analysis_report(campaign, analysis, figures=False)["report.md"].decode()
+    report = analysis_report(campaign, analysis, figures="none")["report.md"].decode()
     assert "| ratio | slope[short]/slope[long] (derived) |" in report
     assert "| g[short] | acceleration of free fall (derived) |" in report
     assert "| impossible | log(c) (derived) | | n/a | n/a |" in report

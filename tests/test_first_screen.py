@@ -54,7 +54,7 @@ def fitted() -> tuple[Analysis, Result, str]:
     return (
         analysis,
         result_of(campaign, analysis),
-        analysis_report(campaign, analysis, figures=False)["report.md"].decode(),
+        analysis_report(campaign, analysis, figures="none")["report.md"].decode(),
     )
 
 

@@ -205,7 +205,8 @@ def test_the_commands_give_the_numbers_again(
     kept = value_of(step, place)
     monkeypatch.chdir(gallery.PROJECT)
     CliRunner().invoke(
-        cli.cli, [*STEPS[step]["command"].split(), "--no-figures", "--out", str(tmp_path / step)]
+        cli.cli,
+        [*STEPS[step]["command"].split(), "--figures", "none", "--out", str(tmp_path / step)],
     )
     monkeypatch.setattr(gallery, "REPORTS", tmp_path)
     again = value_of(step, place)

@@ -192,7 +192,8 @@ def test_a_table_and_a_formula_are_enough(tmp_path: Path) -> None:
         "a*exp(-t/tau) + c",
         "--u-y",
         "0.02",
-        "--no-figures",
+        "--figures",
+        "none",
         "--out",
         str(tmp_path / "out"),
     ]

@@ -343,7 +343,7 @@ def fitted(bend: float = 0.0) -> CurveFit:
 
 def report_of(fit: CurveFit) -> dict[str, bytes]:
     sampled = sample_curve(fit, seed=1, target=Target(ess=400))
-    return curve_report(fit, sampled, title="Thing", kind="measured", figures=False)
+    return curve_report(fit, sampled, title="Thing", kind="measured", figures="none")
 
 
 @pytest.mark.usefixtures("wide")
@@ -397,7 +397,14 @@ def test_a_report_is_verified_in_its_own_language(
     for language in ("en", "es"):
         assert (
             run(
-                "propagate", "model.toml", "--out", language, "--lang", language, "--no-figures"
+                "propagate",
+                "model.toml",
+                "--out",
+                language,
+                "--lang",
+                language,
+                "--figures",
+                "none",
             ).exit_code
             == 0
         )

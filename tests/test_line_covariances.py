@@ -162,7 +162,19 @@ def said_of(table: Path, *options: str, code: int = 0) -> tuple[str, dict]:
     out = table.parent / "out"
     done = CliRunner().invoke(
         cli.cli,
-        ["line", str(table), "--x", "T", "--y", "U", "--no-figures", "--out", str(out), *options],
+        [
+            "line",
+            str(table),
+            "--x",
+            "T",
+            "--y",
+            "U",
+            "--figures",
+            "none",
+            "--out",
+            str(out),
+            *options,
+        ],
     )
     assert done.exit_code == code, done.output
     return done.output, json.loads((out / "result.json").read_text()) if code == 0 else {}

@@ -443,7 +443,9 @@ def test_the_command_writes_report_figures_and_record(tmp_path):
 def test_the_example_of_the_docs_says_what_they_say(tmp_path, project):
     page = (project / "docs" / "propagation.md").read_text()
     toml, said = re.search(r"```toml\n(title.*?)```.*? says\n\n(.*?)\n\n", page, re.S).groups()
-    result = command("propagate", model(tmp_path, toml), "--out", tmp_path / "out", "--no-figures")
+    result = command(
+        "propagate", model(tmp_path, toml), "--out", tmp_path / "out", "--figures", "none"
+    )
     assert " ".join(said.split()) == result.output.splitlines()[0]
     assert "| 47.2 | 2.01 | 0.00000546 |" in (tmp_path / "out" / "report.md").read_text()
 
@@ -460,7 +462,7 @@ def test_every_key_stands_in_the_docs(project):
 def test_every_example_is_read_and_reported_without_figures(name):
     found = done(name, 20_000)
     text = (
-        measurement_report(found, seed=1, figures=False)["report.md"]
+        measurement_report(found, seed=1, figures="none")["report.md"]
         .decode()
         .replace("\u00a0", " ")
     )
@@ -471,11 +473,11 @@ def test_every_example_is_read_and_reported_without_figures(name):
 def test_draws_without_a_value_leave_nothing_to_quote(tmp_path):
     text = 'title = "t"\n[measurand]\nformula = "sqrt(a)"\n[inputs]\na = {value = 1.0, u = 0.5}\n'
     path = model(tmp_path, text.replace('title = "t"', 'title = "t"\ndraws = 20000'))
-    result = command("propagate", path, "--out", tmp_path / "out", "--no-figures")
+    result = command("propagate", path, "--out", tmp_path / "out", "--figures", "none")
     assert (
         exit_code(
             lambda: cli.main(
-                ["propagate", str(path), "--out", str(tmp_path / "out"), "--no-figures"],
+                ["propagate", str(path), "--out", str(tmp_path / "out"), "--figures", "none"],
                 standalone_mode=False,
             )
         )
@@ -634,7 +636,7 @@ def test_a_result_whose_square_is_no_number_is_refused_in_one_line(
     tmp_path, value, formula, capsys
 ):
     path = _of(tmp_path, value, formula)
-    arguments = ["propagate", str(path), "--out", str(tmp_path / "out"), "--no-figures"]
+    arguments = ["propagate", str(path), "--out", str(tmp_path / "out"), "--figures", "none"]
     assert exit_code(lambda: cli.main(arguments, standalone_mode=False)) == 2
     said = capsys.readouterr().err.strip()
     assert (

@@ -57,8 +57,14 @@ def test_without_figures_a_report_is_the_same_but_for_images_captions_and_words_
         target=Target(ess=400),
         complete="" if len(runs) == 1 else "two runs, which cost less",
     )
-    whole, bare = (analysis_report(campaign, analysis, figures=wanted) for wanted in (True, False))
+    whole, main, bare = (
+        analysis_report(campaign, analysis, figures=wanted) for wanted in ("all", "main", "none")
+    )
     assert shown(whole) == drawn(whole) >= {f"figures/{name}.png" for name in some}
+    assert shown(main) == drawn(main) == {"figures/phase.png"}
+    assert main["figures/phase.png"] == whole["figures/phase.png"]
+    assert "`--figures all`" in main["report.md"].decode()
+    assert "`--figures all`" not in whole["report.md"].decode() + bare["report.md"].decode()
     assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
     text = IMAGE.sub("", whole["report.md"].decode()).replace(" and taken out of the figure", "")
     assert lines(bare["report.md"].decode()) == lines(text)
@@ -71,7 +77,7 @@ def test_a_line_without_its_figure(replica: Path) -> None:
     analysis = analyse_line(
         read_theta_min(campaign.source), gamma_masses=None, seed=1, target=Target(ess=400)
     )
-    whole, bare = (line_report(campaign, analysis, figures=wanted) for wanted in (True, False))
+    whole, bare = (line_report(campaign, analysis, figures=wanted) for wanted in ("main", "none"))
     assert shown(whole) == drawn(whole) == {"figures/line.png"}
     assert bare == {"report.md": bare["report.md"], "result.json": whole["result.json"]}
     assert lines(bare["report.md"].decode()) == lines(IMAGE.sub("", whole["report.md"].decode()))
@@ -83,9 +89,13 @@ def test_a_report_shows_no_figure_that_it_does_not_have() -> None:
     x = [0.1 * i for i in range(8)]
     fit = fit_curve("a*x", x, [2.0 * one for one in x], u_y=0.05, start={"a": 1.0})
     files = curve_report(
-        fit, sample_curve(fit, seed=1, target=Target(ess=400)), title="one", kind="synthetic"
+        fit,
+        sample_curve(fit, seed=1, target=Target(ess=400)),
+        title="one",
+        kind="synthetic",
+        figures="all",
     )
-    assert shown(files) == drawn(files)
+    assert shown(files) == drawn(files) > {"figures/phase.png", "figures/corner.png"}
 
 
 def test_every_figure_of_every_template_is_asked_whether_it_is_there(project: Path) -> None:
@@ -109,7 +119,7 @@ def test_nothing_that_draws_is_loaded_for_a_report_without_figures(tmp_path: Pat
         "import sys\nfrom estim.__main__ import main\ntry: main()\nexcept SystemExit: "
         "print(*sorted(sys.modules))"
     )
-    arguments = ["fit", Disk().write(tmp_path), "--out", tmp_path / "out", "--no-figures"]
+    arguments = ["fit", Disk().write(tmp_path), "--out", tmp_path / "out", "--figures", "none"]
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, arguments)],
         capture_output=True,
@@ -127,7 +137,7 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
     having = {
         name
         for name, command in cli.commands.items()
-        if any(one.name == "no_figures" for one in command.params)
+        if any(one.name == "figures" for one in command.params)
     }
     assert having == set(cli.commands) - {"simulate", "import", "body", "new", "verify", "diff"}
     passed = [
@@ -149,7 +159,7 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
         if isinstance(call, ast.Call)
         and ast.unparse(call.func).endswith(("_report", "compare_models"))
     ]
-    asked = {"not no_figures", "figures", "drawn"}
+    asked = {"figures", "drawn"}
     assert {name for name, wanted in passed if wanted not in asked} == {
         "index_report",
         "write_report",

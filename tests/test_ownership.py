@@ -124,7 +124,7 @@ def test_what_the_report_before_had_goes_and_a_photo_in_its_folder_stays(
     assert run("propagate", "model.toml", "--out", ".").exit_code == 0
     drawn = sorted(path.name for path in (tmp_path / "figures").iterdir())
     (tmp_path / "figures" / "photo.png").write_text("years of work")
-    assert run("propagate", "model.toml", "--out", ".", "--no-figures").exit_code == 0
+    assert run("propagate", "model.toml", "--out", ".", "--figures", "none").exit_code == 0
     assert drawn
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["photo.png"]
     (tmp_path / "report.md").write_text((tmp_path / "report.md").read_text() + "My remarks.\n")
@@ -153,7 +153,8 @@ def test_draws_of_an_earlier_fit_do_not_stay_beside_a_newer_result(
         "a + b*x",
         "--u-y",
         "0.1",
-        "--no-figures",
+        "--figures",
+        "none",
         "--out",
         "out",
     )
@@ -187,7 +188,7 @@ def test_an_import_and_a_simulation_overwrite_nothing_that_is_not_theirs(
     (tmp_path / "model.toml").write_text(MODEL)
     assert (
         run(
-            "propagate", tmp_path / "model.toml", "--out", tmp_path / "sim", "--no-figures"
+            "propagate", tmp_path / "model.toml", "--out", tmp_path / "sim", "--figures", "none"
         ).exit_code
         == 0
     )

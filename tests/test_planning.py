@@ -346,7 +346,8 @@ def test_what_the_data_refuse_is_no_ground_for_a_plan(tmp_path: Path) -> None:
                 str(tmp_path / "campaign.toml"),
                 "--out",
                 str(tmp_path / "out"),
-                "--no-figures",
+                "--figures",
+                "none",
             ],
         )
         assert done.exit_code == code, done.output

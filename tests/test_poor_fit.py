@@ -68,7 +68,9 @@ def test_a_pattern_is_no_line_for_any_of_them(tmp_path: Path) -> None:
         "line": ["line", table],
         "fit": ["fit", table, "--formula", "a + b*x", "--kind", "synthetic"],
     }.items():
-        done = CliRunner().invoke(cli, [*arguments, "--out", str(tmp_path / name), "--no-figures"])
+        done = CliRunner().invoke(
+            cli, [*arguments, "--out", str(tmp_path / name), "--figures", "none"]
+        )
         assert done.exit_code == 3
         assert "(test '" in (tmp_path / name / "report.md").read_text()
 

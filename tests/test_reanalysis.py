@@ -140,7 +140,7 @@ def test_any_number_of_processes_gives_the_same_report(tmp_path: Path) -> None:
         progress_of=lambda _: nullcontext(lambda percent, message: None),
     )
     spread_out = reanalyse(campaign, seed=1, target=few, progress_of=listened, jobs=2)
-    assert reanalysis_report(alone, figures=False) == reanalysis_report(spread_out, figures=False)
+    assert reanalysis_report(alone, figures="none") == reanalysis_report(spread_out, figures="none")
     assert told[0] == (0, "2 fits, 2 at once")
     assert [percent for percent, _ in told] == [0, 50, 100]
 
@@ -229,7 +229,7 @@ def test_a_report_says_whose_the_band_is(
         target=target,
         progress_of=lambda _: nullcontext(lambda percent, message: None),
     )
-    report = reanalysis_report(found, figures=True)["report.md"].decode().replace("\xa0", " ")
+    report = reanalysis_report(found, figures="all")["report.md"].decode().replace("\xa0", " ")
     assert f"*Orange: {said}. Blue: " in report
 
 
@@ -325,7 +325,7 @@ def test_committed_report_is_what_the_code_finds(
     """
     import tomllib
 
-    files, committed = reanalysis_report(reanalysed), project / "reports" / "replica"
+    files, committed = reanalysis_report(reanalysed, figures="all"), project / "reports" / "replica"
     new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
     assert set(new["statuses"].values()) == {"ok"}
     bodies = {body.body for body in reanalysed.bodies}
@@ -336,7 +336,7 @@ def test_committed_report_is_what_the_code_finds(
         if not any(other in what for other in others)
     }
     bare, shown = (
-        reanalysis_report(reanalysed, figures=False),
+        reanalysis_report(reanalysed, figures="none"),
         re.findall(r"!\[[^\]]*\]\((\S+)\)", files["report.md"].decode()),
     )
     assert bare == {"report.md": bare["report.md"], "result.json": files["result.json"]}

@@ -273,7 +273,7 @@ def test_a_recording_that_the_stated_values_do_not_allow_is_a_contradiction(
     tmp_path: Path, choices: dict[str, str], reason: str
 ) -> None:
     path = campaign_of(tmp_path, **choices)
-    code, said = command("map", path, "--out", tmp_path / "out", "--no-figures")
+    code, said = command("map", path, "--out", tmp_path / "out", "--figures", "none")
     assert code == 3
     assert reason in said
     assert json.loads((tmp_path / "out" / "result.json").read_text())["status"] == "contradiction"
@@ -302,11 +302,11 @@ def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
     tmp_path: Path, few_draws: None
 ) -> None:
     path = campaign_of(tmp_path, shared="unmodelled_force = 0")
-    assert command("fit", path, "--out", tmp_path / "fit", "--no-figures")[0] == 0
+    assert command("fit", path, "--out", tmp_path / "fit", "--figures", "none")[0] == 0
     assert (
-        command("map", path, "--out", tmp_path / "map", "--fit", tmp_path / "fit", "--no-figures")[
-            0
-        ]
+        command(
+            "map", path, "--out", tmp_path / "map", "--fit", tmp_path / "fit", "--figures", "none"
+        )[0]
         == 0
     )
     fitted, stated = (
@@ -323,7 +323,7 @@ def test_a_fit_narrows_the_map_and_must_be_one_of_this_campaign(
     assert width == pytest.approx(turning["sd"], rel=0.2)
     assert width < 0.3 * 0.5 * (stated.stop[3] - stated.stop[1])
     path.write_text(path.read_text() + "# changed\n")
-    code, said = command("map", path, "--fit", tmp_path / "fit", "--no-figures")
+    code, said = command("map", path, "--fit", tmp_path / "fit", "--figures", "none")
     assert (code, "as it stands" in said) == (2, True)
 
 

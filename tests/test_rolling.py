@@ -235,7 +235,7 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
     without = analyse(plain, ["a"], seed=1, target=Target(ess=1000.0))
     assert np.array_equal(without.chain.flat, analysis.chain.flat)
     assert result_of(plain, without).rolling["a"].probability is None
-    report = analysis_report(plain, without, figures=False)["report.md"].decode()
+    report = analysis_report(plain, without, figures="none")["report.md"].decode()
     assert "no friction stated" in report
     assert "rolling.png" not in report
 

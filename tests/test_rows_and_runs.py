@@ -29,7 +29,8 @@ def test_a_row_without_a_value_is_named_in_the_terminal_and_on_the_first_screen(
         "U*exp(-t/tau)",
         "--u-y",
         0.01,
-        "--no-figures",
+        "--figures",
+        "none",
         "--out",
         tmp_path / "out",
     ]

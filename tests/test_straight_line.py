@@ -31,7 +31,7 @@ LINES = REFERENCE / "lines"
 
 def told(tmp_path, *arguments):
     result = runner().invoke(
-        cli, ["line", *map(str, arguments), "--out", str(tmp_path / "out"), "--no-figures"]
+        cli, ["line", *map(str, arguments), "--out", str(tmp_path / "out"), "--figures", "none"]
     )
     return result, tmp_path / "out"
 

@@ -55,7 +55,8 @@ def test_one_command_is_the_campaign_that_its_report_prints(table: Path) -> None
         "0.02",
         "--out",
         out,
-        "--no-figures",
+        "--figures",
+        "none",
     ]
     done = runner().invoke(cli, [str(argument) for argument in arguments], standalone_mode=False)
     assert (done.exception, done.output.splitlines()[:2]) == (
@@ -90,7 +91,8 @@ def test_a_wrong_curve_ends_with_3(table: Path) -> None:
         "0.02",
         "--out",
         str(table.parent / "out"),
-        "--no-figures",
+        "--figures",
+        "none",
     ]
     done = runner().invoke(cli, arguments, standalone_mode=False)
     assert "data: poor-fit" in done.output
@@ -511,7 +513,7 @@ def test_the_first_line_says_which_column_is_which_and_what_is_not_read(tmp_path
         "U [V],u_U [V],I [mA],u(I) [mA],T\n"
         + "".join(f"{i},0.1,{2 * i + 0.1 * (-1) ** i},0.2,{i * i}\n" for i in range(9))
     )
-    out = ["--out", str(tmp_path / "out"), "--no-figures"]
+    out = ["--out", str(tmp_path / "out"), "--figures", "none"]
     first = "columns: x = U (V), y = I (mA), u_y = u(I) (mA), u_x = u_U (V); columns not used: T"
     done = runner().invoke(
         cli,
@@ -578,7 +580,15 @@ def test_a_copied_row_is_told_where_the_result_is(tmp_path: Path, command: list[
         file.write_text("t,y\n" + "\n".join(lines) + "\n")
         done = runner().invoke(
             cli,
-            [command[0], str(file), *command[1:], "--out", str(tmp_path / "out"), "--no-figures"],
+            [
+                command[0],
+                str(file),
+                *command[1:],
+                "--out",
+                str(tmp_path / "out"),
+                "--figures",
+                "none",
+            ],
             standalone_mode=False,
         )
         assert (

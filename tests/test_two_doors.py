@@ -334,7 +334,16 @@ def test_a_search_for_what_the_curve_lacks_that_fails_costs_no_report(
     file = table(tmp_path, x, x**2 + 0.01 * np.random.default_rng(1).standard_normal(x.size))
     told = CliRunner().invoke(
         cli,
-        ["fit", str(file), "--formula", "a + b*x", "--no-figures", "--out", str(tmp_path / "out")],
+        [
+            "fit",
+            str(file),
+            "--formula",
+            "a + b*x",
+            "--figures",
+            "none",
+            "--out",
+            str(tmp_path / "out"),
+        ],
     )
     assert told.exit_code == 3, told.output
     assert "poor-fit" in told.output

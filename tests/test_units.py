@@ -96,7 +96,7 @@ def test_several_data_sets_have_a_report(tmp_path: Path) -> None:
         title="Two discharges",
         kind="synthetic",
         target=Target(ess=400),
-        figures=False,
+        figures="none",
     )
     assert analysis.diagnosis.status == "ok"
     text = (tmp_path / "joint" / "report.md").read_text()

@@ -174,7 +174,9 @@ def test_a_report_is_not_compared_with_itself(model: Path) -> None:
         assert f"'{field}' must lie within what the command writes" in str(done.exception)
         shutil.rmtree(model / "out")
         assert (
-            run("propagate", "model.toml", "--out", "out", "--seed", "3", "--no-figures").exit_code
+            run(
+                "propagate", "model.toml", "--out", "out", "--seed", "3", "--figures", "none"
+            ).exit_code
             == 0
         )
 
@@ -217,7 +219,7 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(
     (tmp_path / "r.csv").write_text(
         "x,y\n" + "".join(f"{a:.6f},{b:.6f}\n" for a, b in zip(x, y, strict=True))
     )
-    assert run("fit", "campaign.toml", "--out", "first", "--no-figures").exit_code == 0
+    assert run("fit", "campaign.toml", "--out", "first", "--figures", "none").exit_code == 0
     assert run("verify", "first").exit_code == 0
     text = (tmp_path / "r.csv").read_text().splitlines()
     at, value = text[12].split(",")
@@ -232,7 +234,7 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(
     found = run("verify", "first")
     assert "the input campaign.toml is not the one" in found.output
     assert "prior_sd: '0.2', recomputed '0.1'" in found.output
-    assert run("fit", "campaign.toml", "--out", "second", "--no-figures").exit_code == 0
+    assert run("fit", "campaign.toml", "--out", "second", "--figures", "none").exit_code == 0
     apart = run("diff", "first", "second")
     assert apart.exit_code == 0
     for words in ("the campaign file", "data: r.csv differs", "estimates moved by at most 0.1 sd"):
@@ -251,7 +253,7 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
         (out / name).write_text(kept)
         origin["outputs"][name] = hashlib.sha256(b"old").hexdigest()
     (out / "origin.json").write_text(json.dumps(origin))
-    assert run("propagate", "model.toml", "--out", "out", "--no-figures").exit_code == 0
+    assert run("propagate", "model.toml", "--out", "out", "--figures", "none").exit_code == 0
     assert sorted(path.name for path in out.iterdir()) == [
         "edited.csv",
         "mine.txt",
@@ -265,13 +267,13 @@ def test_what_only_an_earlier_report_has_goes_with_it_unless_somebody_changed_it
         (out / "origin.json").write_text(
             json.dumps({**json.loads(made), "outputs": {name: hashlib.sha256(b"old").hexdigest()}})
         )
-        done = run("propagate", "model.toml", "--out", "out", "--no-figures")
+        done = run("propagate", "model.toml", "--out", "out", "--figures", "none")
         assert isinstance(done.exception, InputError)
         assert "'outputs' must lie within what the command writes" in str(done.exception)
     assert (model / "elsewhere.csv").exists()
     (out / "origin.json").write_text("{")  # no origin of ours says what is ours
     assert "origin.json: is no origin of a report" in str(
-        run("propagate", "model.toml", "--out", "out", "--no-figures").exception
+        run("propagate", "model.toml", "--out", "out", "--figures", "none").exception
     )
 
 
@@ -545,7 +547,7 @@ def test_reports_of_single_runs_are_verified_with_the_report_of_all(
     (tmp_path / "r.csv").write_text(
         "x,y\n" + "".join(f"{x},{1 + 2 * x + 0.1 * (-1) ** x}\n" for x in range(20))
     )
-    run("fit", "campaign.toml", "--out", "out", "--no-figures")
+    run("fit", "campaign.toml", "--out", "out", "--figures", "none")
     done = run("verify", "out")
     assert done.exit_code == 0, done.output
     assert "r/result.json" in done.output
@@ -559,7 +561,7 @@ def test_reports_of_single_runs_are_verified_with_the_report_of_all(
 def test_every_kind_of_result_is_compared(model: Path) -> None:
     assert run("diff", "out", "out").output == "the results are the same\n"
     changed(model / "model.toml", "value = 2.0", "value = 5.0")
-    assert run("propagate", "model.toml", "--out", "other", "--no-figures").exit_code == 0
+    assert run("propagate", "model.toml", "--out", "other", "--figures", "none").exit_code == 0
     told = run("diff", "out", "other").output
     assert "y.gum: 3.000 +- 0.224 -> 6.000 +- 0.224 m, moved by +13.42 sd, sd x 1.00" in told
     assert "the same" not in told

@@ -15,7 +15,7 @@ from estim.cli.formats import chosen
 from estim.cli.options import FOLDER, JOBS, PATH, STEPS, report_options
 from estim.cli.origin import note_of_others
 from estim.cli.terminal import exit_unless, pieces, report_at, reserve_output, say, write_report
-from estim.common import EstimError, InputError, held, phrase
+from estim.common import EstimError, FigureChoice, InputError, held, phrase
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -74,7 +74,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
 @click.option(
     "--reports",
     is_flag=True,
-    help="Write a full report for each run, with figures, instead of result.json alone.",
+    help="Write a full report for each run, instead of result.json alone.",
 )
 @STEPS
 @click.option(
@@ -100,7 +100,7 @@ def batch(
     max_steps: int,
     out: Path,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
     resume: bool,
 ) -> None:
     """Fit the runs of many campaigns one by one, each as `estim fit` does.
@@ -115,12 +115,8 @@ def batch(
 
     # a worker elsewhere has another working folder
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)
-    figures, formats = not no_figures, chosen()
-    kind = (
-        "-".join(("report", *formats, *(() if figures else ("without figures",))))
-        if reports
-        else "result"
-    )
+    formats = chosen()
+    kind = "-".join(("report", *formats, f"figures {figures}")) if reports else "result"
     written = partial(full_files, figures=figures, formats=formats) if reports else lean_files
     settings = Settings(kind, seed, max_steps)
     lock = ".batch" if shard is None else f".batch-{shard.replace('/', '-of-')}"
@@ -144,7 +140,7 @@ def batch(
         )
     for row in rows:
         note_of_others(row.inputs)
-    write_report(place, batch_report(rows, figures=not no_figures) | batch_times(rows), within=out)
+    write_report(place, batch_report(rows, figures=figures) | batch_times(rows), within=out)
     for row in rows:
         if row.error:
             say(f"error: {row.run}: {row.error}" if row.run else f"error: {row.error}", err=True)

@@ -20,7 +20,7 @@ from estim.cli.terminal import (
     reserve_output,
     write_report,
 )
-from estim.common import Stream, decide, phrase, stream
+from estim.common import FigureChoice, Stream, decide, phrase, stream
 
 
 @click.command()
@@ -55,7 +55,7 @@ def calibrate(
     out: Path | None,
     seed: int,
     resume: bool,
-    no_figures: bool,
+    figures: FigureChoice,
 ) -> None:
     """Check on simulated data whether the intervals for CAMPAIGN have their nominal coverage.
 
@@ -108,7 +108,7 @@ def calibrate(
             place = folder if len(groups) == 1 else folder / group[0]
             write_report(
                 place,
-                calibration_report(loaded, calibrations, unlike=unlike, figures=not no_figures),
+                calibration_report(loaded, calibrations, unlike=unlike, figures=figures),
                 within=folder,
             )
             for calibration in calibrations:

@@ -60,6 +60,7 @@ from estim.cli.terminal import (
 )
 from estim.cli.verifying import diff, verify
 from estim.common import (
+    FigureChoice,
     InputError,
     PieceStore,
     Stream,
@@ -143,7 +144,7 @@ def fit(
     compare: bool,
     explain: bool,
     resume: bool,
-    no_figures: bool,
+    figures: FigureChoice,
     said: Mapping[str, Any],
 ) -> None:
     """Fit runs of CAMPAIGN, or the points of a table FILE, and write a report.
@@ -172,13 +173,7 @@ def fit(
     with finished_pieces(folder, resume=resume) as store:
         if compare:
             all_ok = compare_noise(
-                loaded,
-                groups,
-                folder,
-                seed=seed,
-                max_steps=max_steps,
-                store=store,
-                figures=not no_figures,
+                loaded, groups, folder, seed=seed, max_steps=max_steps, store=store, figures=figures
             )
         else:
             all_ok = _fit_groups(
@@ -190,7 +185,7 @@ def fit(
                 marginal=marginal,
                 explain=explain,
                 store=store,
-                figures=not no_figures,
+                figures=figures,
                 file=campaign.name,
             )
     exit_unless(all_ok)
@@ -206,7 +201,7 @@ def _fit_groups(
     marginal: bool | None,
     explain: bool,
     store: PieceStore,
-    figures: bool,
+    figures: FigureChoice,
     file: str,
 ) -> bool:
     """Fits each group of runs and writes its report; whether all are ok.  file : the name of what
@@ -287,7 +282,7 @@ def energy(
     max_steps: int,
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
 ) -> None:
     """Check the energy along the runs of CAMPAIGN: how much is lost, and is the loss steady?
 
@@ -330,7 +325,7 @@ def energy(
             energy_lines(analyses[-1], drifts[-1]),
         )
     write_report(
-        folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=not no_figures)
+        folder, energy_report(loaded, analyses, records, drifts, seed=seed, figures=figures)
     )
     report_at(folder / "report.md", loaded.source.files_outside())
     exit_unless(all(energy_status(*pair).ok for pair in zip(analyses, drifts, strict=True)))
@@ -349,7 +344,7 @@ def reanalyse(
     jobs: int,
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
     resume: bool,
 ) -> None:
     """Analyse everything in CAMPAIGN and write one report.
@@ -377,7 +372,7 @@ def reanalyse(
             jobs=jobs,
             store=store,
         )
-        write_report(folder, reanalysis_report(result, figures=not no_figures))
+        write_report(folder, reanalysis_report(result, figures=figures))
     sentences = reanalysis_lines(result)
     for what, status in result.statuses.items():
         conclude(called(result, what), status, sentences.get(what, ()))

@@ -10,7 +10,7 @@ from estim.cli.terminal import conclude, progress_bar, report_at, reserve_output
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
-    from estim.common import PieceStore
+    from estim.common import FigureChoice, PieceStore
 
 
 def compare(
@@ -21,7 +21,7 @@ def compare(
     seed: int,
     max_steps: int,
     store: PieceStore,
-    figures: bool,
+    figures: FigureChoice,
 ) -> bool:
     """A table of models for each group, each model's own report beside it; whether each group has a
     model that is ok.

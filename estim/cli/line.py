@@ -19,7 +19,7 @@ from estim.cli.terminal import (
     say,
     write_report,
 )
-from estim.common import InputError, phrase, read_quantity
+from estim.common import FigureChoice, InputError, phrase, read_quantity
 
 
 @click.command()
@@ -86,7 +86,7 @@ def line(
     inverse: tuple[str, ...],
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
     dialect: Mapping[str, Any],
 ) -> None:
     """Fit the theta_min line and the trials of release of CAMPAIGN's body, or a line through the
@@ -104,7 +104,7 @@ def line(
                 value=str(campaign),
             )
         _fit_line_and_trials(
-            campaign, out or out_folder(campaign, "line"), seed=seed, figures=not no_figures
+            campaign, out or out_folder(campaign, "line"), seed=seed, figures=figures
         )
         return
     from estim.line import Columns, Correlated, commons, straight_line
@@ -123,7 +123,7 @@ def line(
         dialect=written,
         correlated=shared,
     )
-    write_report(folder, straight_line_report(fitted, figures=not no_figures))
+    write_report(folder, straight_line_report(fitted, figures=figures))
     say(fitted.told)
     conclude(
         phrase("line"),
@@ -135,7 +135,7 @@ def line(
     exit_unless(fitted.status.ok)
 
 
-def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: bool) -> None:
+def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: FigureChoice) -> None:
     """The theta_min series and the trials of release of a campaign, in one report."""
     from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials

@@ -9,7 +9,7 @@ import click
 
 from estim.cli.options import CAMPAIGN, OUT_MAP, PATH, out_folder, report_options
 from estim.cli.terminal import conclude, exit_unless, report_at, reserve_output, say, write_report
-from estim.common import decide
+from estim.common import FigureChoice, decide
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
@@ -46,7 +46,7 @@ def map_motions(
     fitted: Path | None,
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
 ) -> None:
     """Map the motion of the bodies of CAMPAIGN released at rest, over tilt and angle of release.
 
@@ -67,7 +67,7 @@ def map_motions(
     folder = out or out_folder(campaign, "map")
     reserve_output(folder, "result.json")
     maps = map_bodies(loaded, bodies, ramp_length=ramp_length, fitted=values, seed=seed)
-    write_report(folder, map_report(loaded, maps, line, seed=seed, figures=not no_figures))
+    write_report(folder, map_report(loaded, maps, line, seed=seed, figures=figures))
     for body_map in maps:
         conclude(body_map.body, decide(body_map.findings), map(tell, body_map.findings))
         for sentence in map_lines(body_map):

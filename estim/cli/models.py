@@ -29,7 +29,7 @@ from estim.cli.terminal import (
     say,
     write_report,
 )
-from estim.common import phrase
+from estim.common import FigureChoice, phrase
 
 if TYPE_CHECKING:
     from estim.sampling import Progress
@@ -58,7 +58,7 @@ def compare_models(
     max_steps: int,
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
     resume: bool,
 ) -> None:
     """Compare models of the body in CAMPAIGN: the paper's, with resistance, drag, a free start, an
@@ -96,9 +96,7 @@ def compare_models(
             )
             place = folder if len(groups) == 1 else folder / group[0]
             write_report(
-                place,
-                models_report(loaded, comparison, seed=seed, figures=not no_figures),
-                within=folder,
+                place, models_report(loaded, comparison, seed=seed, figures=figures), within=folder
             )
             for row in comparison.rows:
                 conclude(f"{what}, {row.model.name}", row.analysis.diagnosis.status, ())

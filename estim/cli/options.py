@@ -11,6 +11,7 @@ import click
 
 from estim.cli.formats import FORMAT
 from estim.cli.language import LANG
+from estim.common import FIGURE_CHOICES
 
 PATH = click.Path(path_type=Path)
 FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -55,8 +56,13 @@ SEED = click.option(
     show_default=True,
     help="Seed of every random number.",
 )
-NO_FIGURES = click.option(
-    "--no-figures", is_flag=True, help="Write the report without figures, which is faster."
+FIGURES = click.option(
+    "--figures",
+    type=click.Choice(FIGURE_CHOICES),
+    default="main",
+    show_default=True,
+    help="The main figures of a report, all of them (of a fit also residuals, joint posterior, "
+    "profiles, uncertainty budget and chains), or none.  Figures take a second or more.",
 )
 JOBS = click.option(
     "--jobs",
@@ -74,7 +80,7 @@ RESUME = click.option(
 
 def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of every command that writes a report with figures."""
-    return SEED(NO_FIGURES(FORMAT(LANG(command))))
+    return SEED(FIGURES(FORMAT(LANG(command))))
 
 
 def out_folder(campaign: Path, *parts: str) -> Path:

@@ -16,7 +16,7 @@ from estim.cli.terminal import (
     reserve_output,
     write_report,
 )
-from estim.common import phrase
+from estim.common import FigureChoice, phrase
 
 
 @click.command("plan")
@@ -37,7 +37,7 @@ def plan_next(
     wanted: tuple[str, ...],
     out: Path | None,
     seed: int,
-    no_figures: bool,
+    figures: FigureChoice,
 ) -> None:
     """Plan which further measurements would best reduce the uncertainties of CAMPAIGN.
 
@@ -56,7 +56,7 @@ def plan_next(
     reserve_output(folder, "plan.json")
     with pieces(phrase("plan"), phrase("option")) as progress:
         result = plan(loaded, names, wanted=wanted, seed=seed, progress=progress)
-    write_report(folder, plan_report(result, figures=not no_figures))
+    write_report(folder, plan_report(result, figures=figures))
     status, reasons = plan_status(result)
     conclude(phrase("plan"), status, [*plan_answers(result), *reasons])
     report_at(folder / "report.md", loaded.source.files_outside())

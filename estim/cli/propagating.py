@@ -16,14 +16,14 @@ from estim.cli.terminal import (
     say,
     write_report,
 )
-from estim.common import Stream, phrase, stream
+from estim.common import FigureChoice, Stream, phrase, stream
 
 
 @click.command()
 @click.argument("file", type=PATH)
 @OUT
 @report_options
-def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None:
+def propagate(file: Path, out: Path | None, seed: int, figures: FigureChoice) -> None:
     """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
     (docs/propagation.md).
     """
@@ -38,7 +38,7 @@ def propagate(file: Path, out: Path | None, seed: int, no_figures: bool) -> None
         propagation = propagate_model(
             model, rng=stream(seed, Stream.MEASUREMENT), progress=progress
         )
-    write_report(folder, measurement_report(propagation, seed=seed, figures=not no_figures))
+    write_report(folder, measurement_report(propagation, seed=seed, figures=figures))
     for output, status, line in zip(
         model.outputs, propagation.statuses, measurement_lines(propagation), strict=True
     ):

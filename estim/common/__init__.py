@@ -29,6 +29,8 @@ from estim.common.interruption import ended_by_signals
 from estim.common.jobs import run_parallel
 from estim.common.kinds import Kind, Status
 from estim.common.labels import (
+    FIGURE_CHOICES,
+    FigureChoice,
     KINDS,
     OF_BODY,
     Label,

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Literal, TypeAlias, get_args
 
 from estim.common.escaping import LETTERS, Markdown, markdown
 from estim.common.phrases import later, phrase
@@ -19,6 +20,9 @@ KINDS = {
     "measured": later("Measured data."),
     "published": later("Data taken from a publication."),
 }
+FigureChoice: TypeAlias = Literal["main", "all", "none"]
+"""Which figures a report has."""
+FIGURE_CHOICES: tuple[str, ...] = get_args(FigureChoice)
 OF_BODY = "body "  # before the name of a body, where something that its runs share is named
 _SUBSCRIPT = re.compile(rf"(?<=[^_])_((?:[{LETTERS}]+_)*[{LETTERS}]+)$")
 

@@ -13,6 +13,7 @@ from functools import partial
 from estim.campaign import Campaign
 from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
 from estim.common import (
+    FigureChoice,
     Label,
     Notation,
     Status,
@@ -70,17 +71,17 @@ _MOST_DIRECTIONS, _MOST_CORRELATED = 60, 40
 
 
 def analysis_report(
-    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
+    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of one analysis.
 
-    figures, profiles : whether there are any figures, and profile intervals.
+    figures : "main" is curve and data alone.  profiles : whether there are profile intervals.
     """
     return report_and_result(campaign, analysis, figures=figures, profiles=profiles)[0]
 
 
 def report_and_result(
-    campaign: Subject, analysis: Analysis, *, figures: bool = True, profiles: bool = True
+    campaign: Subject, analysis: Analysis, *, figures: FigureChoice = "main", profiles: bool = True
 ) -> tuple[dict[str, bytes], Result]:
     """The files of `analysis_report`, and the record that they show."""
     determination = determine(analysis, profiles=profiles)
@@ -96,12 +97,21 @@ def report_and_result(
     )
 
     text = partial(_text, campaign, analysis, result, section, shares)
-    drawers = _drawers(analysis, determination.intervals, shares, campaign.truth)
-    files = page(drawers, text, wanted=figures, kind=campaign.kind)
+    further = _further_drawers(analysis, determination.intervals, shares, campaign.truth)
+    files = page(_main_drawers(analysis), text, wanted=figures, further=further, kind=campaign.kind)
     return files | shortened(files["report.md"].decode()) | {"result.json": to_json(result)}, result
 
 
-def _drawers(
+def _main_drawers(analysis: Analysis) -> Drawers:
+    figures: dict[str, Callable[[], Figure]] = {
+        "figures/phase.png": partial(phase_figure, analysis)
+    }
+    if counted_runs(analysis.problem.runs):
+        figures["figures/counts.png"] = partial(counts_figure, analysis.fit, analysis.goodness)
+    return figures
+
+
+def _further_drawers(
     analysis: Analysis,
     intervals: Sequence[ProfileInterval],
     shares: Shares | None,
@@ -109,7 +119,6 @@ def _drawers(
 ) -> Drawers:
     drawn = drawn_runs(analysis.goodness)
     figures: dict[str, Callable[[], Figure]] = {
-        "figures/phase.png": lambda: phase_figure(analysis),
         "figures/residuals.png": lambda: residual_figure(
             [analysis.problem.runs[i] for i in drawn], [analysis.goodness[i] for i in drawn]
         ),
@@ -149,8 +158,6 @@ def _drawers(
         figures["figures/rolling.png"] = lambda: rolling_figure(
             analysis.problem, analysis.chain.thinned(1000), analysis.rolling
         )
-    if counted_runs(analysis.problem.runs):
-        figures["figures/counts.png"] = lambda: counts_figure(analysis.fit, analysis.goodness)
     if analysis.fit.deviations:
         figures["figures/deviation.png"] = lambda: discrepancy_figure(
             analysis.fit.deviations, analysis.problem.runs

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import as_csv, as_json, bracketed, format_rounded, phrase
+from estim.common import FigureChoice, as_csv, as_json, bracketed, format_rounded, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -32,13 +32,17 @@ def lean_files(campaign: Subject, analysis: Analysis) -> dict[str, bytes]:
 
 
 def full_files(
-    campaign: Subject, analysis: Analysis, *, figures: bool = True, formats: Sequence[str] = ()
+    campaign: Subject,
+    analysis: Analysis,
+    *,
+    figures: FigureChoice = "main",
+    formats: Sequence[str] = (),
 ) -> dict[str, bytes]:
     """The whole report of a run."""
     return with_formats(analysis_report(campaign, analysis, figures=figures), formats)
 
 
-def batch_report(rows: Sequence[Row], *, figures: bool = True) -> dict[str, bytes]:
+def batch_report(rows: Sequence[Row], *, figures: FigureChoice = "main") -> dict[str, bytes]:
     """`report.md`, `summary.csv`, `summary.json` and, where there is something to draw,
     `figures/overview.png`.
     """

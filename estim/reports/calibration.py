@@ -20,7 +20,16 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import Markdown, as_json, decide, later, p_digits, percentage, phrase
+from estim.common import (
+    FigureChoice,
+    Markdown,
+    as_json,
+    decide,
+    later,
+    p_digits,
+    percentage,
+    phrase,
+)
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
@@ -91,12 +100,11 @@ def calibration_report(
     calibrations: Sequence[Calibration],
     *,
     unlike: str = "",
-    figures: bool = True,
+    figures: FigureChoice = "main",
 ) -> dict[str, bytes]:
     """The files of one or two calibrations (ranks, coverage) of the same runs.
 
     unlike : how the analysis differs from that of `estim fit`, "" where it does not.
-    figures : whether there are any.
     """
     drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:

@@ -9,7 +9,7 @@ import msgspec
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, later, phrase
+from estim.common import FigureChoice, as_json, later, phrase
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -40,10 +40,10 @@ class ComparedSummary(msgspec.Struct, frozen=True):
 
 
 def compare_report(
-    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: bool = True
+    campaign: Campaign, compared: Sequence[Refit], *, seed: int, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
     """The files of a comparison, next to which each model's own report may stand in a folder of its
-    name.  figures : whether there are any.
+    name.
     """
     common = _common(compared)
     summaries = [_summary(c, common) for c in compared]

@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.campaign import Kind
-from estim.common import KINDS, InputError, write_whole
+from estim.common import KINDS, FigureChoice, InputError, write_whole
 from estim.curve_fitting import CurveFit
 from estim.pipeline import Analysis, sample_curve
 from estim.problem import Observations
@@ -49,12 +49,12 @@ class CurveSubject:
 
 
 def curve_report(
-    fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: bool = True
+    fit: CurveFit, analysis: Analysis, *, title: str, kind: Kind, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/*.png` of an analysis of a fitted curve.
 
     kind : "measured", "synthetic" or "published": printed on the report.
-    figures : whether there are any.
+    figures : "main" (curve and data), "all" or "none".
     """
     if kind not in KINDS:
         raise InputError(f"must be one of {', '.join(KINDS)}", field="kind", value=kind)
@@ -76,7 +76,7 @@ def write_curve_report(
     kind: Kind,
     seed: int = 1,
     target: Target | None = None,
-    figures: bool = True,
+    figures: FigureChoice = "main",
 ) -> Analysis:
     """The draws of a fitted curve, of one data set or of several, whose report is written into
     `folder`: `report.md`, `result.json`, `figures/`.

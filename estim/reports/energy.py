@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.common import (
+    FigureChoice,
     Quantity,
     as_json,
     format_p,
@@ -200,12 +201,12 @@ def energy_report(
     drifts: Sequence[Drift],
     *,
     seed: int,
-    figures: bool = True,
+    figures: FigureChoice = "main",
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/energy.png`.
 
     records : in the order of the analyses' runs.
-    drifts : one for each analysis.  figures : whether there are any.
+    drifts : one for each analysis.
     """
     runs = [run for analysis in analyses for run in analysis.problem.runs]
     statuses = {

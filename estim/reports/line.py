@@ -13,6 +13,7 @@ from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines
 from estim.common import (
     QUANTILES,
+    FigureChoice,
     Markdown,
     Notation,
     Quantity,
@@ -220,10 +221,10 @@ def line_report(
     analysis: LineAnalysis,
     *,
     trials: TrialsAnalysis | None = None,
-    figures: bool = True,
+    figures: FigureChoice = "main",
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/line.png`; with `trials` their section, `trials.json`
-    and figures too.  figures : whether there are any.
+    and figures too.
     """
     result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")

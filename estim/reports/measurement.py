@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import Status, as_json, behind, bracketed, gravest, later, phrase
+from estim.common import FigureChoice, Status, as_json, behind, bracketed, gravest, later, phrase
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
@@ -336,9 +336,9 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
 
 
 def measurement_report(
-    propagation: Propagation, *, seed: int, figures: bool = True
+    propagation: Propagation, *, seed: int, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
-    """`report.md`, `result.json` and the figures.  figures : whether any are wanted."""
+    """`report.md`, `result.json` and the figures."""
     result = measurement_result(propagation, seed=seed)
     drawers = {"figures/distribution.png": partial(distribution_figure, propagation)}
     if any(np.isfinite(row.share) for budget in propagation.budgets for row in budget.rows):

@@ -11,7 +11,7 @@ import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL, value_cell
-from estim.common import as_json, bracketed, later, phrase, signed, split_level
+from estim.common import FigureChoice, as_json, bracketed, later, phrase, signed, split_level
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
@@ -114,9 +114,9 @@ class ModelSummary(msgspec.Struct, frozen=True):
 
 
 def models_report(
-    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: bool = True
+    campaign: Campaign, comparison: ModelComparison, *, seed: int, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
-    """The files of a comparison of models.  figures : whether there are any."""
+    """The files of a comparison of models."""
     rows, problem = comparison.rows, comparison.rows[0].analysis.problem
     common = _common(rows)
     summaries = [_summary(row) for row in rows]

@@ -7,9 +7,10 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
+from types import MappingProxyType
 from typing import Protocol
 
-from estim.common import Markdown, as_csv, phrase
+from estim.common import FIGURE_CHOICES, FigureChoice, InputError, Markdown, as_csv, phrase
 from estim.drawing import Figure, png
 from estim.reports.rendering import render
 
@@ -50,12 +51,26 @@ def marked(figure: Figure) -> Figure:
     return figure
 
 
-def page(drawers: Drawers, text: Text, *, wanted: bool, kind: str = "") -> dict[str, bytes]:
-    """The figures and `report.md`, path -> bytes; without figures where they are not `wanted`.
+def page(
+    drawers: Drawers,
+    text: Text,
+    *,
+    wanted: FigureChoice,
+    further: Drawers = MappingProxyType({}),
+    kind: str = "",
+) -> dict[str, bytes]:
+    """The figures that are `wanted` and `report.md`, path -> bytes.
 
+    drawers, further : of the main figures, and of those that are drawn where all are wanted.
     kind : of the data; where they are "synthetic" every figure says so.
+
+    Raises InputError.
     """
-    drawn = drawers if wanted else {}
+    if wanted not in FIGURE_CHOICES:
+        raise InputError(
+            f"must be one of {', '.join(FIGURE_CHOICES)}", field="figures", value=wanted
+        )
+    drawn = {} if wanted == "none" else {**drawers, **(further if wanted == "all" else {})}
     images = {
         path: png(draw, marked if kind == "synthetic" else None) for path, draw in drawn.items()
     }

@@ -8,7 +8,7 @@ from functools import partial
 import msgspec
 import numpy as np
 
-from estim.common import Status, as_json, bracketed, decide, format_quantity, phrase
+from estim.common import FigureChoice, Status, as_json, bracketed, decide, format_quantity, phrase
 from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_ticks, new_figure
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
@@ -150,8 +150,8 @@ def plan_record(plan: Plan) -> PlanRecord:
     )
 
 
-def plan_report(plan: Plan, *, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `plan.json` and the figures.  figures : whether there are any."""
+def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+    """`report.md`, `plan.json` and the figures."""
     record, options = plan_record(plan), shown_options(plan.options)
     drawers: dict[str, Callable[[], Figure]] = (
         {"figures/ratios.png": partial(ratio_figure, plan, options)} if options else {}

@@ -13,6 +13,7 @@ import numpy as np
 from estim.campaign import gamma_origin
 from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
 from estim.common import (
+    FigureChoice,
     Quantity,
     as_json,
     format_p,
@@ -183,12 +184,11 @@ def _body(r: Reanalysis, body: BodyAnalysis) -> BodySummary:
     )
 
 
-def reanalysis_report(r: Reanalysis, *, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/*.png`.  figures :
-    whether there are any.
-    """
+def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/*.png`."""
     result = reanalysis_result(r)
     drawn: dict[str, Callable[[], Figure]] = {}
+    further: dict[str, Callable[[], Figure]] = {}
     trusted = [body for body in r.bodies if body.joint.diagnosis.ok]
     if trusted:
         drawn["figures/narrowing.png"] = partial(
@@ -204,10 +204,10 @@ def reanalysis_report(r: Reanalysis, *, figures: bool = True) -> dict[str, bytes
             drawn[f"figures/energy-{body.body}.png"] = partial(
                 energy_figure, body.energies, title=body.body
             )
-        drawn[f"figures/residuals-{body.body}.png"] = partial(
+        further[f"figures/residuals-{body.body}.png"] = partial(
             residual_figure, body.joint.problem.runs, body.joint.goodness
         )
-        drawn[f"figures/corner-{body.body}.png"] = partial(
+        further[f"figures/corner-{body.body}.png"] = partial(
             corner_figure, body.joint, r.campaign.truth
         )
     below = {
@@ -215,7 +215,11 @@ def reanalysis_report(r: Reanalysis, *, figures: bool = True) -> dict[str, bytes
         for body in r.bodies
     }
     return page(
-        drawn, partial(reanalysis_text, result, below), wanted=figures, kind=r.campaign.kind
+        drawn,
+        partial(reanalysis_text, result, below),
+        wanted=figures,
+        further=further,
+        kind=r.campaign.kind,
     ) | {"result.json": as_json(result)}
 
 

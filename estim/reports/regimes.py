@@ -13,6 +13,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign import Campaign
 from estim.common import (
+    FigureChoice,
     InputError,
     Notation,
     as_json,
@@ -166,7 +167,7 @@ def map_report(
     line: ThetaMinSeries | None,
     *,
     seed: int,
-    figures: bool = True,
+    figures: FigureChoice = "main",
 ) -> dict[str, bytes]:
     """`report.md`, `result.json` and the figures of each body.  line : measured least angles, of
     one body.

@@ -11,6 +11,7 @@ import numpy as np
 
 from estim.checks import Estimate
 from estim.common import (
+    FigureChoice,
     Markdown,
     Notation,
     Status,
@@ -118,8 +119,8 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     )
 
 
-def straight_line_report(line: StraightLine, *, figures: bool = True) -> dict[str, bytes]:
-    """`report.md`, `result.json` and `figures/line.png`.  figures : whether any are wanted."""
+def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 
     def text(*, pictures: Collection[str]) -> str:

@@ -15,6 +15,7 @@ from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
 from estim.common import (
     QUANTILES,
+    FigureChoice,
     Label,
     Notation,
     Quantity,
@@ -224,11 +225,9 @@ def trials_files(
 
 
 def trials_report(
-    campaign: Campaign, analysis: TrialsAnalysis, *, figures: bool = True
+    campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
-    """`report.md`, `trials.json` and the figures of trials by themselves.  figures : whether there
-    are any.
-    """
+    """`report.md`, `trials.json` and the figures of trials by themselves."""
     drawers, values, record = trials_files(campaign, analysis, line=None)
     return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {
         "trials.json": record
