@@ -181,7 +181,7 @@ def joint(path: str) -> Measured:
     """The joint analysis of all runs of a campaign with its report, without figures."""
     from estim import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import analysis_report
+    from estim.reports.analysis import analysis_report
 
     began = time.process_time()
     campaign = load_campaign(Path(path))

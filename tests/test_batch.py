@@ -25,7 +25,7 @@ from estim.batch.units import Unit
 from estim.campaign import Campaign, load_campaign
 from estim.cli.commands import cli
 from estim.common import EstimError, InputError, key_of, write_whole
-from estim.reports import batch_report, lean_files
+from estim.reports.batch import batch_report, lean_files
 
 QUICK = Settings(ess=300.0)
 TIMES = np.arange(0.0, 3.0, 0.25)

@@ -31,7 +31,7 @@ from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.problem.noise import Scale
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal, Uniform
-from estim.reports import unlike_fit
+from estim.reports.calibration import unlike_fit
 from estim.words import tell
 
 QUICK = Engine(ess=500.0, n_round=500, max_step=1000)

@@ -15,7 +15,7 @@ from estim.campaign import Campaign, load_campaign
 from estim.common import InputError
 from estim.curves import seek
 from estim.pipeline import Analysis, analyse
-from estim.reports import analysis_report
+from estim.reports.analysis import analysis_report
 from estim.reports.corner_figures import columns_of
 from estim.reports.derived import derived_facts
 from estim.reports.result import result_lines, result_of

@@ -21,7 +21,7 @@ from hostile import STRINGS
 
 from estim.cli.commands import cli
 from estim.common import InputError, markdown, spoken
-from estim.reports import with_formats
+from estim.reports.formats import with_formats
 from estim.reports.html_page import html_page
 from estim.reports.rendering import folded
 

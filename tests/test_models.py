@@ -35,7 +35,7 @@ from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
-from estim.reports import ground_words, price_words, verdicts
+from estim.reports.models import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
 from estim.studies import START, Ground, ModelComparison, compare_models
 from estim.studies.models import APART, check_same_points, fit_model, recommend

@@ -18,8 +18,9 @@ from estim.cli.commands import cli
 from estim.curve_fitting.single import fit_curve
 from estim.line import analyse_line, read_theta_min
 from estim.pipeline import analyse, sample_curve
-from estim.reports import analysis_report, line_report
+from estim.reports.analysis import analysis_report
 from estim.reports.curve import curve_report
+from estim.reports.line import line_report
 from estim.reports.rendering import render
 from estim.sampling import Target
 

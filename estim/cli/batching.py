@@ -111,7 +111,7 @@ def batch(
     figure (docs/batch.md).  Exit code 3: some run is not ok.
     """
     from estim.batch import Settings, run_batch, shard_of, units_of
-    from estim.reports import batch_line, batch_report, batch_times, full_files, lean_files
+    from estim.reports.batch import batch_line, batch_report, batch_times, full_files, lean_files
 
     # a worker elsewhere has another working folder
     units = shard_of(units_of(path.resolve() if scheduler else path for path in paths), shard)

@@ -24,7 +24,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
     parts, with a budget.
     """
     from estim.campaign import read_campaign_file
-    from estim.reports import body_lines, body_report
+    from estim.reports.bodies import body_lines, body_report
     from estim.studies import weigh
 
     folder = out or out_folder(file, "body")

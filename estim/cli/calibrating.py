@@ -70,7 +70,7 @@ def calibrate(
     from estim.calibration import campaign_design, coverage_sentence, findings, run_trials
     from estim.campaign import as_complete, load_campaign
     from estim.fitting import fit_problem
-    from estim.reports import calibration_report, unlike_fit
+    from estim.reports.calibration import calibration_report, unlike_fit
     from estim.words import tell
 
     loaded = load_campaign(campaign, asked=runs)

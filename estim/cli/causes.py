@@ -39,7 +39,7 @@ def with_causes(
 
 
 def say_causes(analysis: Analysis) -> None:
-    from estim.reports import explanation_lines
+    from estim.reports.explanation import explanation_lines
 
     for line in () if analysis.explanation is None else explanation_lines(analysis.explanation):
         say(f"  {line}")

@@ -208,16 +208,11 @@ def _fit_groups(
     was said to be fit.
     """
     from estim.pipeline import analyse
-    from estim.reports import (
-        HOW_TO_GET,
-        can_write_netcdf,
-        index_report,
-        report_and_result,
-        result_lines,
-        slip_words,
-        to_netcdf,
-        with_campaign,
-    )
+    from estim.reports.analysis import index_report, report_and_result
+    from estim.reports.explanation import slip_words
+    from estim.reports.interop import HOW_TO_GET, can_write_netcdf, to_netcdf
+    from estim.reports.pages import with_campaign
+    from estim.reports.result import result_lines
     from estim.sampling import Target
 
     results, explanations = {}, []
@@ -290,7 +285,7 @@ def energy(
     """
     from estim.campaign import load_campaign
     from estim.pipeline import analyse
-    from estim.reports import energy_lines, energy_report
+    from estim.reports.energy import energy_lines, energy_report
     from estim.sampling import Target
     from estim.studies import drift_of, energy_along, energy_status
 
@@ -354,7 +349,7 @@ def reanalyse(
     the same for any number of --jobs.
     """
     from estim.campaign import load_campaign
-    from estim.reports import called, reanalysis_lines, reanalysis_report
+    from estim.reports.reanalysis import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
     from estim.studies import reanalyse as run_reanalysis
 

@@ -26,7 +26,8 @@ def compare(
     """A table of models for each group, each model's own report beside it; whether each group has a
     model that is ok.
     """
-    from estim.reports import analysis_report, compare_report, folder_of
+    from estim.reports.analysis import analysis_report
+    from estim.reports.comparison import compare_report, folder_of
     from estim.sampling import Target
     from estim.studies import compare_noise
 

@@ -68,6 +68,6 @@ def in_formats(files: Mapping[str, bytes]) -> dict[str, bytes]:
     formats = chosen()
     if not formats:
         return dict(files)
-    from estim.reports import with_formats
+    from estim.reports.formats import with_formats
 
     return with_formats(files, formats)

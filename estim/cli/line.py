@@ -108,7 +108,7 @@ def line(
         )
         return
     from estim.line import Columns, Correlated, commons, straight_line
-    from estim.reports import straight_line_lines, straight_line_report
+    from estim.reports.straight_line import straight_line_lines, straight_line_report
 
     folder, written = out or Path("out") / campaign.stem, dialect_of(dialect)
     at = [read_quantity(text, field="--predict") for text in predict]
@@ -139,7 +139,8 @@ def _fit_line_and_trials(campaign: Path, folder: Path, *, seed: int, figures: Fi
     """The theta_min series and the trials of release of a campaign, in one report."""
     from estim.campaign import gamma_of_body, load_campaign, resistance_of_body
     from estim.line import analyse_line, analyse_trials, read_theta_min, read_trials
-    from estim.reports import line_lines, line_report, trials_lines, trials_report
+    from estim.reports.line import line_lines, line_report
+    from estim.reports.trials import trials_lines, trials_report
     from estim.sampling import Target
 
     loaded = load_campaign(campaign)

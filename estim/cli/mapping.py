@@ -56,7 +56,7 @@ def map_motions(
     """
     from estim.campaign import load_campaign
     from estim.line import read_theta_min
-    from estim.reports import map_lines, map_report
+    from estim.reports.regimes import map_lines, map_report
     from estim.studies import map_bodies
     from estim.words import tell
 
@@ -78,7 +78,7 @@ def map_motions(
 
 def _fitted(campaign: Campaign, fitted: Path) -> FittedValues:
     from estim.reading import read_text
-    from estim.reports import fitted_values
+    from estim.reports.regimes import fitted_values
 
     path = fitted / "result.json" if fitted.is_dir() else fitted
     text, _ = read_text(path)

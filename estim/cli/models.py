@@ -69,7 +69,7 @@ def compare_models(
     that no model is ok.
     """
     from estim.campaign import load_campaign
-    from estim.reports import ground_words, models_report, price_words, verdicts
+    from estim.reports.models import ground_words, models_report, price_words, verdicts
     from estim.sampling import Target
     from estim.studies import compare_models as compare
 

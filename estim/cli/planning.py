@@ -48,7 +48,7 @@ def plan_next(
     """
     from estim.campaign import load_campaign
     from estim.planning import plan
-    from estim.reports import plan_answers, plan_report, plan_status
+    from estim.reports.plan import plan_answers, plan_report, plan_status
 
     loaded = load_campaign(campaign)
     (names,) = groups_of(loaded, runs, joint=True)

@@ -29,7 +29,7 @@ def propagate(file: Path, out: Path | None, seed: int, figures: FigureChoice) ->
     """
     from estim.measurement import propagate as propagate_model
     from estim.measurement import read_model
-    from estim.reports import measurement_lines, measurement_report
+    from estim.reports.measurement import measurement_lines, measurement_report
 
     folder = out or Path("out") / file.stem
     model = read_model(file)

@@ -326,7 +326,7 @@ class _Comparison:
 
     def _page(self, part: _Part) -> bytes:
         """`report.html` as it follows from the report and the figures beside it."""
-        from estim.reports import with_formats
+        from estim.reports.formats import with_formats
 
         files = {
             name: old for name, (old, _) in part.files.items() if old is not None and name != _PAGE
