@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from xdist.remote import Producer
     from xdist.scheduler import LoadScopeScheduling
 
-    from estim.studies import Reanalysis
+    from estim.studies.reanalysis import Reanalysis
 
 # a shell's background job ignores it, and so would what the tests start
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -61,7 +61,7 @@ def reanalysed(
     """
     from estim.campaign import load_campaign
     from estim.sampling import Target
-    from estim.studies import reanalyse
+    from estim.studies.reanalysis import reanalyse
 
     path = PROJECT / "data" / "replica" / "campaign.toml"
     if len(request.param) == 1:

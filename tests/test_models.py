@@ -37,8 +37,16 @@ from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
 from estim.reports.models import ground_words, price_words, verdicts
 from estim.sampling import Target, adapt_proposal, certify
-from estim.studies import START, Ground, ModelComparison, compare_models
-from estim.studies.models import APART, check_same_points, fit_model, recommend
+from estim.studies.models import (
+    APART,
+    START,
+    Ground,
+    ModelComparison,
+    check_same_points,
+    compare_models,
+    fit_model,
+    recommend,
+)
 from model import Body
 from model.simulate import simulate_positions
 

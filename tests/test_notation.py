@@ -31,7 +31,7 @@ from estim.reports.identifiability import direction_figure, profile_figure
 from estim.reports.records import Labels, ParameterSummary
 from estim.reports.result import Result
 from estim.sampling.chain import Target
-from estim.studies import determine
+from estim.studies.determination import determine
 
 # names that the rolling body has too
 UNITS = {"slope": "m/s", "offset": "m", "phi": "rad", "g": "1", "kappa": "V", "theta0": "rad"}

@@ -25,7 +25,7 @@ def body(file: Path, out: Path | None, seed: int) -> None:
     """
     from estim.campaign import read_campaign_file
     from estim.reports.bodies import body_lines, body_report
-    from estim.studies import weigh
+    from estim.studies.bodies import weigh
 
     folder = out or out_folder(file, "body")
     source = read_campaign_file(file, measured=False)

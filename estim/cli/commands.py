@@ -75,7 +75,7 @@ from estim.common import (
 if TYPE_CHECKING:
     from estim.campaign import Campaign
     from estim.pipeline import Analysis
-    from estim.studies import Drift, EnergyRecord
+    from estim.studies.energy import Drift, EnergyRecord
 
 
 @click.group(
@@ -287,7 +287,7 @@ def energy(
     from estim.pipeline import analyse
     from estim.reports.energy import energy_lines, energy_report
     from estim.sampling import Target
-    from estim.studies import drift_of, energy_along, energy_status
+    from estim.studies.energy import drift_of, energy_along, energy_status
 
     loaded = load_campaign(campaign, asked=runs)
     loaded.require_body()
@@ -351,7 +351,7 @@ def reanalyse(
     from estim.campaign import load_campaign
     from estim.reports.reanalysis import called, reanalysis_lines, reanalysis_report
     from estim.sampling import Target
-    from estim.studies import reanalyse as run_reanalysis
+    from estim.studies.reanalysis import reanalyse as run_reanalysis
 
     loaded = load_campaign(campaign)
     loaded.require_body()

@@ -13,7 +13,7 @@ from estim.common import FigureChoice, decide
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign
-    from estim.studies import FittedValues
+    from estim.studies.known_values import FittedValues
 
 
 @click.command("map")
@@ -57,7 +57,7 @@ def map_motions(
     from estim.campaign import load_campaign
     from estim.line import read_theta_min
     from estim.reports.regimes import map_lines, map_report
-    from estim.studies import map_bodies
+    from estim.studies.regimes import map_bodies
     from estim.words import tell
 
     loaded = load_campaign(campaign)

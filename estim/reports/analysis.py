@@ -62,7 +62,7 @@ from estim.reports.result import (
     to_json,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
-from estim.studies import determine
+from estim.studies.determination import determine
 from estim.words import first_step, name_of_test
 
 # parameters, beyond which a figure of directions, or a table of all correlations, is not for

@@ -10,7 +10,7 @@ from estim.common import as_json, format_quantity
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, provenance_of
 from estim.sampling import number
-from estim.studies import BodyProperties
+from estim.studies.bodies import BodyProperties
 
 BODY_SCHEMA = "estim-body/1"
 _LEAST_SHARE = 0.5  # %, of what is told of a budget

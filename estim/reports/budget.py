@@ -19,7 +19,7 @@ from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
 from estim.reports.records import DRAWS, Labels
 from estim.sampling import number
-from estim.studies import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
+from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 
 class UncertaintySource(msgspec.Struct, frozen=True):

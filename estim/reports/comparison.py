@@ -16,7 +16,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
-from estim.studies import Refit
+from estim.studies.refits import Refit
 
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
 

@@ -33,7 +33,7 @@ from estim.drawing import (
 from estim.pipeline import Analysis
 from estim.problem import Observations, Problem, reading_sd
 from estim.sampling import Bands, curve_draws
-from estim.studies import PropagatedBand
+from estim.studies.paper_band import PropagatedBand
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
 _BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}

@@ -26,7 +26,7 @@ from estim.pipeline import Analysis
 from estim.reports.pages import page
 from estim.reports.rendering import interval, render
 from estim.reports.result import Provenance, provenance
-from estim.studies import Drift, EnergyEstimate, EnergyRecord, energy_status
+from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
 
 ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing

@@ -19,7 +19,7 @@ from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
-from estim.studies import (
+from estim.studies.models import (
     FORCE,
     START,
     ComparedModel,

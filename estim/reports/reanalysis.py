@@ -62,7 +62,8 @@ from estim.reports.result import (
     result_of,
     sensitivity_words,
 )
-from estim.studies import BodyAnalysis, Narrowing, Reanalysis
+from estim.studies.limits import Narrowing
+from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
 

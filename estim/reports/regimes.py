@@ -39,7 +39,9 @@ from estim.line import ThetaMinSeries
 from estim.reports.pages import page
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
-from estim.studies import BodyMap, FittedValues, RunPlace
+from estim.studies.known_values import FittedValues
+from estim.studies.regimes import BodyMap
+from estim.studies.run_places import RunPlace
 from estim.words import advice_for, sure, tell
 
 if TYPE_CHECKING:

@@ -77,7 +77,8 @@ from estim.reports.records import (
 )
 from estim.reports.rolling import RollingSummary, rolling_summaries
 from estim.sampling import number, summarise, trusted
-from estim.studies import PRIOR, READINGS, STATED, Budget, Determination
+from estim.studies.budget import PRIOR, READINGS, STATED, Budget
+from estim.studies.determination import Determination
 from estim.versions import engine_versions, version
 from estim.words import advice_for, common_error, tell
 
