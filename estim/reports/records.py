@@ -38,7 +38,7 @@ class CertificateSummary(msgspec.Struct, frozen=True):
     n_draw: int | None
     log_evidence: float | None
     u_log_evidence: float | None
-    largest_difference: float | None  # of means, sds and ends of 95 % intervals, in posterior sds
+    largest_difference: float | None  # of medians and interval ends, in posterior sds
 
 
 class Profile(msgspec.Struct, frozen=True):

@@ -53,15 +53,15 @@ MAX_TIED = 20
 _IMPORTANCE = later("importance sampling")
 MOST_DRAWS = 64_000
 _FALSE_ALARM = 5e-4  # chance that any of all differences is called where there is none
-_NEGLIGIBLE = 0.03  # posterior sds: smaller differences are never called
-_NEGLIGIBLE_END = 0.05  # the same for the ends of the 95 % interval
-_COARSE, _COARSE_END = 0.25, 0.5  # posterior sds: errors that hide larger differences prove nothing
+# posterior sds, for each of `QUANTILES`: smaller differences are never called
+_NEGLIGIBLE = np.array([0.05, 0.03, 0.03, 0.03, 0.05])[:, None]
+# the same: errors that hide larger differences prove nothing
+_COARSE = np.array([0.5, 0.25, 0.25, 0.25, 0.5])[:, None]
 # posterior sds: error of an end of the 95 % interval that more draws are taken for
 _UNSURE_END = 0.07
 _LEAST_INSIDE = 0.25  # share of the draws, of which fewer may lie inside the support
 _FEWEST = 400.0  # effective draws, of fewer of which the errors are as unsure as the values
 _MARGIN = 1.2  # more draws than are lacking, since what lacks them moves with them
-ENDS = (0.025, 0.975)  # quantiles that are compared
 _N_RESAMPLED = 4000
 
 
@@ -105,10 +105,10 @@ class Agreement:
 
     verdict : "agree", "disagree" or "missing".
     told : why.
-    differences : (4, n_par) chain minus certificate of means, standard deviations, 2.5 % and 97.5 %
-        quantiles, in posterior standard deviations of the certificate.
-    z : (4, n_par) the same in units of the combined Monte-Carlo standard error (for the quantiles,
-        of the share of draws beyond).
+    differences : (5, n_par) chain minus certificate of the `QUANTILES`, in posterior standard
+        deviations of the certificate.
+    z : (5, n_par) the same of the shares of the draws below, in units of the combined Monte-Carlo
+        standard error.
     limit : |z| above which a difference that is not negligible is called, all parameters
         considered.
     """
@@ -127,8 +127,8 @@ class Agreement:
 
     @property
     def largest_difference(self) -> float:
-        """Largest difference of a mean, a standard deviation or an end of a 95 % interval, in
-        posterior standard deviations.
+        """Largest difference of a median or of an end of a 68 or 95 % interval, in posterior
+        standard deviations.
         """
         return float(np.max(np.abs(self.differences)))
 
@@ -178,7 +178,10 @@ def _lacking_for_ends(columns: Sequence[_Column]) -> float:
     enough to be compared; 1 at most if they are.
     """
     errors = [
-        column.error_of_end(p) / column.sd for column in columns if column.sd > 0.0 for p in ENDS
+        column.error_of_end(p) / column.sd
+        for column in columns
+        if column.sd > 0.0
+        for p in (QUANTILES[0], QUANTILES[-1])
     ]
     return (max(errors, default=0.0) / _UNSURE_END) ** 2
 
@@ -253,25 +256,25 @@ class _Column:
 def compare_with_chain(
     certificate: Certificate, chain: Chain, *, most: int = MAX_PARAMETERS
 ) -> Agreement:
-    """Whether a chain and an independent certificate give the same means, standard deviations and
-    ends of the 95 % intervals.
+    """Whether a chain and an independent certificate give the same medians and ends of the 68 and
+    95 % intervals.
 
-    A difference is called where it is both larger than 0.03 posterior sds (0.05 for the ends) and
-    beyond what the Monte-Carlo errors of both allow; with all 4 n_par differences considered
-    (Bonferroni) a true agreement is called in one case of 2000 at most.
+    Shares of the draws are compared, not moments: with few degrees of freedom the scatter of the
+    points has a tail so heavy that a standard deviation, and even more its Monte-Carlo error, is
+    decided by a few draws.  A difference is called where it is both larger than 0.03 posterior sds
+    (0.05 for the ends of the 95 % interval) and beyond what the Monte-Carlo errors of both allow;
+    with all 5 n_par differences considered (Bonferroni) a true agreement is called in one case of
+    2000 at most.
 
     most : parameters beyond which there is no verdict.
     """
     n_par, flat = len(certificate.names), chain.flat
     sd = np.where(certificate.sd > 0.0, certificate.sd, np.nan)
-    own = [flat.mean(axis=0), flat.std(axis=0), *np.quantile(flat, ENDS, axis=0)]
-    other = [certificate.mean, certificate.sd, *(certificate.quantiles[p] for p in ENDS)]
-    apart = np.array(own) - np.array(other)
-    moments = np.hypot(chain_errors(chain), [certificate.mcse_mean, certificate.mcse_sd])
-    z_ends, ends = zip(*(_end(certificate, chain, p) for p in ENDS), strict=True)
-    differences, z = apart / sd, np.vstack([apart[:2] / moments, *z_ends])
-    errors = np.vstack([moments, *ends]) / sd
-    limit = -float(normal_quantile(_FALSE_ALARM / (8 * n_par)))
+    quantiles = [certificate.quantiles[p] for p in QUANTILES]
+    differences = (np.quantile(flat, QUANTILES, axis=0) - np.array(quantiles)) / sd
+    z, errors = map(np.array, zip(*(_share(certificate, chain, p) for p in QUANTILES), strict=True))
+    errors = errors / sd
+    limit = -float(normal_quantile(_FALSE_ALARM / (2 * len(QUANTILES) * n_par)))
     verdict, finding = (
         ("missing", too_many(n_par, most))
         if n_par > most
@@ -280,7 +283,7 @@ def compare_with_chain(
     return Agreement(certificate.names, verdict, (finding,), differences, z, limit)
 
 
-def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
+def _share(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, FloatArray]:
     """(n_par,) z and standard error, unit of the parameters, of the difference of a quantile.
 
     z compares shares, not quantiles: that of the draws above the certificate's quantile with 1 - p.
@@ -298,22 +301,8 @@ def _end(certificate: Certificate, chain: Chain, p: float) -> tuple[FloatArray, 
 
 def no_comparison(names: tuple[str, ...], *told: Finding) -> Agreement:
     """A second opinion that is missing, and why."""
-    unknown = np.full((2 + len(ENDS), len(names)), np.nan)
+    unknown = np.full((len(QUANTILES), len(names)), np.nan)
     return Agreement(names, "missing", told, unknown, unknown, math.nan)
-
-
-def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
-    """(n_par,) Monte-Carlo standard errors of a chain's means and standard deviations.
-
-    From the effective size of the draws and of their squared deviations, every walker a chain (its
-    split halves included).
-    """
-    deviation = chain.draws - chain.flat.mean(axis=0)
-    squares = deviation**2
-    spread, of_squares = deviation.std(axis=(0, 1, 2)), squares.std(axis=(0, 1, 2))
-    u_mean = spread / np.sqrt(effective_size(chain.draws, "mean"))
-    with np.errstate(divide="ignore", invalid="ignore"):  # walkers that never moved
-        return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)
 
 
 def too_many(n_par: int, most: int = MAX_PARAMETERS) -> Finding:
@@ -328,37 +317,32 @@ def _verdict(
     errors: FloatArray,
     limit: float,
 ) -> tuple[str, Finding]:
-    """errors : (4, n_par) of the differences in posterior sds."""
+    """errors : (5, n_par) of the differences in posterior sds."""
     if not certificate.reliable:
         numbers = {"limit": K_HAT_LIMIT, "draws": certificate.n_draw}
         return "missing", Finding(Kind.WEIGHTS_UNRELIABLE, size=certificate.k_hat, numbers=numbers)
     hidden = limit * errors
     if certificate.ess < _FEWEST:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.nanmax(hidden)))
-    whats = (
-        phrase("mean"),
-        phrase("standard deviation"),
-        *(phrase("{p:.1f} % quantile", p=100.0 * p) for p in ENDS),
-    )
-    negligible = np.array([_NEGLIGIBLE, _NEGLIGIBLE, _NEGLIGIBLE_END, _NEGLIGIBLE_END])
     called = [
         Finding(
             Kind.DIFFERENCE,
-            test=whats[i],
+            test=_name_of(QUANTILES[i]),
             size=float(differences[i, j]),
             numbers={"errors": float(abs(z[i, j]))},
             parameters=(Amount(certificate.names[j]),),
         )
-        for i, j in np.argwhere(
-            ~((np.abs(differences) <= negligible[:, None]) | (np.abs(z) <= limit))
-        )
+        for i, j in np.argwhere(~((np.abs(differences) <= _NEGLIGIBLE) | (np.abs(z) <= limit)))
     ]
     if called:
         called.sort(key=lambda finding: -finding.numbers["errors"])
         return "disagree", Finding(Kind.CHAIN_DIFFERS, test=_IMPORTANCE, parts=tuple(called[:3]))
-    coarse = np.array([_COARSE, _COARSE, _COARSE_END, _COARSE_END])
-    too_large = hidden[hidden > coarse[:, None]]
+    too_large = hidden[hidden > _COARSE]
     if too_large.size:
         return "missing", Finding(Kind.ERRORS_TOO_LARGE, size=float(np.max(too_large)))
     largest = float(np.max(np.abs(differences)))
     return "agree", Finding(Kind.CHAIN_AGREES, size=largest)
+
+
+def _name_of(p: float) -> str:
+    return phrase("median") if p == 0.5 else phrase("{p:.1f} % quantile", p=100.0 * p)
