@@ -34,6 +34,7 @@ _GROWTH = 1.4  # of a piece after one that was resolved, up to its first length
 _MOST_PIECES, _MOST_ROUNDS, _MOST_NEWTON = 2000, 30, 60
 _SETTLED, _NEGLIGIBLE = 1e-12, 1e-10
 _SLOWEST = 0.5  # 1/s, of what sets the length of a piece
+_FEW = 0.6  # of the crossings of a block: these are looked for alone
 _BLOCK = 512  # draws at once: what they need fits in the cache
 
 _NODES = -np.cos(np.pi * np.arange(_N_NODE) / (_N_NODE - 1))
@@ -197,17 +198,25 @@ def _crossing(
     z: FloatArray,
 ) -> FloatArray:
     """z at which rising series reach `level`, by Newton steps from `z` inside a bracket."""
+    shape, rows = z.shape, (coefficients.reshape(_N_NODE, -1), slope.reshape(_N_NODE, -1))
+    end = z.ravel().copy()
+    z, low, high = end, low.ravel(), high.ravel()
+    levels, left = np.broadcast_to(level, shape).ravel(), np.arange(end.size)
     for _ in range(_MOST_NEWTON):
-        ahead = _series(coefficients, z) - level
+        ahead = _series(rows[0], z) - levels
         low, high = np.where(ahead <= 0.0, z, low), np.where(ahead >= 0.0, z, high)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = z - ahead / _series(slope, z)
+            newton = z - ahead / _series(rows[1], z)
         following = np.where((newton >= low) & (newton <= high), newton, 0.5 * (low + high))
-        settled = np.max(np.abs(following - z), initial=0.0) < _NEGLIGIBLE
-        z = following
-        if settled:
+        moving = np.abs(following - z) >= _NEGLIGIBLE
+        end[left] = z = following
+        n_moving = np.count_nonzero(moving)
+        if not n_moving:
             break
-    return z
+        if n_moving < _FEW * z.size:  # most are there: go on with the others
+            z, low, high, levels, left = (v[moving] for v in (z, low, high, levels, left))
+            rows = (rows[0][:, moving], rows[1][:, moving])
+    return end.reshape(shape)
 
 
 @dataclass(frozen=True, eq=False)
