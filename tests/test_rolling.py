@@ -226,7 +226,7 @@ def test_the_report_says_it_and_the_result_is_not_moved(tmp_path):
         "the probability of rolling without slipping is" in note
         for note in analysis.diagnosis.notes
     )
-    files = analysis_report(campaign, analysis)
+    files = analysis_report(campaign, analysis, figures="all")
     assert "## Rolling without slipping" in files["report.md"].decode()
     assert "(figures/rolling.png)" in files["report.md"].decode()
     assert files["figures/rolling.png"].startswith(b"\x89PNG")

@@ -199,7 +199,7 @@ def test_draws_are_those_of_the_linearised_answer_but_for_curvature(
 def test_a_report_says_and_draws_what_the_curve_lacks(found: tuple[Campaign, Analysis]) -> None:
     """Of its figures that of the force is drawn, which no other test draws."""
     campaign, analysis = found
-    files = analysis_report(campaign, analysis)
+    files = analysis_report(campaign, analysis, figures="all")
     png = io.BytesIO()
     force_figure(analysis.fit.forces, analysis.problem.runs).savefig(png)
     assert len(png.getvalue()) > 10_000

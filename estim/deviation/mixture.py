@@ -55,18 +55,23 @@ class Mixture:
         """The bases of all families side by side (n_obs, n_dir), and their terms as those of
         one.
         """
-        gain = np.vstack(
+        families, terms = self.deviation.families, self.terms
+        gain = np.hstack(
             [
-                block_diag(*(terms.gain[:-2] for terms in self.terms)),
-                np.hstack([terms.gain[-2:] for terms in self.terms]),
+                block_diag(*(own.gain[:, :-2] for own in terms)),
+                np.vstack([own.gain[:, -2:] for own in terms]),
             ]
         )
-        cross = block_diag(*(terms.cross for terms in self.terms))
-        cross_white = np.hstack([terms.cross_white for terms in self.terms])
-        root = np.concatenate([terms.root for terms in self.terms])
-        amplitude = self.deviation.column("amplitude")
-        return np.hstack([family.basis for family in self.deviation.families]), Terms(
-            gain, cross, cross_white, root, amplitude
+        columns = range(self.columns.shape[1])
+        cross = np.array([block_diag(*(own.cross[q] for own in terms)) for q in columns])
+        cross_white = np.concatenate([own.cross_white for own in terms], axis=1)
+        root = np.concatenate([own.root for own in terms])
+        return np.hstack([family.basis for family in families]), Terms(
+            gain,
+            cross.reshape(len(columns), gain.shape[0], gain.shape[1] - 2),
+            cross_white,
+            root,
+            self.deviation.column("amplitude"),
         )
 
     @cached_property
@@ -86,31 +91,31 @@ class Mixture:
                 residuals[chunk],
                 weight=None if weight is None else replace(weight, ratio=weight.ratio[chunk]),
             )
-            highest = np.max(logs, axis=1, keepdims=True)
+            highest = np.max(logs, axis=0)
             np.exp(np.subtract(logs, highest, out=logs), out=logs)
-            total[chunk] = highest[:, 0] + np.log(np.sum(logs, axis=1))
+            total[chunk] = highest + np.log(np.sum(logs, axis=0))
         return total
 
     def log_components(self, residuals: FloatArray, *, weight: Weight | None = None) -> FloatArray:
-        """(n_draw, n_component) logarithm of each w_k N(r | 0, C_k + H H^T)."""
-        z = self.deviation.whiten(np.atleast_2d(residuals))
-        square, along = np.einsum("ij,ij->i", z, z), z @ self.columns
+        """(n_component, n_draw) logarithm of each w_k N(r | 0, C_k + H H^T)."""
+        z = np.ascontiguousarray(self.deviation.whiten(np.atleast_2d(residuals)).T)
+        square, along = np.einsum("ij,ij->j", z, z), self.columns.T @ z
         basis, terms = self.together
-        seen = z @ basis
-        if z.shape[0] <= _FEW:
+        seen = basis.T @ z
+        if z.shape[1] <= _FEW:
             logs = terms.log_density(square, seen, along, weight)
         else:
             ends = np.cumsum([family.spectrum.size for family in self.deviation.families])
-            logs = np.hstack(
+            logs = np.vstack(
                 [
                     own_terms.log_density(square, coordinates, along, weight)
                     for own_terms, coordinates in zip(
-                        self.terms, np.split(seen, ends[:-1], axis=1), strict=True
+                        self.terms, np.split(seen, ends[:-1]), strict=True
                     )
                 ]
             )
         logs -= self.deviation.root.log_volume
-        logs -= 0.5 * z.shape[1] * np.log(2.0 * np.pi)
+        logs -= 0.5 * z.shape[0] * np.log(2.0 * np.pi)
         return logs
 
     def drawn(
@@ -120,8 +125,8 @@ class Mixture:
         drew it, by its probability there.
         """
         logs = self.log_components(residuals)
-        chosen = np.argmax(logs + rng.gumbel(size=logs.shape), axis=1)
-        for family, members in self.deviation.each(np.arange(logs.shape[1])):
+        chosen = np.argmax(logs + rng.gumbel(size=logs.shape[::-1]).T, axis=0)
+        for family, members in self.deviation.each(np.arange(logs.shape[0])):
             for k, member in enumerate(members):
                 rows = np.flatnonzero(chosen == member)
                 if rows.size:
@@ -129,7 +134,7 @@ class Mixture:
 
     def shares(self, residuals: FloatArray) -> FloatArray:
         """(n_component,) probability of each component at residuals (n_obs,)."""
-        logs = self.log_components(residuals)[0]
+        logs = self.log_components(residuals)[:, 0]
         return np.asarray(np.exp(logs - np.logaddexp.reduce(logs)))
 
     @cached_property
@@ -147,11 +152,12 @@ class Mixture:
         maximum of the likelihood.
         """
         (span, lying), terms, share = self._span, self.together[1], self.shares(residuals)
-        own = np.append(-2.0 * terms.gain[:-2] @ share, np.zeros(self.columns.shape[1]))
-        explained = lying @ np.vstack([terms.cross, terms.cross_white])
-        core = (lying * own) @ lying.T
-        core -= (explained * np.repeat(share, self.columns.shape[1])) @ explained.T
-        return Precision(float(-2.0 * terms.gain[-2] @ share), span, core)
+        white, own = self._whites(share)
+        core = (lying * np.append(own, np.zeros(self.columns.shape[1]))) @ lying.T
+        for cross, cross_white in zip(terms.cross, terms.cross_white, strict=True):
+            explained = lying @ np.hstack([cross, cross_white]).T
+            core -= (explained * share) @ explained.T
+        return Precision(white, span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) Q r of the same Q at residuals (n_obs,), in the unit of the observations: minus
@@ -159,12 +165,18 @@ class Mixture:
         """
         basis, terms = self.together
         z, share = self.deviation.whiten(residuals), self.shares(residuals)
-        seen, along = z @ basis, z @ self.columns
-        explained = seen @ terms.cross + along @ terms.cross_white
-        explained *= np.repeat(share, self.columns.shape[1])
-        slope = 2.0 * (terms.gain[-2] @ share) * z + self.columns @ (terms.cross_white @ explained)
-        slope += basis @ (2.0 * seen * (terms.gain[:-2] @ share) + terms.cross @ explained)
-        return -self.deviation.turned_back(slope)
+        seen, (white, own) = z @ basis, self._whites(share)
+        explained = share * (terms.cross @ seen + terms.cross_white @ (z @ self.columns))
+        pull = white * z - self.columns @ np.einsum("qk,qki->i", explained, terms.cross_white)
+        pull += basis @ (own * seen - np.einsum("qk,qki->i", explained, terms.cross))
+        return self.deviation.turned_back(pull)
+
+    def _whites(self, share: FloatArray) -> tuple[float, FloatArray]:
+        """Precision of whitened observations without H, by the `shares`: of all of them, and what
+        the directions (n_dir,) have beside it.
+        """
+        gain = -2.0 * share @ self.together[1].gain
+        return float(gain[-2]), gain[:-2]
 
     def variances(self, residuals: FloatArray) -> FloatArray:
         """(n_obs,) of the errors at residuals (n_obs,): the diagonal of the sum of the C_k by their
@@ -267,12 +279,12 @@ class Mixture:
         z = self.deviation.whiten(residuals)
         along, back = z @ self.columns, self.deviation.turned_back(z)
         without = np.full(z.shape, -np.inf)
-        for (family, own_logs), each in zip(self.deviation.each(logs.T), given, strict=True):
+        for (family, own_logs), each in zip(self.deviation.each(logs), given, strict=True):
             seen = np.hstack([z @ family.basis, along])
             for component, log in zip(each, own_logs, strict=True):
                 part = component.square(back, seen) + log[:, None] - component.log
                 np.logaddexp(without, part, out=without)
-        return np.asarray(np.logaddexp.reduce(logs, axis=1)[:, None] - without)
+        return np.asarray(np.logaddexp.reduce(logs)[:, None] - without)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,18 +27,18 @@ class Weight:
 
     @property
     def excess(self) -> FloatArray:
-        """(n_draw, 1) w^2 - 1."""
-        return np.asarray(np.square(self.ratio)[:, None] - 1.0)
+        """(n_draw,) w^2 - 1."""
+        return np.asarray(np.square(self.ratio) - 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Constants of a family: log density = [(z basis)^2, |z|^2, 1] gain + |explained|^2/2.
+    """Constants of a family: log density = [(basis z)^2, |z|^2, 1] gain + |explained|^2/2.
 
-    gain : (n_dir + 2, n_component).
-    cross, cross_white : (n_dir, n_component * n_column), (n_column, n_component * n_column), with
-        (z basis) cross + (z H) cross_white the part of z that H explains, in units of its own
-        standard deviation.
+    gain : (n_component, n_dir + 2).
+    cross, cross_white : (n_column, n_component, n_dir), (n_column, n_component, n_column), of the
+        part of z that H explains, cross (basis z) + cross_white (H z), in units of its own standard
+        deviation.
     root : (n_component, n_column, n_column) R, with R^T x that part the estimate of the
         coefficients of H, of covariance R R^T.
     amplitude : (n_component,).
@@ -53,40 +53,33 @@ class Terms:
     def log_density(
         self, square: FloatArray, seen: FloatArray, along: FloatArray, weight: Weight | None = None
     ) -> FloatArray:
-        """(n_draw, n_component) for |z|^2 (n_draw,), z basis (n_draw, n_dir) and z H (n_draw,
-        n_column); weight : where it is not that of the fit.
+        """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
+        n_draw); weight : where it is not that of the fit.
         """
-        columns = np.empty((square.size, len(self.gain)))
-        np.square(seen, out=columns[:, :-2])
-        columns[:, -2], columns[:, -1] = square, 1.0
-        density = columns @ self.gain
-        if along.shape[1]:
-            explained = (seen @ self.cross + along @ self.cross_white).reshape(
-                square.size, -1, along.shape[1]
-            )
-            density += 0.5 * np.einsum("ikq,ikq->ik", explained, explained)
-            if weight is not None and weight.n_start:
-                density += self._starts(explained, weight)
+        density = self.gain @ np.vstack([np.square(seen), square, np.ones_like(square)])
+        explained = self.cross @ seen + self.cross_white @ along
+        for part in explained:
+            density += 0.5 * np.square(part)
         if weight is not None:
-            forced = np.log(weight.ratio)[:, None] - 0.5 * weight.excess * np.square(
-                self.amplitude / weight.scale
-            )
-            density += np.where(self.amplitude > 0.0, forced, 0.0)
+            if along.shape[0] and weight.n_start:
+                density += self._starts(explained, weight)
+            forced = self.amplitude[:, None] > 0.0
+            narrowed = np.square(self.amplitude / weight.scale)[:, None]
+            density += np.where(forced, np.log(weight.ratio) - 0.5 * weight.excess * narrowed, 0.0)
         return density
 
     def _starts(self, explained: FloatArray, weight: Weight) -> FloatArray:
         """What N(b | 0, 1/w^2) in place of N(b | 0, 1) does for the energies b at release, whose
         estimates and variances the data give.
         """
-        block = self.root[:, : weight.n_start]
-        estimate = np.matmul(explained.transpose(1, 0, 2), block.transpose(0, 2, 1)).transpose(
-            1, 0, 2
-        )
-        narrowed = 1.0 + weight.excess[:, :, None] * np.einsum("kjq,kjq->kj", block, block)
-        lost = np.log(np.prod(narrowed, axis=2))
-        np.divide(np.square(estimate, out=estimate), narrowed, out=estimate)
-        lost += weight.excess * np.sum(estimate, axis=2)
-        return np.asarray(weight.n_start * np.log(weight.ratio)[:, None] - 0.5 * lost)
+        product, total = np.ones_like(explained[0]), np.zeros_like(explained[0])
+        for block in self.root[:, : weight.n_start].transpose(1, 2, 0):
+            estimate = np.einsum("qk,qkn->kn", block, explained)
+            narrowed = 1.0 + weight.excess * np.sum(block**2, axis=0)[:, None]
+            total += np.square(estimate, out=estimate) / narrowed
+            product *= narrowed
+        lost = np.log(product, out=product) + weight.excess * total
+        return np.asarray(weight.n_start * np.log(weight.ratio) - 0.5 * lost)
 
 
 def terms_of(family: Family, columns: FloatArray) -> Terms:
@@ -110,12 +103,10 @@ def terms_of(family: Family, columns: FloatArray) -> Terms:
     log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     # (n_component, n_column, n_column), b root has unit covariance
     root = np.linalg.inv(lower).transpose(0, 2, 1)
-    cross = np.einsum("km,mi,kij->mkj", gain, turned, root).reshape(n_dir, inverse.size * n_column)
-    cross_white = np.einsum("k,kij->ikj", inverse, root).reshape(n_column, inverse.size * n_column)
     return Terms(
-        np.vstack([-0.5 * gain.T, -0.5 * inverse, log_norm]),
-        cross,
-        cross_white,
+        np.column_stack([-0.5 * gain, -0.5 * inverse, log_norm]),
+        np.einsum("km,mi,kij->jkm", gain, turned, root),
+        np.einsum("k,kij->jki", inverse, root),
         root,
         family.amplitude,
     )

@@ -88,9 +88,7 @@ def log_rescaled(errors: MixtureErrors, named: Named, *, scale: float, factor: f
     heavier = np.where(
         size > 0.0, -0.5 * np.square(size) * (factor**-2 - 1.0) - np.log(factor), 0.0
     )
-    return np.asarray(
-        np.logaddexp.reduce(logs + heavier, axis=1) - np.logaddexp.reduce(logs, axis=1)
-    )
+    return np.asarray(np.logaddexp.reduce(logs + heavier[:, None]) - np.logaddexp.reduce(logs))
 
 
 def log_restarted(errors: MixtureErrors, named: Named, *, n_run: int, factor: float) -> FloatArray:
