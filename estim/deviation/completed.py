@@ -53,7 +53,8 @@ class Completed:
         drawn = list(mixture.drawn(residuals, rng))
         errors = rng.standard_normal((len(residuals), 1))
         z = mixture.deviation.whiten(residuals)
-        units = {family.length: _Unit.of(self, family, x) for family, *_ in drawn}
+        lengths = {family.length: family for family, *_ in drawn}
+        units = {length: _Unit.of(self, family, x) for length, family in lengths.items()}
         for family, k, rows in drawn:
             mean, sd = units[family.length].given(mixture, family, k, z[rows])
             energy[rows], scale[rows] = mean + sd * errors[rows], family.scale[k]
