@@ -15,6 +15,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.curves.dimensions import dimensions_of
+from estim.curves.dual import Dual, plain
 from estim.curves.formula import CONSTANTS, FUNCTIONS, Formula, evaluate
 from estim.curves.models import Limits
 from estim.curves.scales import Scale, places_of, scale_of
@@ -41,11 +42,8 @@ def linear_in(formula: Formula, names: Collection[str]) -> tuple[str, ...]:
     for name in names:
         tried = [*linear, name]
         points = [
-            {
-                key: float(number)
-                for key, number in zip(tried, rng.uniform(0.5, 2.0, len(tried)), strict=True)
-            }
-            for _ in range(2)
+            dict(zip(tried, (sign * rng.uniform(0.5, 2.0, len(tried))).tolist(), strict=True))
+            for sign in (1.0, -1.0)
         ]
         middle = {key: 0.5 * (points[0][key] + points[1][key]) for key in tried}
         ends, between = (value(points[0]) + value(points[1])) / 2.0, value(middle)
@@ -172,22 +170,19 @@ class ProjectedCurve:
         """(n, n_obs) y without what the linear parameters do not move, and (n, n_linear, n_obs) the
         curves of a unit of each.
         """
-        n, zero = bent.shape[0], dict.fromkeys(self.linear, 0.0)
-        given: dict[str, Any] = {
-            **self.known,
+        symbols: dict[str, Any] = {
+            "x": self.x,
+            **{name: np.float64(value) for name, value in self.known.items()},
             **{name: bent[:, [i]] for i, name in enumerate(self.bent)},
+            **{name: Dual(np.float64(0.0), {name: 1.0}) for name in self.linear},
         }
+        curve, shape = evaluate(self.formula.tree, symbols), (bent.shape[0], self.x.size)
+        still = np.broadcast_to(plain(curve), shape)
+        columns = np.zeros((shape[0], len(solved), shape[1]))
+        for k, name in enumerate(solved):
+            columns[:, k] = curve.partials[name]
         with np.errstate(all="ignore"):
-            still = np.broadcast_to(self.formula.value(self.x, {**given, **zero}), (n, self.x.size))
-            units = [
-                np.broadcast_to(
-                    self.formula.value(self.x, {**given, **zero, name: 1.0}), still.shape
-                )
-                - still
-                for name in solved
-            ]
-        columns = np.stack(units, axis=1) if units else np.zeros((n, 0, self.x.size))
-        return self.y - still * self.weight, columns * self.weight
+            return self.y - still * self.weight, columns * self.weight
 
 
 def projected(
