@@ -46,7 +46,8 @@ _BATCH = "Memory of a batch"
 _RATES, _POSITIONS = "While sampling", "Positions with and without the extra `fast`"
 NAMES = {
     "estim": "estim, certified",
-    "emcee": "emcee, vectorised",
+    "emcee": "emcee, vectorised, 64 walkers, stretch moves",
+    "emcee-de": "emcee, vectorised, 128 walkers, differential evolution",
     "pymc": "PyMC + nutpie",
     "dynesty": "dynesty",
     "lmfit": "lmfit's emcee",

@@ -81,11 +81,15 @@ def by_estim(fit: Any, _: float) -> tuple[Any, ...]:
     return described(draws.reshape(-1, *draws.shape[2:]))
 
 
-def by_emcee(fit: Any, most: float, *, wanted: float = ESS, seed: int = SEED) -> tuple[Any, ...]:
+def by_emcee(
+    fit: Any, most: float, *, wanted: float = ESS, seed: int = SEED, n: int = 64, moves: Any = None
+) -> tuple[Any, ...]:
     import emcee
 
-    rng, n = np.random.default_rng(seed), 64
-    sampler = emcee.EnsembleSampler(n, len(fit.names), fit.posterior.log_density, vectorize=True)
+    rng = np.random.default_rng(seed)
+    sampler = emcee.EnsembleSampler(
+        n, len(fit.names), fit.posterior.log_density, vectorize=True, moves=moves
+    )
     sampler.random_state = np.random.RandomState(seed).get_state()
     state, began, steps = scattered(fit, n, rng), time.process_time(), 1000
     while True:
@@ -99,6 +103,13 @@ def by_emcee(fit: Any, most: float, *, wanted: float = ESS, seed: int = SEED) ->
             - sampler.iteration
             + 200
         )
+
+
+def by_differences(fit: Any, most: float) -> tuple[Any, ...]:
+    """emcee's moves by differential evolution, as its documentation mixes them."""
+    from emcee.moves import DEMove, DESnookerMove
+
+    return by_emcee(fit, most, n=128, moves=[(DEMove(), 0.8), (DESnookerMove(), 0.2)])
 
 
 def by_lmfit(fit: Any, most: float) -> tuple[Any, ...]:
@@ -217,6 +228,7 @@ def scattered(fit: Any, n: int, rng: np.random.Generator) -> np.ndarray:
 METHODS: dict[str, Callable[[Any, float], tuple[Any, ...]]] = {
     "estim": by_estim,
     "emcee": by_emcee,
+    "emcee-de": by_differences,
     "lmfit": by_lmfit,
     "dynesty": by_dynesty,
     "bumps": by_bumps,

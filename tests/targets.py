@@ -9,6 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from estim.arrays import FloatArray
+from estim.sampling.chain import Chain
+from estim.sampling.diagnostics import effective_size
+
 COV = np.array(
     [[1.0, 0.9, 0.0, 0.0], [0.9, 1.0, 0.0, 0.0], [0.0, 0.0, 4.0, -1.0], [0.0, 0.0, -1.0, 0.5]]
 )
@@ -95,3 +99,17 @@ def bimodal(n_par: int, share: float = 0.3, apart: float = 4.0) -> Known:
     return Known(
         log_density, 0.5 * n_par * np.log(2.0 * np.pi), np.full(n_par, mean), np.full(n_par, sd)
     )
+
+
+def chain_errors(chain: Chain) -> tuple[FloatArray, FloatArray]:
+    """(n_par,) Monte-Carlo standard errors of a chain's means and standard deviations.
+
+    From the effective size of the draws and of their squared deviations, every walker a chain (its
+    split halves included).
+    """
+    deviation = chain.draws - chain.flat.mean(axis=0)
+    squares = deviation**2
+    spread, of_squares = deviation.std(axis=(0, 1, 2)), squares.std(axis=(0, 1, 2))
+    u_mean = spread / np.sqrt(effective_size(chain.draws, "mean"))
+    with np.errstate(divide="ignore", invalid="ignore"):  # walkers that never moved
+        return u_mean, of_squares / np.sqrt(effective_size(squares, "mean")) / (2.0 * spread)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from targets import COV, Known, banana, bimodal, box, exponential, half_normal, normal
+from targets import COV, Known, banana, bimodal, box, chain_errors, exponential, half_normal, normal
 
 from estim.campaign import load_campaign
 from estim.common import QUANTILES
@@ -318,6 +318,17 @@ def test_true_agreement_is_called_so_and_its_differences_are_standard_normal() -
     # errors that forget the correlation of the chain would be caught: (1 + 0.6)/(1 - 0.6) = 4 times
     # the variance
     assert np.all(np.sqrt(np.mean(np.square(naive), axis=0)) > 1.0 + 4.0 / math.sqrt(300.0))
+
+
+def test_chain_errors_are_those_of_theory_for_a_chain_with_known_memory(
+    rng: np.random.Generator,
+) -> None:
+    draws = autoregressive(rng, (4, 2000, 20, 2), 0.6)
+    u_mean, u_sd = chain_errors(chain_of(draws))
+    n = draws[..., 0].size
+    assert u_mean == pytest.approx(math.sqrt(4.0 / n), rel=0.05)
+    # squares of such a chain forget twice as fast: memory 0.36
+    assert u_sd == pytest.approx(math.sqrt(0.5 * (1.36 / 0.64) / n), rel=0.07)
 
 
 @pytest.mark.parametrize(

@@ -368,7 +368,11 @@ def test_commands_for_rolling_bodies_say_that_there_is_none(folder: Path, comman
 def test_the_command_line_writes_a_report_about_the_curve(folder: Path) -> None:
     load(folder)
     ran = CliRunner().invoke(
-        cli, ["fit", str(folder / "campaign.toml"), "--run", "first", "--out", str(folder / "out")]
+        cli,
+        [
+            *("fit", str(folder / "campaign.toml"), "--run", "first"),
+            *("--figures", "all", "--out", str(folder / "out")),
+        ],
     )
     assert ran.exit_code == 0, ran.output
     text = (folder / "out" / "report.md").read_text().replace("\u00a0", " ")
@@ -527,7 +531,9 @@ def test_report_of_parameters_without_limits_is_written(folder: Path) -> None:
 
     campaign = load(folder, CAMPAIGN.replace('offset = "0.00(1)"', "offset = {start = 0.0}"))
     files = analysis_report(
-        campaign, analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100))
+        campaign,
+        analyse(campaign, ["first"], seed=1, target=Target(ess=100, max_step=100)),
+        figures="all",
     )
     assert files["figures/directions.png"].startswith(b"\x89PNG")
     assert "flat, no limits" in files["report.md"].decode()

@@ -299,7 +299,7 @@ def test_fit_writes_the_draws_beside_the_report(
 def test_fit_without_the_extra_says_how_to_get_it_and_that_is_no_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: False)
+    monkeypatch.setattr("estim.reports.interop.can_write_netcdf", lambda: False)
     line = Formula(
         "a + b*x", "a = {start = 1.0}\nb = {start = 1.0}", lambda x: 1.0 + 2.0 * x
     ).write(tmp_path)

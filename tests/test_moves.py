@@ -10,9 +10,8 @@ import emcee
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
-from targets import COV, Known, banana, bimodal, half_normal, normal
+from targets import COV, Known, banana, bimodal, chain_errors, half_normal, normal
 
-from estim.sampling.certificate import chain_errors
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.ensembles import Apart, sampler_of
 from estim.sampling.independence import IndependenceMoves, Moves

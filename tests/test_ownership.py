@@ -67,13 +67,14 @@ def place(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pat
     (tmp_path / "model.toml").write_text(MODEL)
     (tmp_path / "points.csv").write_text("x,y\n0,1\n1,2.1\n2,2.9\n3,4\n")
     monkeypatch.chdir(tmp_path)
-    for name in ("batch", "calibration", "line", "measurement", "planning", "reports", "studies"):
-        import_module(f"estim.{name}")  # what is first imported below would keep the stand-in
+    # what is first imported below would keep the stand-in
+    for file in sorted((project / "estim").glob("*/[a-z]*.py")):
+        import_module(f"estim.{file.parent.name}.{file.stem}")
     for name in (
         "estim.pipeline.analyse",
         "estim.measurement.propagate",
         "estim.planning.plan",
-        "estim.studies.weigh",
+        "estim.studies.bodies.weigh",
         "estim.line.straight_line",
     ):
         monkeypatch.setattr(name, computed)
@@ -142,8 +143,8 @@ def test_what_the_report_before_had_goes_and_a_photo_in_its_folder_stays(
 def test_draws_of_an_earlier_fit_do_not_stay_beside_a_newer_result(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: True)
-    monkeypatch.setattr("estim.reports.to_netcdf", lambda analysis: b"draws")
+    monkeypatch.setattr("estim.reports.interop.can_write_netcdf", lambda: True)
+    monkeypatch.setattr("estim.reports.interop.to_netcdf", lambda analysis: b"draws")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "points.csv").write_text("x,y\n0,1\n1,2.1\n2,2.9\n3,4\n4,5.1\n5,5.9\n")
     fit = (
@@ -161,7 +162,7 @@ def test_draws_of_an_earlier_fit_do_not_stay_beside_a_newer_result(
     assert run(*fit).exception is None or run(*fit).exit_code == 3
     origin = json.loads((tmp_path / "out" / "origin.json").read_text())
     assert origin["outputs"]["draws.nc"] == sha256(b"draws").hexdigest()
-    monkeypatch.setattr("estim.reports.can_write_netcdf", lambda: False)
+    monkeypatch.setattr("estim.reports.interop.can_write_netcdf", lambda: False)
     run(*fit)
     assert not (tmp_path / "out" / "draws.nc").exists()
     (tmp_path / "out" / "draws.nc").write_bytes(b"draws of another fit")

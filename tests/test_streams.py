@@ -95,7 +95,10 @@ def test_a_stream_that_cannot_be_written_costs_no_traceback(
 def test_the_report_is_written_whoever_reads_what_is_said(
     streams: str, said: str, edge: Path, tmp_path: Path
 ) -> None:
-    done = shell(f'$F fit "{edge}/campaign.toml" --out out --max-steps 60 {streams}', cwd=tmp_path)
+    done = shell(
+        f'$F fit "{edge}/campaign.toml" --out out --max-steps 60 --figures all {streams}',
+        cwd=tmp_path,
+    )
     # the result is not ok, which outweighs a line that nobody reads
     assert (done.returncode, done.stderr) == (3, said), done
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {
@@ -161,7 +164,7 @@ def test_neither_a_terminal_without_greek_nor_a_users_matplotlib_reaches_the_rep
         "PYTHONUTF8": "0",
     }
     done = shell(
-        f'$E fit "{edge}/campaign.toml" --out out --max-steps 60',
+        f'$E fit "{edge}/campaign.toml" --out out --max-steps 60 --figures all',
         cwd=tmp_path,
         PYTHONCOERCECLOCALE="0",
         **own,
@@ -174,7 +177,10 @@ def test_neither_a_terminal_without_greek_nor_a_users_matplotlib_reaches_the_rep
         CliRunner()
         .invoke(
             cli,
-            ["fit", f"{edge}/campaign.toml", "--out", str(tmp_path / "plain"), "--max-steps", "60"],
+            [
+                *("fit", f"{edge}/campaign.toml", "--out", str(tmp_path / "plain")),
+                *("--max-steps", "60", "--figures", "all"),
+            ],
         )
         .exit_code
         == 3
