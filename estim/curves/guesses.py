@@ -25,7 +25,7 @@ from estim.curves.projected import ProjectedCurve, projected
 
 _DRAWN, _DRAWN_EACH = 3000, 1500  # trials, and more for each parameter that is drawn
 _SWEPT = 300  # values of one parameter, the others held
-_GO_DOWN, _FINISH = 12, 4
+_GO_DOWN, _FINISH = 12, 1
 # where the curve is no sum of terms: trials to begin with, descents that end at the best squares
 _FEW, _ENOUGH = 1000, 3
 _ALIKE = 0.9995  # correlation of residuals that are one
@@ -66,8 +66,13 @@ def guess_starts(
         ):
             return {**search.whole(_positive(search, *ends[0])), **known}
     names = search.bent or sought
+    why = (
+        "from the points"
+        if math.isfinite(ends[0][1])
+        else "since the curve has no finite value at these x with any that was tried"
+    )
     rule = (
-        f"of {' and '.join(names)} could not be found from the points: give one of the right "
+        f"of {' and '.join(names)} could not be found {why}: give one of the right "
         f"sign and size, for example {names[0]} = 1"
     )
     raise InputError(

@@ -17,8 +17,9 @@ from estim.curves.models import ModelSum as ModelSum
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
-from estim.curves.starts import find_starts
 from estim.problem import Flat
+
+_SIZE = "size_of_density"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +123,14 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
     fixed = {name: p.prior.centre for name, p in known.items() if name not in limits} | dict(
         posed.fixed
     )
-    points = posed.x, posed.y / width, gain / width
+    formula = asked.formula
+    if counted is not None and counted.total is not None:  # the size of a density does not matter
+        formula = read_formula(f"{_SIZE}*({formula.text})")
+    starts = guess_starts(
+        formula, posed.x, posed.y / width, gain / width, known=fixed, limits=limits
+    )
     if isinstance(asked, ModelSum):
-        starts = find_starts(asked, *points, known=fixed, limits=limits)
-    else:
-        starts = guess_starts(asked.formula, *points, known=fixed, limits=limits)
+        starts = _in_order(asked, starts, limits)
     begun = {
         name: Flat(known[name].prior.low, known[name].prior.high, starts[name], start_stated=False)
         for name in limits
@@ -135,6 +139,28 @@ def started(posed: CurveProblem, asked: Unstarted, *, held: Collection[str]) -> 
         posed,
         parameters=tuple(replace(p, prior=begun.get(p.name, p.prior)) for p in posed.parameters),
     )
+
+
+def _in_order(
+    asked: ModelSum, starts: Mapping[str, float], limits: Mapping[str, Limits]
+) -> dict[str, float]:
+    """Starts whose terms of one model, where nothing else tells them apart, come in the order of
+    their places, rates or frequencies.
+    """
+    ordered = dict(starts)
+    for model in {term.model.name: term.model for term in asked.terms}.values():
+        names = [
+            [term.prefix + name for name in model.parameters]
+            for term in asked.terms
+            if term.model is model
+        ]
+        ends = [[limits.get(name, "known") for name in own] for own in names]
+        if any("known" in own or own != ends[0] for own in ends):
+            continue
+        values = sorted(([starts[name] for name in own] for own in names), key=lambda own: own[1:])
+        for own, found in zip(names, values, strict=True):
+            ordered.update(zip(own, found, strict=True))
+    return ordered
 
 
 def _finite(end: float) -> float | None:
