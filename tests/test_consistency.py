@@ -16,6 +16,7 @@ from estim.campaign import load_campaign
 from estim.checks.consistency import PRIORS, Consistency, check_consistency
 from estim.checks.sources import each_without_one
 from estim.common.errors import InputError
+from estim.deviation.joint import sharing_runs
 from estim.drawing import VERMILION, png
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import Fit, fit_least_squares
@@ -231,14 +232,17 @@ def test_disk_with_another_gamma_is_named(tmp_path: Path, rng: np.random.Generat
     assert check_disks(tmp_path, rng, [0.187] * 6).agree
 
 
-def test_runs_of_two_bodies_with_forces_agree(project: Path) -> None:
+@pytest.mark.parametrize("each", [2, pytest.param(4, marks=pytest.mark.statistics)])
+def test_runs_of_two_bodies_with_forces_agree(each: int, project: Path) -> None:
     """Rounding errors in its information on the other body's parameters were taken for a
     disagreement of 1e21.
     """
     campaign = load_campaign(project / "data" / "replica" / "campaign.toml")
-    problem = campaign.problem(campaign.run_names, usual=True)
+    names = campaign.run_names
+    problem = campaign.problem([*names[:each], *names[4 : 4 + each]], usual=True)
     fit = fit_problem(problem, rng=np.random.default_rng(0), near=problem.start())
     found = check_consistency(fit)
+    assert len(sharing_runs(problem.runs)) == 2
     assert found.agree
     assert found.p_value > 0.01
 

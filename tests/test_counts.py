@@ -126,7 +126,7 @@ def test_single_times_with_background_against_a_grid(rng: np.random.Generator) -
     assert fit.intervals["tau"][0.68] == pytest.approx(brute, rel=2e-3)
 
 
-@pytest.mark.parametrize("end", [150.0, 1500.0, 1e6])
+@pytest.mark.parametrize("end", [150.0, pytest.param(1500.0, marks=pytest.mark.statistics), 1e6])
 def test_a_window_of_many_lifetimes_is_integrated(rng: np.random.Generator, end: float) -> None:
     times = decays(200, rng, end=1e3)
     fit = fit_curve("exp(-x/tau)", times[times < end], None, noise=EventTimes(0.0, end), **ALONE)
@@ -138,7 +138,7 @@ def test_a_window_of_many_lifetimes_is_integrated(rng: np.random.Generator, end:
 PEAK = "p*exp(-(x - m)**2/(2*s**2))/(s*sqrt(2*pi)) + (1 - p)/100"
 
 
-@pytest.mark.parametrize("sd", [0.1, 0.15, 0.2])
+@pytest.mark.parametrize("sd", [0.1, pytest.param(0.15, marks=pytest.mark.statistics), 0.2])
 def test_a_narrow_feature_in_a_wide_window_against_scipy(
     rng: np.random.Generator, sd: float
 ) -> None:

@@ -208,7 +208,13 @@ FALL_START = {"y0": 1.9, "v_t": 5.0, "dv": -5.0, "tau": 1.0}
 
 
 @pytest.mark.parametrize(
-    ("noise", "correlated"), [(1e-3, False), (1e-3, True), (5e-3, True), (2e-2, False)]
+    ("noise", "correlated"),
+    [
+        (1e-3, True),
+        (2e-2, False),
+        pytest.param(1e-3, False, marks=pytest.mark.statistics),
+        pytest.param(5e-3, True, marks=pytest.mark.statistics),
+    ],
 )
 def test_a_terminal_speed_that_a_fall_never_approaches_is_not_identified(
     noise: float, correlated: bool

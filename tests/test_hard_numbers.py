@@ -45,6 +45,7 @@ def any_speed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estim.campaign.bodies.check_speeds", lambda *arguments, **named: None)
 
 
+@pytest.mark.statistics  # half a minute, in which least squares look for an optimum
 @pytest.mark.usefixtures("any_speed")
 def test_positions_in_a_wrong_unit_end_in_words(tmp_path: Path) -> None:
     """Parameters are pressed against their limits, up to a hundred thousand standard deviations

@@ -103,8 +103,6 @@ def _named_at_the_truth(path: Path) -> list[tuple[str, int]]:
 
 
 def test_of_dense_frames_none_beside_the_release_is_named(tmp_path, monkeypatch):
-    path = recording(tmp_path, NOISES["speeds"], 1434)
-    assert _named_at_the_truth(path) == []
     assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, seed=3)) == []
     assert _named_at_the_truth(recording(tmp_path, NOISES["speeds"], 1434, bad=0.004)) == [
         ("frame", 717)

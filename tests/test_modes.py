@@ -306,7 +306,10 @@ def test_symmetries_of_a_curve_are_found_and_named(
     curve: str, start: dict[str, float], n_label: int, words: str
 ) -> None:
     x = T * max(1.0, start.get("tau", 1.0))
-    fit = fit_curve(curve, x, np.ones(T.size) + 0.01 * T, start=start, u_y=0.1, n_start=1)
+    names = {"exp": np.exp, "sin": np.sin, "radians": np.radians, "pi": np.pi}
+    fit = fit_curve(
+        curve, x, eval(curve, names, {"x": x, **start}), start=start, u_y=0.1, n_start=1
+    )
     found = find_symmetry(
         fit.problem, np.array(list(start.values())), range(len(start)), np.random.default_rng(0)
     )

@@ -106,9 +106,17 @@ def test_it_is_told_with_the_key_and_fails_nothing(
     assert result_of(campaign, analysis).runs["a"].checks["speed"].p_value < P_TOLD
 
 
-@pytest.mark.parametrize("noise", [DIFFERENTIATED, POSITIONS])
+@pytest.mark.parametrize(
+    ("noise", "later"),
+    [
+        (DIFFERENTIATED, False),
+        (POSITIONS, True),
+        pytest.param(DIFFERENTIATED, True, marks=pytest.mark.statistics),
+        pytest.param(POSITIONS, False, marks=pytest.mark.statistics),
+    ],
+)
 def test_readings_that_are_off_where_the_body_is_fast_are_no_blur(
-    tmp_path: Path, rng: np.random.Generator, few_draws: None, noise: str
+    tmp_path: Path, rng: np.random.Generator, few_draws: None, noise: str, later: bool
 ) -> None:
     """One reading, or all from one on: either made residuals there so large that blurred pictures
     were named (p < 5e-5).
@@ -116,16 +124,15 @@ def test_readings_that_are_off_where_the_body_is_fast_are_no_blur(
     path = run_of(tmp_path, noise, rng)
     clean = (tmp_path / "a.csv").read_text().splitlines()
     fast = 35
-    for later in (False, True):
-        rows = [line.split(",") for line in clean[1:]]
-        moved = [
-            f"{t},{float(x) + (0.02 if i == fast or (later and i > fast) else 0.0):.6f}"
-            for i, (t, x) in enumerate(rows)
-        ]
-        (tmp_path / "a.csv").write_text("\n".join([clean[0], *moved]))
-        analysis = analyse(load_campaign(path), ["a"], seed=1, target=Target(ess=400.0))
-        assert not analysis.diagnosis.ok
-        assert Kind.NOISE_WITH_SPEED not in {remark.kind for remark in analysis.diagnosis.remarks}
+    rows = [line.split(",") for line in clean[1:]]
+    moved = [
+        f"{t},{float(x) + (0.02 if i == fast or (later and i > fast) else 0.0):.6f}"
+        for i, (t, x) in enumerate(rows)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join([clean[0], *moved]))
+    analysis = analyse(load_campaign(path), ["a"], seed=1, target=Target(ess=400.0))
+    assert not analysis.diagnosis.ok
+    assert Kind.NOISE_WITH_SPEED not in {remark.kind for remark in analysis.diagnosis.remarks}
 
 
 def test_an_encoder_has_no_pictures(

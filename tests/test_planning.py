@@ -51,7 +51,8 @@ def pair() -> RollingBasis:
     campaign = load_campaign(
         Path(__file__).resolve().parents[1] / "data" / "replica" / "campaign.toml"
     )
-    fit = fit_problem(campaign.problem(PAIR), rng=np.random.default_rng(1))
+    problem = campaign.problem(PAIR)
+    fit = fit_problem(problem, rng=np.random.default_rng(1), near=problem.start())
     return rolling_basis(campaign, PAIR, fit)
 
 

@@ -228,7 +228,9 @@ STATED = {
         (["light-03"], 0.877),
         (["light-04"], 0.4),
         (["heavy-06", "heavy-08"], 0.877),
-        (["light-01", "light-02", "light-03", "light-04"], 0.877),
+        pytest.param(
+            ["light-01", "light-02", "light-03", "light-04"], 0.877, marks=pytest.mark.statistics
+        ),
     ],
 )
 def test_every_entry_is_what_a_fit_with_the_error_stated_says(
