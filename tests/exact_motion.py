@@ -171,7 +171,7 @@ def exact_posterior(
     def read(p: Floats, force: Floats) -> Floats:
         return positions(t, p, np.broadcast_to(force, (len(p), 2, N_NODE)), end)
 
-    # to begin with: where the density is highest without a force and with errors five times as large
+    # to begin with: the highest density without a force and with errors five times as large
     steps = np.array([1e-4, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4, 1e-4, 1e-3, 1e-4])
     at, stiff = centre.copy(), np.diag(stated**-2.0)
     stiff[1, 1] += 9.0
@@ -224,7 +224,7 @@ def exact_posterior(
                     p,
                     log_w - 0.5 * np.sum(off**2, axis=1),
                     np.zeros(BLOCK),
-                    np.zeros((BLOCK, 1, 1)),
+                    np.zeros((BLOCK, 2, N_NODE)),
                 )
                 continue
             off = (x - read(p, about * heavier[:, :, None])) / SIGMA + shift
