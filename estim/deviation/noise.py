@@ -159,7 +159,8 @@ def formed_about(
     here = course.speed(points, named, base)
     if here is None:
         stated = normal_covariance(base, points, named)
-        return Residuals(stated.shift), stated
+        inertia = Inertia.of(course.motion, points.y, points.bind(named))
+        return Residuals(stated.shift, inertias=(inertia,), scale=scale), stated
     slow = normal_covariance(
         base, points_about(points, np.maximum(here, _REST * np.max(here))), named
     )

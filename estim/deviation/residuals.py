@@ -100,7 +100,7 @@ class Residuals:
 
     speed : (n_obs,) v where they are energies; None where they are y - f.
     known : (n_obs,) u.
-    inertias : of each run, where they are energies of bodies with a force.
+    inertias : of each run of a body with a force.
     scale : of the prior of the force.
     """
 
@@ -155,15 +155,10 @@ def stacked(each: Sequence[Residuals]) -> Residuals:
     """Of runs below each other, all of speeds or none."""
     shift = np.concatenate([residuals.shift for residuals in each])
     speeds = [residuals.speed for residuals in each if residuals.speed is not None]
+    inertias = tuple(inertia for residuals in each for inertia in residuals.inertias)
     if len(speeds) < len(each):
-        return Residuals(shift)
+        return Residuals(shift, inertias=inertias, scale=each[0].scale)
     known = np.concatenate(
         [np.broadcast_to(residuals.known, residuals.shift.shape) for residuals in each]
     )
-    return Residuals(
-        shift,
-        np.concatenate(speeds),
-        known,
-        tuple(inertia for residuals in each for inertia in residuals.inertias),
-        each[0].scale,
-    )
+    return Residuals(shift, np.concatenate(speeds), known, inertias, each[0].scale)

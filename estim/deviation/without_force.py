@@ -61,7 +61,8 @@ def _stack(
         formed_about(Trajectory.of(run), run.noise, own, named, scale=1.0)
         for run, own in zip(runs, points.runs, strict=True)
     ]
-    formed = stacked([residuals for residuals, _ in about])
+    # neither a force nor a start that would count less in a heavier body
+    formed = replace(stacked([residuals for residuals, _ in about]), inertias=())
     return Stack(
         runs,
         frames,
