@@ -18,6 +18,10 @@ quantities that hold the true value, among results with status `ok`; behind it t
 standard deviation, of the shares of single recordings.  Last column: share of results that are `ok`
 with some |z| > 4.
 
+--only prior (with --priors default --noise speeds): the truth, force and start included, is drawn
+from what the analysis assumes, and each recording is analysed with `unmodelled_force = 0` too,
+which is wrong.  Ranks of the true values must then be uniform: simulation-based calibration.
+
 --log keeps every outcome as it comes, one line of JSON each; what it already holds is not made
 again.  `outcomes.jsonl.gz` holds those of `RESULTS-truth.md`.
 """
@@ -34,11 +38,12 @@ import time
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import chisquare
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -62,6 +67,10 @@ from truth.recordings import (
 
 SYMBOLS = {"gamma": "γ", "kappa": "κ", "theta0": "θ₀", "phi": "φ", "rolling_resistance": "c_rr"}
 ESTIM, OF_DRAWS = "estim", "estim: j, s, turning point"
+COMPLETE = "estim, no force"
+DRAWN = "prior"
+MEDIAN_FORCE = 0.0135  # of the half-normal prior of scale .02
+N_BIN = 10  # of rank histograms
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,8 @@ class Outcome:
     inside68: Sequence[bool] = ()
     inside95: Sequence[bool] = ()
     seconds: float = 0.0
+    below: Sequence[float] = ()  # share of the draws below each true value: its rank
+    force: Sequence[float] = ()  # amplitude and length of the true one, where it is drawn
 
 
 def generator(case: Case) -> np.random.Generator:
@@ -123,6 +134,13 @@ def outcomes(case: Case) -> list[Outcome]:
             folder, DISTURBANCES[case.name], priors=case.priors, noise=case.noise, rng=rng
         )
         found = _by_default(case, folder, truth)
+        if case.name == DRAWN:
+            force = DISTURBANCES[DRAWN].motion(generator(case), BASE).gusts
+            path = folder / "campaign.toml"
+            text = path.read_text(encoding="utf-8")
+            path.write_text(text.replace("[shared]", "[shared]\nunmodelled_force = 0"), "utf-8")
+            found += [replace(o, method=COMPLETE) for o in _by_default(case, folder, truth)]
+            found = [replace(o, force=(force.amplitude, force.length)) for o in found]
         if case.peers and case.noise == "speeds":
             sides = intervals_of_lmfit(folder, truth, slow=case.peers > 1, seed=case.replica + 1)
             for method, intervals in sides.items():
@@ -154,9 +172,10 @@ def _outcome(
     inside68: Sequence[bool] = (),
     inside95: Sequence[bool] = (),
     seconds: float = 0.0,
+    below: Sequence[float] = (),
 ) -> Outcome:
     return Outcome(
-        *case.line, case.replica, case.seed, method, status, z, inside68, inside95, seconds
+        *case.line, case.replica, case.seed, method, status, z, inside68, inside95, seconds, below
     )
 
 
@@ -180,6 +199,7 @@ def _by_default(case: Case, folder: Path, truth: dict[str, float]) -> list[Outco
             status,
             *against(columns, list(truth.values())),
             time.process_time() - start,
+            [float(np.mean(c < true)) for c, true in zip(columns, truth.values(), strict=True)],
         )
     ]
     if case.derived:
@@ -285,6 +305,40 @@ def peer_row(
     return "| " + " | ".join(cells) + " |"
 
 
+def rank_rows(found: Sequence[Outcome]) -> list[str]:
+    """Simulation-based calibration (Talts et al. 2018): coverage, and of each quantity p of a
+    chi-square test of a rank histogram of `N_BIN` bins, also split by the force that is true.
+    """
+    lines = heads(
+        ["analysis", "of", "N", "68 / 95 %", *(f"{s}: 68, 95; p" for s in SYMBOLS.values())]
+    )
+    for method in dict.fromkeys(o.method for o in found):
+        mine = [o for o in found if o.method == method and o.below]
+        groups = {
+            "all": mine,
+            "ok": [o for o in mine if o.status == "ok"],
+            "no force": [o for o in mine if o.force[0] == 0.0],
+            "force below .0135": [o for o in mine if 0.0 < o.force[0] < MEDIAN_FORCE],
+            "force above .0135": [o for o in mine if o.force[0] >= MEDIAN_FORCE],
+            "a force, shorter than a sixth": [o for o in mine if o.force[0] and o.force[1] < 1 / 6],
+            "a force, longer": [o for o in mine if o.force[0] and o.force[1] >= 1 / 6],
+            "ok, force above .0135": [
+                o for o in mine if o.status == "ok" and o.force[0] >= MEDIAN_FORCE
+            ],
+        }
+        for words, group in groups.items():
+            if len(group) < 2:
+                continue
+            cells = [method, words, str(len(group)), coverage(group)]
+            for i in range(len(FREE)):
+                ranks = np.array([o.below[i] for o in group])
+                held = [100 * np.mean(np.abs(ranks - 0.5) < 0.5 * p) for p in CENTRAL]
+                counts = np.histogram(ranks, N_BIN, (0.0, 1.0))[0]
+                cells.append(f"{held[0]:.0f}, {held[1]:.0f}; {chisquare(counts).pvalue:.2g}")
+            lines.append("| " + " | ".join(cells) + " |")
+    return lines
+
+
 def heads(cells: Sequence[str]) -> list[str]:
     return ["| " + " | ".join(cells) + " |", "|" + "---|" * len(cells)]
 
@@ -324,7 +378,8 @@ def tables(found: Sequence[Outcome]) -> list[str]:
         lines += [
             peer_row(*line[:2], methods, by_line[line]) for line in order if len(by_line[line]) > 1
         ]
-    return lines
+    drawn = [o for o in found if o.name == DRAWN]
+    return lines + (["", *rank_rows(drawn)] if drawn else [])
 
 
 def main() -> None:
@@ -334,7 +389,7 @@ def main() -> None:
         "--only",
         nargs="+",
         choices=DISTURBANCES,
-        default=list(DISTURBANCES),
+        default=[name for name, one in DISTURBANCES.items() if not one.drawn],
         metavar="NAME",
         help=", ".join(DISTURBANCES),
     )
@@ -379,6 +434,8 @@ def main() -> None:
             "--derived goes with --noise speeds alone: other curves are not asked where "
             "the motion ends"
         )
+    if DRAWN in chosen.only and (chosen.priors, chosen.noise) != (["default"], ["speeds"]):
+        parser.error("--only prior goes with --priors default --noise speeds alone")
     found = (
         [Outcome(**json.loads(text)) for text in chosen.log.read_text().splitlines()]
         if chosen.log and chosen.log.exists()

@@ -51,6 +51,7 @@ class Truth:
     theta0: float = math.radians(60.0)
     g: float = 9.81
     release_speed: float = 0.0
+    release_place: float = 0.0  # m, from where x and theta0 count
     rolling_resistance: float = 0.0
     load_resistance: float = 0.0
     moment: float = 0.0  # N m
@@ -179,8 +180,16 @@ class Motion:
 @lru_cache(maxsize=64)
 def solve(truth: Truth, last: float) -> Motion:
     """The motion up to the time `last` (s), back and forth; `rtol` 1e-12."""
-    legs, begin, state = [], 0.0, np.array([0.0, truth.release_speed / truth.radius])
-    sense = math.copysign(1.0, truth.release_speed) if truth.release_speed else truth.direction(0.0)
+    legs, begin, state = (
+        [],
+        0.0,
+        np.array([truth.release_place, truth.release_speed]) / truth.radius,
+    )
+    sense = (
+        math.copysign(1.0, truth.release_speed)
+        if truth.release_speed
+        else truth.direction(state[0])
+    )
     for _ in range(MOST_LEGS):
         if sense == 0.0:
             legs.append(

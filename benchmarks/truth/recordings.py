@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from truth.motion import Truth, solve
 
@@ -88,6 +89,7 @@ class Disturbance:
     factors: Mapping[str, float] = field(default_factory=dict)
     shifts: Mapping[str, float] = field(default_factory=dict)
     n_frame: int = 0  # the first so many only; 0: all
+    drawn: bool = False  # the truth is drawn from what is stated, which is that of `BASE`
 
 
 def ar1(correlation: float) -> Callable[[Rng, FloatArray], FloatArray]:
@@ -158,6 +160,94 @@ def changed(**values: object) -> Callable[[Rng, Truth], Truth]:
     return lambda rng, base: replace(base, **values)  # noqa: ARG005
 
 
+@dataclass(frozen=True)
+class Force:
+    """A force (N) along the ramp at x (m).
+
+    amplitude : of the weight, 0 for none.  length : of the track, which ends at `end` (m).
+    """
+
+    weight: float
+    amplitude: float
+    length: float
+    end: float
+    share: CubicSpline = field(compare=False)  # drawn again it is the same, and solved once
+
+    def __call__(self, x: float) -> float:
+        return self.weight * float(self.share(min(max(x, 0.0), self.end)))
+
+
+def from_prior(rng: Rng, base: Truth) -> Truth:
+    """Everything as the analysis assumes it, by the numbers in docs/statistics.md: a force with
+    probability 1/2, half-normal of .02 of the weight, its length log-normal about a sixth of the
+    track (.7, from a thirtieth to .6), Matern 3/2 and once and twice per turn, without its mean;
+    an energy at release of .02 of the weight times the radius; c_rr half-normal of .005; the rest
+    as `PRIORS["default"]` states.
+
+    What never gets as far as it would without a force, or takes too long, is drawn again.
+    """
+    while True:
+        values = {
+            name: rng.uniform() if u is None else getattr(base, name) + u * rng.standard_normal()
+            for name, u in PRIORS["default"].items()
+        }
+        values["rolling_resistance"] = 0.005 * abs(rng.standard_normal())
+        true = replace(base, **values)
+        start = 0.02 * true.radius * rng.standard_normal()
+        spike, size = rng.uniform() < 0.5, 0.02 * abs(rng.standard_normal())
+        length = math.exp(0.7 * rng.standard_normal()) / 6.0
+        normal = rng.standard_normal(404)
+        x = np.linspace(0.0, 1.0, 1001)
+        turned, slope = (
+            true.theta0 + x / true.radius,
+            math.sin(true.phi) + true.rolling_resistance * math.cos(true.phi),
+        )
+        energy = start - slope * x
+        energy += true.gamma * true.radius * (math.cos(true.theta0) - np.cos(turned))
+        moving = energy > 0.0
+        if not (1.0 / 30.0 <= length <= 0.6) or not moving.any() or moving[-1]:
+            continue
+        # energies of a flat ramp: where the body would turn is where it turns with a force, too
+        first = int(np.argmax(moving))
+        end = float(np.interp(0.0, *_falling(energy, x, first)))
+        nodes = np.linspace(0.0, end, 400)
+        apart = math.sqrt(3.0) * np.abs(nodes[:, None] - nodes) / (length * end)
+        kernel = (1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(nodes.size)
+        force = np.linalg.cholesky(kernel) @ normal[:400]
+        for turns, (a, b) in ((1.0, normal[400:402]), (2.0, normal[402:])):
+            angle = turns * nodes / true.radius
+            force += a * np.cos(angle) + b * np.sin(angle)
+        amplitude = 0.0 if spike else size
+        force = CubicSpline(nodes, amplitude * force)
+        force = CubicSpline(nodes, force(nodes) - force.integrate(0.0, end) / end)
+        work = force.antiderivative()
+        places = np.linspace(0.0, end, 2001)[:-1]
+        energy = np.interp(places, x, energy) + work(places)
+        moving = energy > 0.0
+        begin = int(np.argmax(moving))
+        if not moving.any() or not moving[begin:].all():
+            continue
+        place = 0.0 if begin == 0 else float(places[begin])
+        twice = 2.0 + 2.0 * math.cos(true.theta0 + true.phi)
+        inertia = (1.0 - true.gamma) * (1.0 + true.kappa) + true.gamma * twice
+        speed = math.sqrt(2.0 * true.g * start / inertia) if start > 0.0 else 0.0
+        gusts = Force(true.mass * true.g, amplitude, length, end, force)
+        found = replace(true, gusts=gusts, release_place=place, release_speed=speed)
+        if solve(found, LONGEST).first_rest < LONGEST:
+            return found
+
+
+def _falling(energy: FloatArray, x: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
+    """Energies and places about the first place behind `first` where none is left, rising."""
+    last = first + int(np.argmin(energy[first:] > 0.0))
+    return energy[[last, last - 1]], x[[last, last - 1]]
+
+
+def of_usual_scales(rng: Rng, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Length scale and clock off by what an analysis takes for usual."""
+    return (1.0 + 0.0005 * rng.standard_normal()) * t, (1.0 + 0.003 * rng.standard_normal()) * x
+
+
 _WEIGHT = BASE.mass * BASE.g * BASE.radius  # N m
 DISTURBANCES: dict[str, Disturbance] = {
     "none": Disturbance("nothing"),
@@ -195,6 +285,9 @@ DISTURBANCES: dict[str, Disturbance] = {
     "heteroscedastic": Disturbance("errors .3 to 3 mm, by speed", camera=Camera(noise=uneven)),
     "blur": Disturbance("motion blur of a frame", camera=Camera(noise=blurred)),
     "outliers": Disturbance("5 % outliers", camera=Camera(after=with_outliers)),
+    "prior": Disturbance(
+        "all drawn from the prior", from_prior, Camera(after=of_usual_scales), drawn=True
+    ),
     "few": Disturbance("10 frames", camera=Camera(interval=0.12)),
 }
 
@@ -219,9 +312,11 @@ def film(disturbance: Disturbance, truth: Truth, rng: Rng) -> tuple[FloatArray, 
 
 def stated(name: str, u: float | None, truth: Truth, disturbance: Disturbance, rng: Rng) -> str:
     """What is stated of one quantity with the uncertainty `u`, as TOML."""
-    value = getattr(BASE if name == "g" and "g" not in disturbance.factors else truth, name)
+    known = disturbance.drawn or (name == "g" and "g" not in disturbance.factors)
+    value = getattr(BASE if known else truth, name)
+    off = 0.0 if disturbance.drawn else rng.standard_normal()
     value = (
-        value + (u or 0.0) * (rng.standard_normal() + disturbance.shifts.get(name, 0.0))
+        value + (u or 0.0) * (off + disturbance.shifts.get(name, 0.0))
     ) * disturbance.factors.get(name, 1.0)
     return (
         '{prior = "uniform", low = 0.0, high = 1.0}'
@@ -284,6 +379,14 @@ kappa = {said["kappa"][0]}
 {tables}""",
         encoding="utf-8",
     )
+    if disturbance.drawn:
+        return {
+            **{
+                f"{name}[{'b' if name not in OF_RUN else 'r'}]": getattr(truth, name)
+                for name in FREE[:-1]
+            },
+            FREE[-1]: truth.rolling_resistance,
+        }
     longest = max(last, key=last.__getitem__)
     found = {"gamma[b]": truth.gamma, "kappa[b]": truth.kappa}
     found |= {f"{name}[{run}]": getattr(own, name) for name in OF_RUN for run, own in runs.items()}
