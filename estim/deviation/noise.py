@@ -82,7 +82,7 @@ class FreeStart(Stated):
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
         points = self.bad.moved(points)
         stated = normal_covariance(self.base, points, named)
-        about = formed_about(self.course, self.base, points, named, scale=1.0)[0].speed
+        about = formed_about(self.course, self.base, points, named, scale=None)[0].speed
         columns = np.column_stack(
             [
                 self.course.along(points, named, self.base, about=about).push,
@@ -147,20 +147,20 @@ def formed_about(
     points: Points,
     named: Named,
     *,
-    scale: float,
+    scale: float | None,
     speed: FloatArray | None = None,
 ) -> tuple[Residuals, StatedErrors]:
     """How residuals are formed for a fit with the values `named`, and the stated errors of such
     residuals.
 
-    scale : of the prior of the force.
+    scale : of the prior of the force; None without one.
     speed : (n_obs,) where more is known of the speeds than the curve says.
     """
     here = course.speed(points, named, base)
     if here is None:
         stated = normal_covariance(base, points, named)
-        inertia = Inertia.of(course.motion, points.y, points.bind(named))
-        return Residuals(stated.shift, inertias=(inertia,), scale=scale), stated
+        inertias, scale = _inertias(course, points.y, points, named, scale)
+        return Residuals(stated.shift, inertias=inertias, scale=scale), stated
     slow = normal_covariance(
         base, points_about(points, np.maximum(here, _REST * np.max(here))), named
     )
@@ -168,12 +168,17 @@ def formed_about(
     about = np.maximum(known, LEAST_SPEED * np.sqrt(slow.root.variances))
     stated = normal_covariance(base, points_about(points, about), named)
     return Residuals(
-        stated.shift,
-        about,
-        known,
-        (Inertia.of(course.motion, points.x, points.bind(named)),),
-        scale,
+        stated.shift, about, known, *_inertias(course, points.x, points, named, scale)
     ), stated
+
+
+def _inertias(
+    course: Trajectory, places: FloatArray, points: Points, named: Named, scale: float | None
+) -> tuple[tuple[Inertia, ...], float]:
+    """Those of a run with a force, and the scale of its prior."""
+    if scale is None:
+        return (), 1.0
+    return (Inertia.of(course.motion, places, points.bind(named)),), scale
 
 
 def normal_covariance(base: Noise, points: Points, named: Named) -> StatedErrors:

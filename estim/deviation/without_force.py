@@ -58,11 +58,10 @@ def _stack(
     frames = bad.get(runs[0].name, BadFrames()) if len(runs) == 1 else BadFrames()
     points = StackedPoints(tuple(frames.moved(run.points) for run in runs))
     about = [
-        formed_about(Trajectory.of(run), run.noise, own, named, scale=1.0)
+        formed_about(Trajectory.of(run), run.noise, own, named, scale=None)
         for run, own in zip(runs, points.runs, strict=True)
     ]
-    # neither a force nor a start that would count less in a heavier body
-    formed = replace(stacked([residuals for residuals, _ in about]), inertias=())
+    formed = stacked([residuals for residuals, _ in about])
     return Stack(
         runs,
         frames,
