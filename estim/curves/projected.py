@@ -117,15 +117,16 @@ class ProjectedCurve:
         gone = set().union(*(self.linear_of(block) for block in absent))
         rest, columns = self._parts(bent, [name for name in self.linear if name not in gone])
         taken: list[FloatArray] = []
-        for k in range(columns.shape[1]):
-            column = columns[:, k] / np.linalg.norm(columns[:, k], axis=1, keepdims=True)
-            for _ in range(2):
-                for earlier in taken:
-                    column = column - np.sum(column * earlier, axis=1, keepdims=True) * earlier
-            size = np.linalg.norm(column, axis=1, keepdims=True)
-            column = np.where(size > _FLAT, column / size, 0.0 * column)
-            taken.append(column)
-            rest = rest - np.sum(column * rest, axis=1, keepdims=True) * column
+        with np.errstate(all="ignore"):
+            for k in range(columns.shape[1]):
+                column = columns[:, k] / np.linalg.norm(columns[:, k], axis=1, keepdims=True)
+                for _ in range(2):
+                    for earlier in taken:
+                        column = column - np.sum(column * earlier, axis=1, keepdims=True) * earlier
+                size = np.linalg.norm(column, axis=1, keepdims=True)
+                column = np.where(size > _FLAT, column / size, 0.0 * column)
+                taken.append(column)
+                rest = rest - np.sum(column * rest, axis=1, keepdims=True) * column
         return rest
 
     def squares(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:

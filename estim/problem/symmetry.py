@@ -78,11 +78,12 @@ class Symmetry:
     def nearest(self, values: FloatArray, near: FloatArray) -> FloatArray:
         """The image of `values` (n_par,) within the limits that is closest to `near` (n_par,)."""
         inside = self.within(values, near)
-        return min(
-            inside,
-            key=lambda image: float(np.sum(self.weight * (image - near) ** 2)),
-            default=values,
-        )
+        with np.errstate(over="ignore"):  # 1e200 away is far
+            return min(
+                inside,
+                key=lambda image: float(np.sum(self.weight * (image - near) ** 2)),
+                default=values,
+            )
 
     def within(self, values: FloatArray, near: FloatArray) -> list[FloatArray]:
         """The images of `values` (n_par,) inside the limits; phases turned as close to `near`
