@@ -14,8 +14,10 @@ Source: Marquardt, J. Soc. Ind. Appl. Math. 11 (1963) 431.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -31,6 +33,7 @@ _HELD_ROUNDS = 3
 _TELLING = 2e-4  # of a reach: two slopes closer than that teach nothing of a curvature
 _ACCEPTABLE = 1e-4  # promised fall of a minimum below which no step leads, or not soon
 _MOST_STEPS = 60
+_PATIENCE = 4  # steps, after which descents are compared
 _LONGEST = 1.0  # step of least squares, of a parameter's size
 _CLOSING = 0.9  # of its way to a limit
 _NUMBERS = 400_000  # residuals at a time: they stay near the cache
@@ -188,8 +191,9 @@ class Squares:
         with np.errstate(all="ignore"):
             half = np.concatenate(
                 [
-                    0.5 * np.sum(self.residuals(points[part], which[part]) ** 2, axis=1)
+                    0.5 * np.einsum("ij,ij->i", residuals, residuals)
                     for part in self._parts(len(points), 1)
+                    for residuals in (self.residuals(points[part], which[part]),)
                 ]
             )
         return np.where(np.isfinite(half), half, np.inf)
@@ -217,7 +221,7 @@ class Squares:
         moving = np.concatenate([self.linear, self.bent])
         for part in self._parts(len(points), moving.size):
             base, columns = self.tangents(points[part], moving, self.step, which[part])
-            columns = np.where(np.isfinite(columns), columns, 0.0)
+            columns = _finite(columns)
             bent = columns[:, :, self.linear.size :]
             if self.linear.size:
                 basis = np.linalg.qr(columns[:, :, : self.linear.size])[0]
@@ -243,22 +247,32 @@ class Squares:
             rows.reshape(-1, points.shape[1]), np.tile(which, 1 + moving.size)
         ).reshape(1 + moving.size, len(points), -1)
         with np.errstate(all="ignore"):
-            return every[0], np.moveaxis(every[1:] - every[0], 0, 2) / steps[:, None, :]
+            every[1:] -= every[0]
+            every[1:] /= steps.T[:, :, None]
+        return every[0], np.moveaxis(every[1:], 0, 2)
 
     def descend(
-        self, points: FloatArray, *, share: float, most: int
+        self, points: FloatArray, *, share: float, most: int, hopeless: float = math.inf
     ) -> tuple[FloatArray, FloatArray, Flags]:
         """Where points (n, n_par) come to lie, each in its place, the sums of squares there, inf
         where there is none (such a point stays), and which of them are minima.
 
         share : of the squares, the promised fall at which a descent ends; after `most` steps in
             any case.
+        hopeless : times the lowest squares, above which the higher half is given up every few
+            steps.
         """
         descents = _Descents(self, len(points), share=share, most=most)
         descents.points[:], descents.held[:], descents.going[:] = points, True, True
         descents.held[:, self.bent] = False
-        while np.any(descents.going):
+        for n in count(1):
+            if not np.any(descents.going):
+                break
             descents.advance()
+            if n % _PATIENCE == 0 and np.any(descents.going):
+                middle = np.median(descents.heights[descents.going])
+                bound = max(hopeless * np.min(descents.heights), middle)
+                descents.going &= descents.heights <= bound
         return descents.points, 2.0 * descents.heights, descents.settled
 
     def _parts(self, n: int, columns: int) -> list[slice]:
@@ -272,15 +286,20 @@ def solve(
     """(n_point, n_col) damped least squares of target (n_point, n_res) by columns (n_point, n_res,
     n_col).
     """
-    columns = np.where(np.isfinite(columns), columns, 0.0)
-    scale = np.sqrt(np.sum(columns**2, axis=1))
+    columns, target = _finite(columns), _finite(target)
+    gram = np.swapaxes(columns, 1, 2) @ columns
+    scale = np.sqrt(np.diagonal(gram, axis1=1, axis2=2))
     scale = np.where(scale > 0.0, scale, 1.0)
-    unit = columns / scale[:, None, :]
-    gram = np.swapaxes(unit, 1, 2) @ unit
-    n = gram.shape[1]
-    gram = gram + np.asarray(damping).reshape(-1, 1, 1) * np.eye(n)
-    slope = np.swapaxes(unit, 1, 2) @ np.where(np.isfinite(target), target, 0.0)[:, :, None]
-    return np.asarray(np.linalg.solve(gram, slope)[..., 0] / scale)
+    gram = gram / (scale[:, :, None] * scale[:, None, :])
+    gram += np.asarray(damping).reshape(-1, 1, 1) * np.eye(gram.shape[1])
+    slope = (np.swapaxes(columns, 1, 2) @ target[:, :, None])[..., 0] / scale
+    return np.asarray(np.linalg.solve(gram, slope[..., None])[..., 0] / scale)
+
+
+def _finite(values: FloatArray) -> FloatArray:
+    """The same with 0 where a value is not finite."""
+    finite = np.isfinite(values)
+    return values if np.all(finite) else np.where(finite, values, 0.0)
 
 
 class _Descents:

@@ -53,6 +53,7 @@ from estim.fitting import (
     N_START,
     Fit,
     Optimum,
+    at_mode,
     chi2_p,
     find_optimum,
     fit_discrepancy,
@@ -310,7 +311,7 @@ def _concluded(
     )
     perfect = cancelled or squares <= posed.y.size * _floor(posed) ** 2
     p_value = chi2_p(chi2, dof) if sigma is None and dof > 0 else math.nan
-    fixed = inner if sigma is None else _fixed_fit(posed.with_sigma(sigma), best)
+    fixed = inner if sigma is None else at_mode(posed.with_sigma(sigma), best.values)
     uncertainty = spread(
         fixed,
         best,
@@ -369,13 +370,6 @@ def _concluded(
     )
 
 
-def _fixed_fit(problem: Problem, best: Optimum) -> Fit:
-    """The same optimum as a record with errors of a fixed size."""
-    return replace(
-        refit(problem, best.values), values=best.values, posterior=problem.linearised(best.values)
-    )
-
-
 def _size(inner: Fit, best: Optimum) -> float:
     """chi^2 of the data and of the priors."""
     return float(
@@ -398,16 +392,10 @@ def _inner_fit(
         start = best.values
     else:
         problem, start = posed.with_unknown_sigma(sigma), np.append(best.values, sigma)
-    fit = refit(problem, start)
-    values = fit.values.copy()
-    values[: best.values.size] = best.values
     led = led_here(best.n_same, best.n_start)
     words = settled(led) if best.settled else phrase("did not converge; {led}", led=led)
-    posterior = problem.linearised(values)
     fit = replace(
-        fit,
-        values=values,
-        posterior=posterior,
+        at_mode(problem, start),
         n_start=best.n_start,
         n_same=best.n_same,
         success=best.settled,

@@ -158,6 +158,11 @@ def read_formula(text: object, *, field: str = "expression") -> Formula:
             field=field,
             value=text if text != "" else "''",
         )
+    return _read(text, field)
+
+
+@lru_cache(maxsize=256)
+def _read(text: str, field: str) -> Formula:
     if len(text) > MAX_LENGTH:
         raise InputError(
             f"must be at most {MAX_LENGTH} characters long", field=field, value=len(text)

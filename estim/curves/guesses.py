@@ -5,8 +5,8 @@ such a thing may be: a place or a length along x, a rate or a frequency up to ha
 point to the next, a pure number (`scales`).  The linear parameters are solved for (`projected`), so
 only the others are drawn, thousands of times, and the terms of a sum are looked for one after the
 other.  The best trials go down to their optima, and each parameter is looked for again beside the
-others.  Nothing is taken for found until two searches that share no random number end at the same
-squares.
+others.  Nothing is taken for found until three descents of a search (where the curve is no sum of
+terms), or two searches that share no random number, end at the same squares.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from estim.curves.projected import ProjectedCurve, projected
 
 _DRAWN, _DRAWN_EACH = 3000, 1500  # trials, and more for each parameter that is drawn
 _SWEPT = 300  # values of one parameter, the others held
-_GO_DOWN, _FINISH = 12, 1
+_GO_DOWN = 12
 # where the curve is no sum of terms: trials to begin with, descents that end at the best squares
 _FEW, _ENOUGH = 1000, 3
+_SAME = 1e-6  # of the squares: minima in noise differ by more
 _ALIKE = 0.9995  # correlation of residuals that are one
 _ROUGH, _FINE = 12, 100  # steps of a descent
 # at most; parameters that are drawn, from which on three searches are made at least
@@ -56,11 +57,12 @@ def guess_starts(
     search = projected(formula, x, y, u, known, limits, sought)
     ends: list[tuple[FloatArray, float]] = []
     for seed in range(_SEARCHES if search.bent else 1):
-        ends.append(_searched(search, np.random.default_rng(seed + 1)))
+        end, sure = _searched(search, np.random.default_rng(seed + 1))
+        ends.append(end)
         ends.sort(key=lambda end: end[1])
         if ends[0][1] == math.inf:
             continue
-        if not search.bent or (
+        if sure or (
             len(ends) > (1 if len(search.bent) < _MANY else 2)
             and ends[1][1] <= ends[0][1] * (1.0 + _AGREE) + search.rounding
         ):
@@ -80,10 +82,14 @@ def guess_starts(
     )
 
 
-def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatArray, float]:
-    """The best values (n_bent,) of one search, and the squares that they leave."""
+def _searched(
+    search: ProjectedCurve, rng: np.random.Generator
+) -> tuple[tuple[FloatArray, float], bool]:
+    """The best values (n_bent,) of one search, the squares that they leave, and whether several of
+    its descents ended there.
+    """
     if not search.bent:
-        return np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])
+        return (np.zeros(0), float(search.squares(np.zeros((1, 0)))[0])), True
     n = _DRAWN + _DRAWN_EACH * len(search.bent)
     drawn = np.column_stack([scale.draw(rng, n) for scale in search.scales])
     alone = len(search.blocks) < 2
@@ -91,13 +97,13 @@ def _searched(search: ProjectedCurve, rng: np.random.Generator) -> tuple[FloatAr
     for points in (drawn[:_FEW], drawn) if alone else (drawn,):
         ends += _down(search, _best_apart(search, points, _GO_DOWN), _ROUGH)
         ends.sort(key=lambda end: end[1])
-        best = ends[0][1] * (1.0 + _AGREE) + search.rounding if ends else math.nan
-        if alone and sum(end[1] <= best for end in ends) >= _ENOUGH:
-            return ends[0]
+        same = ends[0][1] * (1.0 + _SAME) + search.rounding if ends else math.nan
+        if alone and sum(end[1] <= same for end in ends) >= _ENOUGH:
+            return ends[0], True
     ends += _down(search, _term_by_term(search, rng), _ROUGH)
-    ends.sort(key=lambda end: end[1])
-    finished = [_swept(search, end, rng) for end in ends[:_FINISH]]
-    return min(finished, key=lambda end: end[1]) if finished else (drawn[0], math.inf)
+    if not ends:
+        return (drawn[0], math.inf), False
+    return _swept(search, min(ends, key=lambda end: end[1]), rng), False
 
 
 def _term_by_term(search: ProjectedCurve, rng: np.random.Generator) -> list[FloatArray]:
@@ -199,18 +205,20 @@ def _best_apart(
     squares = search.squares(points, absent)
     order = np.argsort(squares, kind="stable")[: 40 * n]
     order = order[np.isfinite(squares[order])]
-    if not order.size:
-        return []
-    with np.errstate(all="ignore"):
-        residuals = search.left(points[order], absent)
-        residuals = residuals / np.linalg.norm(residuals, axis=1, keepdims=True)
-    chosen: list[int] = []
-    for k in range(order.size):
-        if all(float(residuals[k] @ residuals[other]) < _ALIKE for other in chosen):
-            chosen.append(k)
+    chosen: list[FloatArray] = []
+    shapes = np.zeros((0, search.x.size))
+    for first in range(0, order.size, 2 * n):
+        tried = points[order[first : first + 2 * n]]
+        with np.errstate(all="ignore"):
+            residuals = search.left(tried, absent)
+            residuals /= np.linalg.norm(residuals, axis=1, keepdims=True)
+        for point, shape in zip(tried, residuals, strict=True):
+            if len(chosen) < n and np.all(shapes @ shape < _ALIKE):
+                chosen.append(point)
+                shapes = np.vstack([shapes, shape])
         if len(chosen) == n:
             break
-    return [points[order[k]] for k in chosen]
+    return chosen
 
 
 def _down(

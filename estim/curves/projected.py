@@ -95,10 +95,10 @@ class ProjectedCurve:
     def whole(self, bent: FloatArray) -> dict[str, float]:
         """Name -> value of the parameters that are sought; those solved for within their limits."""
         rest, columns = self._parts(bent[None, :], self.linear)
-        size = np.linalg.norm(columns[0], axis=1)
+        size = np.linalg.norm(columns[:, 0], axis=1)
         size[size == 0.0] = 1.0
         solved = (
-            np.linalg.lstsq((columns[0] / size[:, None]).T, rest[0], rcond=None)[0] / size
+            np.linalg.lstsq((columns[:, 0] / size[:, None]).T, rest[0], rcond=None)[0] / size
             if self.linear
             else np.zeros(0)
         )
@@ -118,15 +118,14 @@ class ProjectedCurve:
         rest, columns = self._parts(bent, [name for name in self.linear if name not in gone])
         taken: list[FloatArray] = []
         with np.errstate(all="ignore"):
-            for k in range(columns.shape[1]):
-                column = columns[:, k] / np.linalg.norm(columns[:, k], axis=1, keepdims=True)
-                for _ in range(2):
-                    for earlier in taken:
-                        column = column - np.sum(column * earlier, axis=1, keepdims=True) * earlier
-                size = np.linalg.norm(column, axis=1, keepdims=True)
-                column = np.where(size > _FLAT, column / size, 0.0 * column)
+            for column in columns:
+                column /= np.sqrt(_dot(column, column))
+                for earlier in taken * 2:
+                    column -= _dot(column, earlier) * earlier
+                size = np.sqrt(_dot(column, column))
+                column *= np.where(size > _FLAT, 1.0 / size, 0.0)
                 taken.append(column)
-                rest = rest - np.sum(column * rest, axis=1, keepdims=True) * column
+                rest -= _dot(column, rest) * column
         return rest
 
     def squares(self, bent: FloatArray, absent: Sequence[Sequence[int]] = ()) -> FloatArray:
@@ -135,8 +134,9 @@ class ProjectedCurve:
         with np.errstate(all="ignore"):
             sums = np.concatenate(
                 [
-                    np.sum(self.left(bent[k : k + size], absent) ** 2, axis=1)
+                    _dot(left, left)[:, 0]
                     for k in range(0, bent.shape[0], size)
+                    for left in (self.left(bent[k : k + size], absent),)
                 ]
             )
         return np.where(
@@ -168,7 +168,7 @@ class ProjectedCurve:
         return unseen
 
     def _parts(self, bent: FloatArray, solved: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        """(n, n_obs) y without what the linear parameters do not move, and (n, n_linear, n_obs) the
+        """(n, n_obs) y without what the linear parameters do not move, and (n_linear, n, n_obs) the
         curves of a unit of each.
         """
         symbols: dict[str, Any] = {
@@ -179,11 +179,16 @@ class ProjectedCurve:
         }
         curve, shape = evaluate(self.formula.tree, symbols), (bent.shape[0], self.x.size)
         still = np.broadcast_to(plain(curve), shape)
-        columns = np.zeros((shape[0], len(solved), shape[1]))
-        for k, name in enumerate(solved):
-            columns[:, k] = curve.partials[name]
+        columns = np.empty((len(solved), *shape))
         with np.errstate(all="ignore"):
-            return self.y - still * self.weight, columns * self.weight
+            for column, name in zip(columns, solved, strict=True):
+                np.multiply(curve.partials[name], self.weight, out=column)
+            return self.y - still * self.weight, columns
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(n, 1) scalar products of the rows of a and b (n, n_obs)."""
+    return np.einsum("ij,ij->i", a, b)[:, None]
 
 
 def projected(

@@ -306,17 +306,12 @@ def _at_least_stated(family: Family) -> NDArray[np.int64]:
     """(n_component,) for each component itself, or, where its scale is below 1, the one with the
     same amplitude and scale 1.
     """
-    stated = {
-        amplitude: i
-        for i, (amplitude, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))
-        if scale == 1.0
-    }
-    return np.array(
-        [
-            i if scale >= 1.0 else stated[a]
-            for i, (a, scale) in enumerate(zip(family.amplitude, family.scale, strict=True))
-        ]
-    )
+    stated = np.flatnonzero(family.scale == 1.0)
+    rising = stated[np.argsort(family.amplitude[stated])]
+    same = rising[np.searchsorted(family.amplitude[rising], family.amplitude[family.scale < 1.0])]
+    serves = np.arange(family.scale.size)
+    serves[family.scale < 1.0] = same
+    return serves
 
 
 def mixture_quantiles(

@@ -26,7 +26,15 @@ from estim.fitting.forces import (
 )
 from estim.fitting.discrepancy import fit_discrepancy, sds_near_limits
 from estim.fitting.mode import fit_problem, fit_white
-from estim.fitting.least_squares import Fit, chi2_p, fit_least_squares, led_here, refit, settled
+from estim.fitting.least_squares import (
+    Fit,
+    at_mode,
+    chi2_p,
+    fit_least_squares,
+    led_here,
+    refit,
+    settled,
+)
 from estim.fitting.optimum import (
     MAX_PARAMETERS,
     N_START,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.fitting.finish import step_between
-from estim.fitting.separable import RESOLVED, SeparableSearch, rounding
+from estim.fitting.separable import RESOLVED, SeparableSearch
 
 _N_FINISH = 10  # steps by the information that end a search with errors of x
 _NO_STEP = 1e-6  # standard deviations
@@ -60,7 +60,8 @@ def stepped(
         if np.any((step < low) | (step > high)):
             step = step_between(jacobian[:, moving], residual, low, high, silent=resolved)
         noise = math.sqrt(
-            max(chi2, 10.0 * rounding(search, values), 1e-300) / max(1, residual.size - moving.size)
+            max(chi2, 10.0 * search.rounding_at(values, jacobian), 1e-300)
+            / max(1, residual.size - moving.size)
         )
         moved = np.abs(step) / np.where(sds > 0.0, sds, np.inf)
         size, mover = float(np.max(moved)) / noise, int(moving[np.argmax(moved)])

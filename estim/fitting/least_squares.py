@@ -228,6 +228,19 @@ def refit(problem: Problem, start: FloatArray) -> Fit:
     return _describe(problem, posterior, values, moved, [values], n_start=1, same=[values])
 
 
+def at_mode(problem: Problem, values: FloatArray) -> Fit:
+    """The fit of a problem whose curve has its optimum at `values` (n_par,), with noise parameters
+    fit to it.  Raises NumericalError where the curve has no finite derivatives there.
+    """
+    posterior = problem.linearised(values)
+    if problem.noise_names:
+        values = fit_noise(posterior, values)
+        posterior = problem.linearised(values)
+    if _curved(posterior, values) is None:
+        raise _no_curvature(values, posterior)
+    return _describe(problem, posterior, values, 0.0, [values], n_start=1, same=[values])
+
+
 def _no_curvature(values: FloatArray, posterior: Posterior) -> NumericalError:
     diagonal = np.diag(information(posterior, values))
     where = (
@@ -450,6 +463,8 @@ def _inside(value: float, low: float, high: float) -> float:
 
 def led_here(n_same: int, n_start: int) -> str:
     """How many starts ended at the optimum, in words."""
+    if n_same == n_start == 1:
+        return phrase("the starting values led to this optimum")
     if n_same:
         return phrase("{n} of {of} starting points led to this optimum", n=n_same, of=n_start)
     return phrase(

@@ -41,7 +41,7 @@ from estim.fitting.least_squares import (
     settled,
 )
 from estim.fitting.screen import far_squares, further_optima
-from estim.fitting.separable import RESOLVED, SeparableSearch, rounding, set_apart
+from estim.fitting.separable import RESOLVED, SeparableSearch, set_apart
 from estim.fitting.solutions import (
     MOST_OTHERS,
     PLACE,
@@ -157,7 +157,10 @@ def _found(
     search: SeparableSearch, start: FloatArray, rng: np.random.Generator, n_start: int
 ) -> Optimum:
     searched = bool(search.bent.size) and n_start > 1
-    starts = [start, *(_screened(search, start, rng, n_start - 1) if searched else ())]
+    parameters = search.posterior.problem.parameters
+    stated = any(parameters[i].prior.start_stated for i in search.bent)
+    around = _screened(search, start, rng, n_start - 1) if searched and stated else []
+    starts = [start, *around]
     tried = descended(search, np.array(starts))
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
@@ -265,7 +268,7 @@ def _scanned(
                 fresh.append(point)
         ends += descended(search, np.array(fresh)) if fresh else []
         best = min(ends, key=lambda end: end[1])
-        if not best[1] < before[1] * (1.0 - SAME) - rounding(search):
+        if not best[1] < before[1] * (1.0 - SAME) - search.rounding:
             break
     return best, ends
 
@@ -492,7 +495,7 @@ def _polished(search: SeparableSearch, values: FloatArray, *, n_start: int, n_sa
             "other values, or limits"
         )
         raise InputError(rule, field="start")
-    rounded = rounding(search, values)
+    rounded = search.rounding_at(values, jacobian)
     floor = 0.1 * math.sqrt(rounded / max(chi2, 1e-300) * max(1, residual.size - free.size))
     near = near_bound(search, values, jacobian, residual, chi2)
     moving = free[~near[free]]

@@ -28,6 +28,7 @@ _DECADES = 2.0  # to either side of the start, where there are no limits
 _PRIOR_SDS = 5.0
 _WIDE = 1e-4  # of a parameter's size, for mixed second differences
 _SETTLED, _N_STEP = 1e-9, 14
+_HOPELESS = 10.0  # times the lowest squares that a descent has come to
 _FAR = np.geomspace(1.0, 3.0, 5)  # places in a reach
 _BATCH = 400_000  # residuals in one call
 
@@ -216,6 +217,6 @@ def descended(search: SeparableSearch, points: FloatArray) -> FloatArray:
         8, _MOST_NUMBERS // (10 * (1 + search.free.size) * max(1, search.posterior.problem.n_obs))
     )
     at = points[np.argsort(search.squares.heights(points))][:most]
-    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP)
+    at, height, _ = search.squares.descend(at, share=_SETTLED, most=_N_STEP, hopeless=_HOPELESS)
     at, height = at[np.isfinite(height)], height[np.isfinite(height)]
     return at[np.argsort(height)]

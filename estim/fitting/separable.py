@@ -74,7 +74,8 @@ class SeparableSearch:
         def residuals(points: FloatArray, _which: Indices) -> FloatArray:
             with np.errstate(all="ignore"):
                 pulls = [parameters[i].prior.residual(points[:, i])[:, None] for i in pulling]
-                return np.hstack([self.posterior.residuals_at(points), *pulls])
+                of_data = self.posterior.residuals_at(points)
+                return np.hstack([of_data, *pulls]) if pulls else of_data
 
         return Squares(
             residuals,
@@ -86,6 +87,24 @@ class SeparableSearch:
             max(_STEP, math.sqrt(self.resolved / _SAFETY)),
             self.posterior.problem.n_obs + len(pulling),
         )
+
+    @cached_property
+    def rounding(self) -> float:
+        """A sum of squares that rounding errors of the data alone may reach."""
+        posterior = self.posterior
+        named = posterior.problem.named(self.held)
+        groups = zip(posterior.problem.groups, posterior.likelihoods, strict=True)
+        return 1e-28 * sum(likelihood.squared_size(group.y, named) for group, likelihood in groups)
+
+    def rounding_at(self, values: FloatArray, jacobian: FloatArray) -> float:
+        """The same with those of the curve at `values` (n_par,), where it has this `jacobian`.
+
+        A parameter is known to a unit in its last place, so the terms of a sum like a + b x + c x^2
+        that all but cancel leave at least their own rounding errors, |df/da a| times the machine's
+        precision.
+        """
+        terms = np.abs(jacobian[: self.posterior.problem.n_obs] * values).sum(axis=1)
+        return self.rounding + _TERM_ROUNDING**2 * float(np.sum(terms**2))
 
     def chi2_at(self, points: FloatArray) -> FloatArray:
         """(n_point,) sums of squares at points (n_point, n_par), inf where the curve is not
@@ -172,7 +191,7 @@ def _linear(
     """Parameters without limits that the residuals are jointly linear in: their columns do not move
     when they do.
     """
-    reference = posterior.jacobian(start)
+    reference, before = posterior.jacobian(start), posterior.residuals(start)
     linear: list[int] = []
     for i in free:
         trial = [*linear, i]
@@ -190,21 +209,26 @@ def _linear(
         ]
         columns = reference[:, trial]
         if np.any(reference[:, i] != 0.0) and all(
-            _stays_straight(posterior, start, trial, move, columns) for move in moves
+            _stays_straight(posterior, start, before, trial, move, columns) for move in moves
         ):
             linear = trial
     return linear
 
 
 def _stays_straight(
-    posterior: Posterior, start: FloatArray, trial: list[int], move: FloatArray, columns: FloatArray
+    posterior: Posterior,
+    start: FloatArray,
+    before: FloatArray,
+    trial: list[int],
+    move: FloatArray,
+    columns: FloatArray,
 ) -> bool:
-    """Whether the derivatives `columns` (n, n_trial) are the same after a move; residuals first,
-    which cost a part of their derivatives.
+    """Whether the derivatives `columns` (n, n_trial) at the start, where the residuals are
+    `before`, are the same after a move; residuals first, which cost a part of their derivatives.
     """
     moved = start.copy()
     moved[trial] += move
-    before, expected = posterior.residuals(start), columns @ move
+    expected = columns @ move
     size = max(float(np.max(np.abs(before))), float(np.max(np.abs(expected))))
     if not np.all(np.abs(posterior.residuals(moved) - before - expected) <= _STRAIGHT * size):
         return False
@@ -214,21 +238,3 @@ def _stays_straight(
             <= 1e-9 * np.max(np.abs(columns), axis=0)
         )
     )
-
-
-def rounding(search: SeparableSearch, values: FloatArray | None = None) -> float:
-    """A sum of squares that rounding errors alone may reach: of the data, and at `values` (n_par,)
-    of the curve.
-
-    A parameter is known to a unit in its last place, so the terms of a sum like a + b x + c x^2
-    that all but cancel leave at least their own rounding errors, |df/da a| times the machine's
-    precision.
-    """
-    posterior = search.posterior
-    named = posterior.problem.named(search.held)
-    groups = zip(posterior.problem.groups, posterior.likelihoods, strict=True)
-    data = 1e-28 * sum(likelihood.squared_size(group.y, named) for group, likelihood in groups)
-    if values is None:
-        return data
-    terms = np.abs(search.jacobian(values)[: posterior.problem.n_obs] * values).sum(axis=1)
-    return data + _TERM_ROUNDING**2 * float(np.sum(terms**2))

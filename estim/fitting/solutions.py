@@ -12,7 +12,7 @@ from estim.arrays import FloatArray
 from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
-from estim.fitting.separable import SeparableSearch, rounding
+from estim.fitting.separable import SeparableSearch
 from estim.problem import Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
@@ -26,7 +26,7 @@ _N_BETWEEN = 400  # places at which curves through the same points are told apar
 
 def equal_to(search: SeparableSearch, chi2: float) -> float:
     """The largest sum of squares that counts as equal to `chi2`."""
-    return chi2 * (1.0 + SAME) + rounding(search)
+    return chi2 * (1.0 + SAME) + search.rounding
 
 
 def chi2_limit(search: SeparableSearch, best: End) -> float:
@@ -35,7 +35,7 @@ def chi2_limit(search: SeparableSearch, best: End) -> float:
     """
     dof = max(1, search.posterior.problem.n_obs - search.free.size)
     if search.unstated:
-        return best[1] * math.exp(min(2.0 * WITHIN_REACH / dof, 10.0)) + rounding(search)
+        return best[1] * math.exp(min(2.0 * WITHIN_REACH / dof, 10.0)) + search.rounding
     return best[1] + 2.0 * WITHIN_REACH
 
 
@@ -108,7 +108,7 @@ def choose(
     """
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
-    least = distinct[heaviest][1] * (1.0 - SAME) - rounding(search)
+    least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
     equal = equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
     level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal]
@@ -206,7 +206,7 @@ def _log_share(search: SeparableSearch, end: End) -> float:
     if not condition > _SOUND:
         return -math.inf
     dof = max(1, search.posterior.problem.n_obs - free.size)
-    height = -0.5 * dof * math.log(end[1] + rounding(search)) if search.unstated else -0.5 * end[1]
+    height = -0.5 * dof * math.log(end[1] + search.rounding) if search.unstated else -0.5 * end[1]
     return height + 0.5 * float(np.linalg.slogdet(cov)[1])
 
 

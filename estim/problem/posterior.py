@@ -262,14 +262,8 @@ class Posterior:
     def residuals_at(self, draws: FloatArray) -> FloatArray:
         """(n_draw, n_obs) those of all runs at draws (n_draw, n_par)."""
         named = self.problem.named(draws)
-        return np.hstack(
-            [
-                rows.T
-                for rows in self.by_run(
-                    likelihood.residuals(named).T for likelihood in self.likelihoods
-                )
-            ]
-        )
+        rows = self.by_run(likelihood.residuals(named).T for likelihood in self.likelihoods)
+        return rows[0].T if len(rows) == 1 else np.hstack([row.T for row in rows])
 
     def size_residuals(self, values: FloatArray) -> FloatArray:
         """(n_obs,) residuals whose squares sum to chi^2: those of least squares, with errors of x
