@@ -163,7 +163,7 @@ def test_searches_that_end_at_different_places_ask_for_a_start(
 ) -> None:
     squares = iter(np.linspace(2.0, 1.0, 6))
     monkeypatch.setattr(
-        guesses, "_searched", lambda search, rng: (np.ones(2), float(next(squares)))
+        guesses, "_searched", lambda search, rng: ((np.ones(2), float(next(squares))), False)
     )
     x = np.linspace(0.0, 1.0, 20)
     with pytest.raises(
