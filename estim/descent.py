@@ -269,7 +269,7 @@ class Squares:
             if not np.any(descents.going):
                 break
             descents.advance()
-            if n % _PATIENCE == 0 and np.any(descents.going):
+            if n % _PATIENCE == 0 and hopeless < math.inf and np.any(descents.going):
                 middle = np.median(descents.heights[descents.going])
                 bound = max(hopeless * np.min(descents.heights), middle)
                 descents.going &= descents.heights <= bound
