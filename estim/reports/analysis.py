@@ -16,7 +16,6 @@ from estim.common import (
     FigureChoice,
     Label,
     Notation,
-    Status,
     format_quantity,
     format_rounded,
     phrase,
@@ -197,8 +196,6 @@ def _text(
         result=result,
         prior=prior_cell,
         fit=fit_cell,
-        value=value_cell,
-        interval=interval_cell,
         symbols=[
             result.labels.symbol(name) for name in result.correlation.names[:_MOST_CORRELATED]
         ],
@@ -208,8 +205,6 @@ def _text(
         conflict_below=P_CONFLICT,
         ends=_turning_rows(result),
         identify=section,
-        meaningless=not Status(result.status).draws_count,
-        limits_count=Status(result.status).limits_count,
         what_if=_what_if_rows(result),
         what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
         consistency=""

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
+from estim.checks import Estimate, result_table, screen_lines, value_cell
 from estim.common import (
     FigureChoice,
     Quantity,
@@ -39,17 +39,16 @@ from estim.reports.energy import (
     energy_figure,
     energy_words,
     percent,
-    shown,
     summarise_drift,
     summarise_energy,
 )
 from estim.reports.line import (
+    LINE_WORDS,
     LineResult,
     line_estimate,
     line_figure,
     line_lines,
     line_result,
-    line_values,
 )
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -291,11 +290,8 @@ def reanalysis_text(
         pictures=pictures,
         opened={"methods"},
         result=result,
-        line=None if result.line is None else line_values(result.line),
-        shown=shown,
+        **LINE_WORDS,
         prior=prior_cell,
-        value=value_cell,
-        interval=interval_cell,
         trusted=any(body.joint.status == "ok" for body in result.bodies.values()),
         single_runs=_singles(result),
         limit_words=limit_words,
