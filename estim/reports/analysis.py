@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, value_cell
 from estim.common import (
     FigureChoice,
     Label,
@@ -19,7 +19,6 @@ from estim.common import (
     format_quantity,
     format_rounded,
     phrase,
-    signed,
     table,
 )
 from estim.drawing import Figure
@@ -203,10 +202,10 @@ def _text(
         reject_below=P_POOR_FIT / among,
         told_below=told_below,
         conflict_below=P_CONFLICT,
-        ends=_turning_rows(result),
+        plain=Notation(""),
         identify=section,
-        what_if=_what_if_rows(result),
-        what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
+        moved=_moved_by_errors(result),
+        felt=FELT,
         consistency=""
         if agreement is None
         else consistency_text(
@@ -270,35 +269,6 @@ def _moved_by_errors(result: Result) -> list[str]:
         for name in result.parameters
         if any(abs(effect.shifts.get(name, 0.0)) >= FELT for effect in result.what_if)
     ]
-
-
-def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
-    """For each error in common its words and by how much each parameter moves."""
-    names = _moved_by_errors(result)
-    several = len(result.runs) > 1
-    return [
-        (
-            (
-                effect.error
-                if effect.shifts
-                else phrase("{error}: no fit that allows for it converges", error=effect.error)
-            )
-            + (
-                f" ({', '.join(effect.runs)})"
-                if several and len(effect.runs) < len(result.runs)
-                else ""
-            ),
-            [_shift_cell(effect.shifts.get(name)) for name in names],
-        )
-        for effect in result.what_if
-        if names
-    ]
-
-
-def _shift_cell(shift: float | None) -> str:
-    if shift is None:
-        return ""
-    return signed(f"{shift:+.1f}") if abs(shift) >= FELT else "0"
 
 
 def index_report(
@@ -386,15 +356,6 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
             value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor),
         )
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
-
-
-def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
-    rows = []
-    for run, end in result.turning_point.items():
-        if end.never_stops < 0.5:
-            label = Notation("").label(end.unit)
-            rows.append((run, value_cell(end, label), interval_cell(end, label)))
-    return rows
 
 
 def caption_of(result: Result) -> str:

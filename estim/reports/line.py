@@ -29,7 +29,7 @@ from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
 from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance_of
-from estim.reports.trials import TRIALS_WORDS, TrialsResult, trials_files
+from estim.reports.trials import UNKNOWN_LABELS, TrialsResult, trials_files
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
@@ -259,7 +259,7 @@ def line_text(
         found=table(head, rows),
         copies=copies_of(estimates) if estimates else None,
         **LINE_WORDS,
-        **TRIALS_WORDS,
+        labels=UNKNOWN_LABELS,
     )
 
 

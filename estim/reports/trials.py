@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
 from functools import partial
 
 import msgspec
@@ -58,10 +57,7 @@ _MARKS = {
 _NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 
 
-TRIALS_WORDS: Mapping[str, object] = {
-    "labels": {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
-}
-"""What `trials_body.md.j2` needs beside the record."""
+UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
 
 
 class WayRow(msgspec.Struct, frozen=True):
@@ -232,7 +228,7 @@ def trials_report(
 ) -> dict[str, bytes]:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
     drawers, result, record = trials_files(campaign, analysis, line=None)
-    text = partial(render, "trials.md.j2", trials=result, **TRIALS_WORDS)
+    text = partial(render, "trials.md.j2", trials=result, labels=UNKNOWN_LABELS)
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {"trials.json": record}
 
 
