@@ -186,21 +186,13 @@ def map_report(
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words,
-        degrees=_degrees,
+        degrees=partial(_spread_words, factor=_DEGREES),
         per_radian=_DEGREES,
         line_body=None if line is None else line.body,
-        way=_way_words,
     )
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {
         "result.json": as_json(result)
     }
-
-
-def _way_words(found: BodyMap) -> dict[str, str]:
-    """What the table calls the end of the ramp, or of the recorded way in its place."""
-    if found.end.origin == "recorded":
-        return {"passes": phrase("passes the end of the recorded path up to (°)")}
-    return {"passes": phrase("passes the end of the ramp up to (°)")}
 
 
 def map_lines(found: BodyMap) -> list[str]:
@@ -271,12 +263,8 @@ def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
     )
 
 
-def _degrees(spread: Spread | None) -> str:
-    """Median and 68 % half-width of an angle as degrees."""
-    return _spread_words(spread, _DEGREES)
-
-
 def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
+    """Median and 68 % half-width, in units of which one of its own has `factor`."""
     if spread is None or not math.isfinite(spread.high_68 - spread.low_68):
         return "—"
     return signed(

@@ -34,6 +34,7 @@ from estim.common import (
     phrase,
     signed,
     significant,
+    with_unit,
 )
 from estim.words import status_words
 
@@ -160,6 +161,7 @@ def _environment(_language: str) -> jinja2.Environment:
         "quantity": format_quantity,
         "shown": shown,
         "rounded_by": format_rounded,
+        "with_unit": with_unit,
         "degrees": math.degrees,
         "digits": p_digits,
         "signed": signed,
