@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -276,34 +277,18 @@ def straight_line_figure(line: StraightLine) -> Figure:
         else phrase("points"),
     )
     if line.status.ok:
+        style: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
+        label = phrase("prediction, {percent}", percent=percent)
         for p in line.predictions:
+            ends = np.reshape([p.y - p.low, p.high - p.y], (2, 1))
             upper.errorbar(
-                p.x0.value,
-                p.y,
-                xerr=p.x0.u or None,
-                yerr=[[p.y - p.low], [p.high - p.y]],
-                fmt="s",
-                color=ORANGE,
-                mec=INK,
-                ms=6,
-                lw=2,
-                zorder=5,
-                label=phrase("prediction, {percent}", percent=percent),
+                p.x0.value, p.y, ends, p.x0.u or None, "s", color=ORANGE, label=label, **style
             )
+        label = phrase("inverse prediction, {percent}", percent=percent)
         for q in line.inverses:
             if math.isfinite(q.low):
-                upper.errorbar(
-                    q.x,
-                    q.y0.value,
-                    xerr=[[q.x - q.low], [q.high - q.x]],
-                    fmt="D",
-                    color=GREEN,
-                    mec=INK,
-                    ms=6,
-                    lw=2,
-                    zorder=5,
-                    label=phrase("inverse prediction, {percent}", percent=percent),
-                )
+                ends = np.reshape([q.x - q.low, q.high - q.x], (2, 1))
+                upper.errorbar(q.x, q.y0.value, None, ends, "D", color=GREEN, label=label, **style)
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     legend_below(figure, ncols=2)
