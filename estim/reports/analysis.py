@@ -60,6 +60,7 @@ from estim.reports.result import (
     to_json,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
+from estim.sampling import Summary
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test
 
@@ -290,36 +291,27 @@ def index_report(
         for run, result in results.items()
     }
     columns += list(dict.fromkeys(label for labels in derived.values() for label in labels))
-    table = []
-    for run, result in results.items():
-        cells = {
-            result.labels.bare[name]: _index_cell(p, result.labels.bare[name])
-            for name, p in result.parameters.items()
-        }
-        cells |= {label: value_cell(summary, label) for label, summary in derived[run].items()}
-        table.append(
-            (
-                run,
-                result.status,
-                [cells.get(label, "") if result.status == "ok" else "—" for label in columns],
-            )
-        )
+    cells = {
+        run: {result.labels.bare[name]: p for name, p in result.parameters.items()} | derived[run]
+        for run, result in results.items()
+    }
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
-    heads = [label.head for label in columns]
     text = render(
         "index.md.j2",
         title=campaign.title,
         kind=campaign.kind,
-        heads=heads,
-        table=table,
+        columns=columns,
+        results=results,
+        cells=cells,
+        cell=_index_cell,
         causes=causes,
     )
     return {"report.md": text.encode()}
 
 
-def _index_cell(p: ParameterSummary, shown: Label) -> str:
-    """A value or a limit; "as stated" where the data say little more."""
-    if p.measured or p.limit is not None:
+def _index_cell(p: Summary, shown: Label) -> str:
+    """A value or a limit; "as stated" of a parameter of which the data say little more."""
+    if not isinstance(p, ParameterSummary) or p.measured or p.limit is not None:
         return value_cell(p, shown)
     if p.upper_95 is not None:
         return (

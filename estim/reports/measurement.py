@@ -508,12 +508,9 @@ def region_figure(propagation: Propagation) -> Figure:
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     draws = propagation.sampled.draws[:400_000, list(region.pair)]
     percent = f"{100.0 * region.probability:g} %"
-    rings = np.hstack(
-        [
-            ellipse(region.value, region.covariance, region.k_ellipse),
-            ellipse(region.mean, region.drawn, region.k_drawn),
-        ]
-    )
+    of_gum = ellipse(region.value, region.covariance, region.k_ellipse)
+    of_draws = ellipse(region.mean, region.drawn, region.k_drawn)
+    rings = np.hstack([of_gum, of_draws])
     ends = np.quantile(draws, [0.005, 0.995], axis=0).T
     lows = np.minimum(rings.min(axis=1), ends[:, 0])
     highs = np.maximum(rings.max(axis=1), ends[:, 1])
@@ -546,15 +543,9 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     )
     ax.plot([], [], color=INK, lw=0.9, ls=":", label=label)
     label = phrase("{percent} ellipse of the GUM", percent=percent)
+    ax.plot(*of_gum, color=ORANGE, lw=1.8, ls="--", label=label)
     ax.plot(
-        *ellipse(region.value, region.covariance, region.k_ellipse),
-        color=ORANGE,
-        lw=1.8,
-        ls="--",
-        label=label,
-    )
-    ax.plot(
-        *ellipse(region.mean, region.drawn, region.k_drawn),
+        *of_draws,
         color=BLUE,
         lw=1.5,
         label=phrase("{percent} ellipse of the draws", percent=percent),
