@@ -224,16 +224,12 @@ def line_report(
     result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
-    if trials is None:
-        return page(
-            drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind
-        ) | {"result.json": as_json(result)}
-    of_trials, released, record = trials_files(campaign, trials, line=analysis)
+    records, released = {"result.json": as_json(result)}, None
+    if trials is not None:
+        of_trials, released, records["trials.json"] = trials_files(campaign, trials, line=analysis)
+        drawers = {**drawers, **of_trials}
     text = partial(line_text, result, trials=released, true=true)
-    return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {
-        "result.json": as_json(result),
-        "trials.json": record,
-    }
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | records
 
 
 def line_text(
