@@ -42,6 +42,13 @@ _METHODS = {
 }
 
 
+_STRENGTHS = (
+    (1.0, later("no significant evidence")),
+    (3.0, later("positive evidence")),
+    (5.0, later("strong evidence")),
+)
+
+
 class LineRow(msgspec.Struct, frozen=True):
     """What one method says of the line."""
 
@@ -293,7 +300,12 @@ def line_estimate(result: LineResult, true: float | None) -> Estimate:
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
     odds = significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2)
-    strength = _strength(log_bayes_factor)
+    strength = phrase(
+        next(
+            (words for limit, words in _STRENGTHS if abs(log_bayes_factor) < limit),
+            later("very strong evidence"),
+        )
+    )
     if log_bayes_factor > 0:
         return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
     return phrase(
@@ -308,17 +320,6 @@ LINE_WORDS: Mapping[str, object] = {
     "plain": Notation("").label("1"),
 }
 """What `line_body.md.j2` needs beside the record."""
-
-
-def _strength(log_bayes_factor: float) -> str:
-    for limit, words in (
-        (1.0, later("no significant evidence")),
-        (3.0, later("positive evidence")),
-        (5.0, later("strong evidence")),
-    ):
-        if abs(log_bayes_factor) < limit:
-            return phrase(words)
-    return phrase("very strong evidence")
 
 
 def line_figure(analysis: LineAnalysis) -> Figure:

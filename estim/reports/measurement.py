@@ -40,6 +40,16 @@ _LAWS = {
     "gamma": later("gamma"),
     "exact": later("exact"),
 }
+_BY_DRAWS = {
+    "symmetric": later(
+        "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+    ),
+    "shortest": later(
+        "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+    ),
+}
 _INTERVALS_DRAWN = {
     "symmetric": later("{percent} interval of the draws, symmetric"),
     "shortest": later("{percent} interval of the draws, shortest"),
@@ -313,24 +323,13 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
                 "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
             )
         )
-        fields = {
-            "what": what,
-            "best": best,
-            "percent": percent,
-            "ends": interval(low, high, scale, 2) + unit,
-            "n": drawn.n_draw,
-        }
-        if propagation.model.interval == "symmetric":
-            return phrase(
-                "{what}: {best} the probabilistically symmetric {percent} coverage "
-                "interval {ends}, by propagation of distributions "
-                "({n} Monte Carlo trials, JCGM 101).",
-                **fields,
-            )
         return phrase(
-            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
-            "propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
-            **fields,
+            _BY_DRAWS[propagation.model.interval],
+            what=what,
+            best=best,
+            percent=percent,
+            ends=interval(low, high, scale, 2) + unit,
+            n=drawn.n_draw,
         )
     return ""
 
