@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import matplotlib.figure
     from matplotlib.artist import Artist
     from matplotlib.axis import Axis
-    from matplotlib.container import Container
     from matplotlib.text import Text
 
 Axes: TypeAlias = "matplotlib.axes.Axes"
@@ -194,16 +193,8 @@ def grid(
     return figure, list(axes[:n])
 
 
-def legend_below(
-    figure: Figure | matplotlib.figure.SubFigure,
-    *,
-    ncols: int = 3,
-    handles: Sequence[Artist | Container] = (),
-) -> None:
-    """What all panels of a figure show, each name once, or what `handles` stand for, below them."""
-    if handles:
-        figure.legend(handles=list(handles), loc="outside lower center", ncols=ncols)
-        return
+def legend_below(figure: Figure | matplotlib.figure.SubFigure, *, ncols: int = 3) -> None:
+    """What all panels of a figure show, each name once, below them."""
     named = {
         name: handle
         for ax in figure.axes
@@ -219,16 +210,16 @@ def draw_bands(
     colour: str = BLUE,
     *,
     median: str = "",
-    said: str = "",
+    said: str | None = "",
     zorder: float = 1.0,
 ) -> None:
     """The median, under the name `median`, with its 68 and 95 % bands.
 
     quantiles : (5, n_x) at `QUANTILES`, nan where nothing is known.
-    said : what the bands are, with {p}; "": their per cent alone.
+    said : what the bands are, with {p}; "": their per cent alone; None: no legend names them.
     """
     for low, high, p, alpha in ((0, 4, 95, 0.18), (1, 3, 68, 0.36)):
-        name = phrase(said, p=p) if said else f"{p} %"
+        name = None if said is None else phrase(said, p=p) if said else f"{p} %"
         fill(ax, x, quantiles[low], quantiles[high], colour, alpha, label=name, zorder=zorder)
     ax.plot(x, quantiles[2], color=colour, lw=1.5, label=median or None, zorder=zorder + 0.5)
 

@@ -241,7 +241,7 @@ def test_an_addition_is_told_with_the_result_that_it_gives_and_is_no_cure_where_
     assert first.outcome.status == again.diagnosis.status
     assert value.value == pytest.approx(np.mean(again.chain.flat[:, i]), abs=0.1 * value.sd)
     assert abs(value.value) < value.sd
-    assert first.outcome.lacking
+    assert first.outcome.lacks_force
     assert found.offered is None
     assert verdict(found).kind is Kind.CAUSE_IN_PART
     said = "\n".join(explanation_lines(found))

@@ -21,8 +21,10 @@ from matplotlib.text import Text
 from tracker_files import point_mass, trk
 
 from estim.cli.commands import main
+from estim.common.labels import Notation
 from estim.reports.comparison import folder_of
 from estim.reports.rendering import render
+from estim.sampling.summary import Summary
 
 FORGED = "a\x1b[2J\u202e | *b* <i>c</i> `d` [x](y) $e$\n\n# Forged\n\r|---|"
 FILE = "r\x1b[31m\u202e *b* <i> `d` | [x](y) $e$\n# Forged.csv"
@@ -274,17 +276,16 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
         influential={"r": [0.1]},
         words="word",
         reasons=["word"],
+        posterior={"g": Summary("1", "", 0.1, 0.2, 0.1, -0.3, -0.1, 0.3, 0.5)},
     )
-    values = {
-        "kind": "measured",
-        "rows": [row],
-        "cells": [["0.1 ± 0.2"]],
-        "influential": 0.7,
-        "behind": 4.0,
-    }
+    values = {"kind": "measured", "rows": [row], "influential": 0.7, "behind": 4.0}
     values |= {"folder": folder_of, "several_data": True}
+
+    def common(symbol: str) -> list[SimpleNamespace]:
+        return [SimpleNamespace(name="g", label=Notation(symbol).label("1"))]
+
     plain = render(
-        "compare.md.j2", title="word", runs=["r"], heads=["γ"], data=["positions"], **values
+        "compare.md.j2", title="word", runs=["r"], common=common("γ"), data=["positions"], **values
     )
     for text in filter(shown, STRINGS):
         hostile = SimpleNamespace(
@@ -295,9 +296,9 @@ def test_a_comparison_of_models_with_hostile_texts() -> None:
             "compare.md.j2",
             title=text,
             runs=[text],
-            heads=[text],
+            common=common(text),
             data=[text],
-            **values | {"rows": [hostile], "cells": [[text]]},
+            **values | {"rows": [hostile]},
         )
         assert outline(report) == outline(plain), text
         assert seen(report).startswith(f"{shown(text)}: noise models of {shown(text)}\n")

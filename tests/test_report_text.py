@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from estim.checks.cells import parameter_cells, value_cell
-from estim.common import spoken
+from estim.common import markdown, spoken
 from estim.common.labels import Notation
 from estim.common.quantity import format_quantity, format_rounded, signed
 from estim.problem.observations import Parameter
 from estim.problem.priors import HalfNormal
-from estim.reports.comparison import _cells
 from estim.reports.derived import derived_rows
 from estim.reports.records import Labels
-from estim.reports.rendering import translated
+from estim.reports.rendering import render, translated
 from estim.reports.result import RunSummary
 from estim.sampling.summary import Summary, summarise
 
@@ -89,9 +88,31 @@ def test_what_is_the_same_for_every_run_is_stated_once(rng: np.random.Generator)
 def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Generator) -> None:
     p = Parameter("rolling_resistance", "1", HalfNormal(0.005), "")
     posterior = summary(0.005 * np.abs(rng.standard_normal(20_000)))
-    row = SimpleNamespace(status="ok", posterior={p.name: posterior})
-    assert _cells(row, [p]) == [parameter_cells(posterior, p.label)[2]]
-    assert _cells(SimpleNamespace(status="poor-fit", posterior=row.posterior), [p]) == ["—"]
+    none = dict.fromkeys(("elpd", "se_elpd", "behind", "se_behind", "log_evidence", "influential"))
+    rows = [
+        SimpleNamespace(
+            name=name, status=status, words="", reasons=[], n_obs=9, posterior={p.name: posterior}
+        )
+        for name, status in (("white", "ok"), ("robust", "poor-fit"))
+    ]
+    for row in rows:
+        vars(row).update(none)
+    text = render(
+        "compare.md.j2",
+        title="",
+        runs=["a"],
+        kind="measured",
+        rows=rows,
+        common=[p],
+        influential=0.7,
+        behind=4.0,
+        folder=str,
+        several_data=False,
+        data=["speeds", "speeds"],
+    )
+    value = markdown(parameter_cells(posterior, p.label)[2])
+    assert f"| [white](white/report.md) | ok | {value} |" in text
+    assert "| [robust](robust/report.md) | poor-fit | — |" in text
 
 
 def test_an_item_below_another_stays_below_it_in_another_language() -> None:

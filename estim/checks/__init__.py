@@ -25,7 +25,6 @@ from estim.checks.consistency import (
     P_INCONSISTENT,
     PRIORS,
     Consistency,
-    SharedEstimate,
     check_consistency,
     comparable,
 )
@@ -52,7 +51,6 @@ from estim.checks.goodness import (
     P_FLOOR,
     P_POOR_FIT,
     P_TOLD,
-    Check,
     Goodness,
     check_goodness,
     check_linear,

@@ -67,16 +67,16 @@ class Outcome:
     """What a fit of the campaign gives where the lines of a candidate are added to it.
 
     numbers : its parameters, none where the status is not ok or one lies on its edge.
-    lacking : whether the curve surely lacks a force all the same.
+    lacks_force : whether the curve surely lacks a force all the same.
     """
 
     status: Status
     numbers: tuple[Estimated, ...]
-    lacking: bool
+    lacks_force: bool
 
     @property
     def cures(self) -> bool:
-        return self.status.ok and not self.lacking
+        return self.status.ok and not self.lacks_force
 
 
 @dataclass(frozen=True, eq=False)

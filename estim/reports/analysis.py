@@ -11,16 +11,14 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 
 from estim.campaign import Campaign
-from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, interval_cell, value_cell
+from estim.checks import P_CONFLICT, P_POOR_FIT, P_TOLD, value_cell
 from estim.common import (
     FigureChoice,
     Label,
     Notation,
-    Status,
     format_quantity,
     format_rounded,
     phrase,
-    signed,
     table,
 )
 from estim.drawing import Figure
@@ -62,6 +60,7 @@ from estim.reports.result import (
     to_json,
 )
 from estim.reports.rolling import friction_cell, rolling_figure
+from estim.sampling import Summary
 from estim.studies.determination import determine
 from estim.words import first_step, name_of_test
 
@@ -197,8 +196,6 @@ def _text(
         result=result,
         prior=prior_cell,
         fit=fit_cell,
-        value=value_cell,
-        interval=interval_cell,
         symbols=[
             result.labels.symbol(name) for name in result.correlation.names[:_MOST_CORRELATED]
         ],
@@ -206,12 +203,10 @@ def _text(
         reject_below=P_POOR_FIT / among,
         told_below=told_below,
         conflict_below=P_CONFLICT,
-        ends=_turning_rows(result),
+        plain=Notation(""),
         identify=section,
-        meaningless=not Status(result.status).draws_count,
-        limits_count=Status(result.status).limits_count,
-        what_if=_what_if_rows(result),
-        what_if_heads=[result.labels.symbol(name) for name in _moved_by_errors(result)],
+        moved=_moved_by_errors(result),
+        felt=FELT,
         consistency=""
         if agreement is None
         else consistency_text(
@@ -277,35 +272,6 @@ def _moved_by_errors(result: Result) -> list[str]:
     ]
 
 
-def _what_if_rows(result: Result) -> list[tuple[str, list[str]]]:
-    """For each error in common its words and by how much each parameter moves."""
-    names = _moved_by_errors(result)
-    several = len(result.runs) > 1
-    return [
-        (
-            (
-                effect.error
-                if effect.shifts
-                else phrase("{error}: no fit that allows for it converges", error=effect.error)
-            )
-            + (
-                f" ({', '.join(effect.runs)})"
-                if several and len(effect.runs) < len(result.runs)
-                else ""
-            ),
-            [_shift_cell(effect.shifts.get(name)) for name in names],
-        )
-        for effect in result.what_if
-        if names
-    ]
-
-
-def _shift_cell(shift: float | None) -> str:
-    if shift is None:
-        return ""
-    return signed(f"{shift:+.1f}") if abs(shift) >= FELT else "0"
-
-
 def index_report(
     campaign: Campaign, results: Mapping[str, Result], explanations: Sequence[Explanation] = ()
 ) -> dict[str, bytes]:
@@ -325,36 +291,27 @@ def index_report(
         for run, result in results.items()
     }
     columns += list(dict.fromkeys(label for labels in derived.values() for label in labels))
-    table = []
-    for run, result in results.items():
-        cells = {
-            result.labels.bare[name]: _index_cell(p, result.labels.bare[name])
-            for name, p in result.parameters.items()
-        }
-        cells |= {label: value_cell(summary, label) for label, summary in derived[run].items()}
-        table.append(
-            (
-                run,
-                result.status,
-                [cells.get(label, "") if result.status == "ok" else "—" for label in columns],
-            )
-        )
+    cells = {
+        run: {result.labels.bare[name]: p for name, p in result.parameters.items()} | derived[run]
+        for run, result in results.items()
+    }
     causes = runs_text(across_runs(explanations)) if len(explanations) > 1 else ""
-    heads = [label.head for label in columns]
     text = render(
         "index.md.j2",
         title=campaign.title,
         kind=campaign.kind,
-        heads=heads,
-        table=table,
+        columns=columns,
+        results=results,
+        cells=cells,
+        cell=_index_cell,
         causes=causes,
     )
     return {"report.md": text.encode()}
 
 
-def _index_cell(p: ParameterSummary, shown: Label) -> str:
-    """A value or a limit; "as stated" where the data say little more."""
-    if p.measured or p.limit is not None:
+def _index_cell(p: Summary, shown: Label) -> str:
+    """A value or a limit; "as stated" of a parameter of which the data say little more."""
+    if not isinstance(p, ParameterSummary) or p.measured or p.limit is not None:
         return value_cell(p, shown)
     if p.upper_95 is not None:
         return (
@@ -391,15 +348,6 @@ def prior_cell(p: ParameterSummary, shown: Label) -> str:
             value=format_quantity(p.prior_mean * shown.factor, p.prior_sd * shown.factor),
         )
     return p.prior + (f" {p.unit}" if p.unit != "1" and shown.factor != 1.0 else "")
-
-
-def _turning_rows(result: Result) -> list[tuple[str, str, str]]:
-    rows = []
-    for run, end in result.turning_point.items():
-        if end.never_stops < 0.5:
-            label = Notation("").label(end.unit)
-            rows.append((run, value_cell(end, label), interval_cell(end, label)))
-    return rows
 
 
 def caption_of(result: Result) -> str:

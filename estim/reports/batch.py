@@ -4,7 +4,6 @@ apart is named.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from pathlib import PurePath
@@ -13,7 +12,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import FigureChoice, as_csv, as_json, bracketed, format_rounded, phrase
+from estim.common import FigureChoice, as_csv, as_json, bracketed, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -98,20 +97,10 @@ def _text(rows: Sequence[Row], found: Sequence[Spread], pictures: Collection[str
         counts=_counts(rows),
         synthetic=synthetic_words(rows),
         odd=odd_runs(rows)[:_LISTED],
-        quantities=list(zip(found, map(_numbers, found), apart, strict=True)),
+        quantities=list(zip(found, apart, strict=True)),
         bad=bad[:_LISTED],
         left=max(len(bad) - _LISTED, 0),
     )
-
-
-def _numbers(one: Spread) -> tuple[str, str, str]:
-    size = one.typical if one.typical > 0.0 else abs(one.median)
-    scatter = (
-        format_rounded(one.scatter, 0.1 * size)
-        if math.isfinite(one.scatter)
-        else phrase("fewer than 5")
-    )
-    return format_rounded(one.median, 0.1 * size), scatter, format_rounded(one.typical, 0.1 * size)
 
 
 def _csv(rows: Sequence[Row], found: Sequence[Spread]) -> bytes:

@@ -111,7 +111,9 @@ def body_report(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     text = render(
         "body.md.j2",
         result=result,
-        budgets=_budgets(result),
+        outputs=OUTPUTS,
+        telling_inputs=_telling_inputs,
+        least_share=_LEAST_SHARE,
         label=lambda out, unit: OUTPUTS[out][0].label(unit),
         symbols=[
             f"{OUTPUTS[out][0].symbol}[{rest}"
@@ -140,28 +142,13 @@ def body_lines(weighing: BodyProperties) -> list[str]:
     return [f"{body}: {', '.join(values)}" for body, values in lines.items()]
 
 
-def _budgets(result: BodyResult) -> dict[str, tuple[list[str], list[tuple[str, list[str]]]]]:
-    """For each body the symbols of what is uncertain, and a row for each input that says anything:
-    its share of each variance.
+def _telling_inputs(body: BodySummary) -> list[str]:
+    """The inputs that have a share worth telling in the variance of some quantity, the largest
+    first.
     """
-    tables = {}
-    for body, summary in result.bodies.items():
-        outs = [out for out, v in summary.values.items() if v.u > 0.0]
-        names = list(
-            dict.fromkeys(
-                name
-                for out in outs
-                for name, share in summary.values[out].budget.items()
-                if share >= _LEAST_SHARE
-            )
-        )
-        shares = {
-            name: [summary.values[out].budget.get(name, 0.0) for out in outs] for name in names
-        }
-        largest = sorted(names, key=lambda name: -max(shares[name]))
-        rows = [
-            (name, [f"{share:.0f} %" if share >= _LEAST_SHARE else "" for share in shares[name]])
-            for name in largest
-        ]
-        tables[body] = ([OUTPUTS[out][0].symbol for out in outs], rows)
-    return tables
+    largest: dict[str, float] = {}
+    for quantity in body.values.values():
+        for name, share in quantity.budget.items():
+            largest[name] = max(largest.get(name, 0.0), share)
+    ordered = sorted(largest, key=lambda name: -largest[name])
+    return [name for name in ordered if largest[name] >= _LEAST_SHARE]

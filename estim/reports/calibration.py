@@ -20,16 +20,7 @@ from estim.calibration import (
     uniformity_band,
 )
 from estim.campaign import Campaign
-from estim.common import (
-    FigureChoice,
-    Markdown,
-    as_json,
-    decide,
-    later,
-    p_digits,
-    percentage,
-    phrase,
-)
+from estim.common import FigureChoice, as_json, decide, later, percentage, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
@@ -106,6 +97,7 @@ def calibration_report(
 
     unlike : how the analysis differs from that of `estim fit`, "" where it does not.
     """
+    records = {c.what: calibration_record(campaign, c) for c in calibrations}
     drawers: dict[str, Callable[[], Figure]] = {}
     for calibration in calibrations:
         if calibration.what == "sbc":
@@ -121,10 +113,9 @@ def calibration_report(
         runs=", ".join(calibrations[0].runs),
         uniform_below=UNIFORM_BELOW,
         coverage_sds=COVERAGE_SDS,
-        parts=[_part(calibration) for calibration in calibrations],
+        parts=[_part(calibration, records[calibration.what]) for calibration in calibrations],
         unlike=unlike,
     )
-    records = {c.what: calibration_record(campaign, c) for c in calibrations}
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {
         "calibration.json": as_json(records)
     }
@@ -161,29 +152,8 @@ def calibration_record(campaign: Campaign, c: Calibration) -> CalibrationRecord:
     )
 
 
-def _part(c: Calibration) -> Mapping[str, object]:
+def _part(c: Calibration, record: CalibrationRecord) -> Mapping[str, object]:
     """What the template says of one calibration."""
-    rows = []
-    for name in c.reported:
-        share, p_value = c.share(name), c.p_value(name)
-        off = [
-            abs(s - p) > COVERAGE_SDS * u
-            for s, p, u in zip(share, c.probabilities, c.share_sd(), strict=True)
-        ]
-        covered = [
-            Markdown(f"**{100 * s:.1f} %**") if o else f"{100 * s:.1f} %"
-            for s, o in zip(share, off, strict=True)
-        ]
-        how = direction_words(direction(c, name)) or "—"
-        rows.append(
-            (
-                c.labels[name].symbol,
-                "n/a" if np.isnan(p_value) else p_digits(p_value),
-                *covered,
-                how,
-            )
-        )
-    sd = 100 * c.share_sd()
     engines = [
         phrase("{count} by {how}", count=count, how=phrase(_ENGINES[how]))
         for how, count in sorted(c.how.items())
@@ -192,9 +162,10 @@ def _part(c: Calibration) -> Mapping[str, object]:
     return {
         "calibration": c,
         "at": _AT[c.what],
-        "findings": [tell(f) for f in findings(c)],
-        "rows": rows,
-        "sds": [f"{u:.1f}" for u in sd],
+        "findings": record.findings,
+        "numbers": record.numbers,
+        "directions": {name: direction_words(direction(c, name)) for name in c.reported},
+        "sds": [f"{100 * sd:.1f}" for sd in c.share_sd()],
         "engines": ", ".join(engines),
         "leaning": [c.labels[name].symbol for name in c.leaning] if c.what == "coverage" else [],
         "sentences": [coverage_sentence(c, name) for name in c.reported]

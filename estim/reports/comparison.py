@@ -8,7 +8,7 @@ from functools import partial
 import msgspec
 
 from estim.campaign import Campaign
-from estim.checks import INFLUENTIAL, value_cell
+from estim.checks import INFLUENTIAL
 from estim.common import FigureChoice, as_json, later, phrase
 from estim.problem import Parameter
 from estim.reports.models import values_figure
@@ -55,8 +55,7 @@ def compare_report(
         runs=runs,
         kind=campaign.kind,
         rows=summaries,
-        cells=[_cells(s, common) for s in summaries],
-        heads=[p.label.head for p in common],
+        common=common,
         influential=INFLUENTIAL,
         behind=4.0,  # difference of elpd below which models predict alike, whatever its error
         folder=folder_of,
@@ -113,7 +112,3 @@ def _summary(c: Refit, common: Sequence[Parameter]) -> ComparedSummary:
         u_log_evidence=None if evidence is None else number(evidence.u_log_evidence),
         influential=c.influential,
     )
-
-
-def _cells(s: ComparedSummary, common: Sequence[Parameter]) -> list[str]:
-    return ["—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label) for p in common]

@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from estim.checks import P_INCONSISTENT, PRIORS, Consistency, SharedEstimate
-from estim.common import Label, Markdown, format_quantity, phrase
+from estim.checks import P_INCONSISTENT, PRIORS, Consistency
+from estim.common import Markdown, phrase
 from estim.drawing import BLUE, GREY, INK, VERMILION, Figure, grid, legend_below, name_ticks
 from estim.reports.rendering import render
 
@@ -37,15 +37,8 @@ def consistency_text(
         consistency=consistency,
         priors=PRIORS,
         on_edge=on_edge,
-        cell=_cell,
         reject_below=P_INCONSISTENT,
         limits_only=limits_only,
-    )
-
-
-def _cell(estimate: SharedEstimate, i: int, shown: Label) -> str:
-    return format_quantity(
-        float(estimate.mean[i]) * shown.factor, float(estimate.sd[i]) * shown.factor
     )
 
 

@@ -36,7 +36,7 @@ from estim.sampling import Bands, curve_draws
 from estim.studies.paper_band import PropagatedBand
 
 _MANY = 200  # points in one panel, beyond which bars hide the points
-_BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "capsize": 0}
+_BAR: dict[str, Any] = {"fmt": "o", "color": INK, "elinewidth": 0.7, "zorder": 5}
 _RING: dict[str, Any] = {"mfc": "none", "mec": VERMILION, "mew": 1.6, "ls": "", "zorder": 6}
 MOST_DRAWN = 15  # runs
 _ROOMY = 6  # runs beyond which there are three columns
@@ -320,9 +320,7 @@ def draw_points_with_bars(ax: Axes, residuals: Residuals, *, label: str) -> None
     if run.n_obs > _MANY:
         ax.plot(run.x[near], run.y[near], "o", color=INK, ms=1.5, label=label, zorder=1.9)
     else:
-        ax.errorbar(
-            run.x[near], run.y[near], yerr=residuals.sd[near], ms=3, label=label, zorder=5, **_BAR
-        )
+        ax.errorbar(run.x[near], run.y[near], residuals.sd[near], ms=3, label=label, **_BAR)
 
 
 def draw_residuals(
@@ -339,7 +337,7 @@ def draw_residuals(
     if run.n_obs > _MANY:
         ax.plot(run.x[near], rest, "o", color=INK, ms=1.2, alpha=0.6, zorder=1.9)
     else:
-        ax.errorbar(run.x[near], rest, yerr=sd, ms=2.5, zorder=5, **_BAR)
+        ax.errorbar(run.x[near], rest, sd, ms=2.5, **_BAR)
     top = max(
         1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))),
         2.5 * float(np.median(sd)),

@@ -14,7 +14,6 @@ from estim.common import (
     Quantity,
     as_json,
     format_p,
-    format_quantity,
     gravest,
     percentage,
     phrase,
@@ -24,7 +23,7 @@ from estim.common import (
 from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
-from estim.reports.rendering import interval, render
+from estim.reports.rendering import interval, render, shown
 from estim.reports.result import Provenance, provenance
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
 
@@ -160,13 +159,6 @@ def energy_lines(analysis: Analysis, drift: Drift) -> list[str]:
     return [energy_words(summary) if drift.determined else drift_words(summary)]
 
 
-def shown(quantity: Quantity | None, factor: float = 1.0) -> str:
-    """A quantity as text, in units of which one of its own has `factor`."""
-    return (
-        "n/a" if quantity is None else format_quantity(quantity.value * factor, quantity.u * factor)
-    )
-
-
 def percent(ratio: Quantity) -> str:
     """A ratio as text, in per cent; none where it is divided by what may be 0."""
     return with_unit(shown(ratio, 100.0), "%") if ratio.u <= _ANYTHING else "n/a"
@@ -245,7 +237,6 @@ def energy_report(
         "energy.md.j2",
         result=result,
         energies=result.energies,
-        shown=shown,
         percent=percent,
         drift_words=drift_words,
         energy_words=energy_words,

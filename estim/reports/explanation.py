@@ -21,16 +21,7 @@ from estim.common import (
     phrase,
     signed,
 )
-from estim.explanation import (
-    FOUND,
-    TIED,
-    Candidate,
-    CauseOfRuns,
-    Estimated,
-    Explanation,
-    Outcome,
-    verdict,
-)
+from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
 from estim.reports.rendering import render
 from estim.sampling import number
 from estim.words import tell
@@ -83,31 +74,7 @@ def explanation_summary(explanation: Explanation | None) -> ExplanationSummary |
         tell(verdict(explanation)),
         number(plain.p_order),
         number(plain.p_size),
-        [
-            CandidateSummary(
-                candidate.name,
-                candidate.words,
-                candidate.gain,
-                candidate.found,
-                [EstimatedSummary(n.name, n.value, number(n.sd)) for n in candidate.numbers],
-                number(candidate.p_order),
-                number(candidate.p_size),
-                list(candidate.lines),
-                candidate.remark,
-                _outcome_summary(candidate.outcome),
-            )
-            for candidate in explanation.candidates
-        ],
-    )
-
-
-def _outcome_summary(outcome: Outcome | None) -> OutcomeSummary | None:
-    if outcome is None:
-        return None
-    return OutcomeSummary(
-        outcome.status,
-        [EstimatedSummary(n.name, n.value, number(n.sd)) for n in outcome.numbers],
-        outcome.lacking,
+        msgspec.convert(explanation.candidates, list[CandidateSummary], from_attributes=True),
     )
 
 
@@ -228,7 +195,7 @@ def _added(one: Candidate) -> str:
     summary = ", ".join([str(one.outcome.status), *map(_value, one.outcome.numbers)])
     return (
         phrase("{found}; an unmodelled force remains", found=summary)
-        if one.outcome.lacking
+        if one.outcome.lacks_force
         else summary
     )
 

@@ -286,8 +286,6 @@ def profile_figure(
 
     draws : (n_draw, n_par) of the posterior.
     """
-    from matplotlib.lines import Line2D
-
     figure, axes = grid(len(intervals), height=1.75, columns=3)
     for k, (ax, interval) in enumerate(zip(axes, intervals, strict=True)):
         index = problem.names.index(interval.name)
@@ -297,20 +295,7 @@ def profile_figure(
         ax.set_xlabel(label.axis)
         if k % 3 == 0:
             ax.set_ylabel(phrase("increase of −2 ln p"))
-    handles = [
-        Line2D([], [], color=BLUE, lw=1.4, label=phrase("profile")),
-        Line2D([], [], color=GREY, lw=0.9, ls="--", label=phrase("68 and 95 % levels")),
-        Line2D(
-            [],
-            [],
-            color=INK,
-            lw=3,
-            marker="|",
-            ms=7,
-            label=phrase("posterior: median, 68 and 95 %"),
-        ),
-    ]
-    legend_below(figure, handles=handles)
+    legend_below(figure)
     return figure
 
 
@@ -322,7 +307,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         x < interval.value * factor, -1.0, 1.0
     )
     fine = np.linspace(x[0], x[-1], 300)
-    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4)
+    ax.plot(fine, np.interp(fine, x, root) ** 2, color=BLUE, lw=1.4, label=phrase("profile"))
     levels = {p: float(chi2_quantile(p, 1)) for p in interval.low}
     ax.hlines(
         list(levels.values()),
@@ -333,6 +318,7 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
         ls="--",
         zorder=1,
         transform=ax.get_yaxis_transform(),
+        label=phrase("68 and 95 % levels"),
     )
     closed = [
         (ends[p] * factor, level)
@@ -364,7 +350,8 @@ def _draw_profile(ax: Axes, interval: ProfileInterval, draws: FloatArray, factor
             )
     q025, q16, median, q84, q975 = np.quantile(draws, [0.025, 0.16, 0.5, 0.84, 0.975])
     ax.plot([q025, q975], [-0.55, -0.55], color=INK, lw=1, solid_capstyle="butt")
-    ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt")
+    label = phrase("posterior: median, 68 and 95 %")
+    ax.plot([q16, q84], [-0.55, -0.55], color=INK, lw=3, solid_capstyle="butt", label=label)
     ax.plot(median, -0.55, "|", color=INK, ms=7)
     extent = np.concatenate([x[np.square(root) <= _TOP_RISE], [q025, q975]])
     margin = (

@@ -10,21 +10,16 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign, gamma_origin
-from estim.checks import Estimate, interval_cell, result_table, screen_lines
+from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
-    Markdown,
     Notation,
     Quantity,
-    Status,
     as_json,
-    format_p,
     format_quantity,
-    format_rounded,
     later,
     phrase,
-    signed,
     significant,
     table,
 )
@@ -32,9 +27,9 @@ from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, n
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
-from estim.reports.rendering import render
+from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance_of
-from estim.reports.trials import trials_files
+from estim.reports.trials import UNKNOWN_LABELS, TrialsResult, trials_files
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
@@ -45,6 +40,13 @@ _METHODS = {
     "york": later("York: errors in both variables"),
     "posterior": later("Bayesian, true tilts marginalised"),
 }
+
+
+_STRENGTHS = (
+    (1.0, later("no significant evidence")),
+    (3.0, later("positive evidence")),
+    (5.0, later("strong evidence")),
+)
 
 
 class LineRow(msgspec.Struct, frozen=True):
@@ -229,23 +231,19 @@ def line_report(
     result = line_result(campaign, analysis)
     true = campaign.truth.get(f"gamma[{analysis.series.body}]")
     drawers: Drawers = {"figures/line.png": partial(line_figure, analysis)}
-    if trials is None:
-        return page(
-            drawers, partial(line_text, result, true=true), wanted=figures, kind=campaign.kind
-        ) | {"result.json": as_json(result)}
-    of_trials, values, record = trials_files(campaign, trials, line=analysis)
-    text = partial(line_text, result, trials=values, true=true)
-    return page({**drawers, **of_trials}, text, wanted=figures, kind=campaign.kind) | {
-        "result.json": as_json(result),
-        "trials.json": record,
-    }
+    records, released = {"result.json": as_json(result)}, None
+    if trials is not None:
+        of_trials, released, records["trials.json"] = trials_files(campaign, trials, line=analysis)
+        drawers = {**drawers, **of_trials}
+    text = partial(line_text, result, trials=released, true=true)
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | records
 
 
 def line_text(
     result: LineResult,
     pictures: Collection[str],
     *,
-    trials: Mapping[str, object] | None = None,
+    trials: TrialsResult | None = None,
     true: float | None = None,
 ) -> str:
     """The Markdown report of a line, with the figures at the paths `pictures`, and the section of
@@ -259,19 +257,21 @@ def line_text(
         "line.md.j2",
         pictures=pictures,
         opened=(),
+        result=result,
         trials=trials,
         found=table(head, rows),
         copies=copies_of(estimates) if estimates else None,
-        **line_values(result),
+        **LINE_WORDS,
+        labels=UNKNOWN_LABELS,
     )
 
 
 def line_lines(campaign: Campaign, analysis: LineAnalysis) -> list[str]:
     """What a terminal says of a line whose status is ok."""
     result = line_result(campaign, analysis)
-    value = _estimate(result.methods["posterior"].rolling_resistance)
     resistance = phrase(
-        "c_rr = {value}, if all of the intercept is rolling resistance", value=value
+        "c_rr = {value}, if all of the intercept is rolling resistance",
+        value=shown(result.methods["posterior"].rolling_resistance),
     )
     return screen_lines(
         [line_estimate(result, campaign.truth.get(f"gamma[{analysis.series.body}]"))],
@@ -290,81 +290,22 @@ def line_estimate(result: LineResult, true: float | None) -> Estimate:
     return Estimate(
         Notation("γ").label("1", "[line]"),
         summary,
-        _estimate(result.gamma_masses) if result.gamma_masses else "",
+        shown(result.gamma_masses) if result.gamma_masses else "",
         True,
         None,
         true,
     )
 
 
-def line_values(result: LineResult) -> dict[str, object]:
-    """What the template of a line needs."""
-    shared: dict[str, object] = {
-        "result": result,
-        "meaningless": not Status(result.status).draws_count,
-        "gamma_masses": _estimate(result.gamma_masses),
-        "sources": dict(CONVENTIONS),
-        "methods": [],
-        "best": [],
-        "errors": [],
-        "limits": [],
-        "line_shown": phrase("sin of the smallest ascending angle against sin of the tilt"),
-        **dict.fromkeys(
-            ("gamma", "resistance", "reason", "steepest", "zero_phi", "zero_theta", "evidence")
-        ),
-    }
-    evidence, steepest = result.log_bayes_factor_intercept, result.steepest_phi
-    if (
-        evidence is None
-        or steepest is None
-        or result.zero_phi is None
-        or result.zero_theta_min is None
-    ):
-        return shared | {
-            "best": [
-                _best_cells(name, row)
-                for name, row in result.methods.items()
-                if name != "posterior"
-            ],
-            "limits": [
-                (symbol, p.meaning, interval_cell(p, Notation(symbol).label("1")))
-                for symbol, p in (
-                    ("γ", result.posterior["gamma"]),
-                    ("c_rr", result.posterior["rolling_resistance"]),
-                )
-            ],
-        }
-    gamma = _estimate(result.methods["posterior"].gamma)
-    return shared | {
-        "gamma": gamma,
-        "line_shown": phrase(
-            "sin of the smallest ascending angle against sin of the tilt: a line of slope "
-            "1/γ, γ = {gamma}",
-            gamma=gamma,
-        ),
-        "methods": [_method_cells(name, result.methods[name]) for name in _METHODS],
-        "errors": [
-            cells
-            for name in ("york", "weighted", "ols")
-            for cells in _error_cells(name, result.methods[name])
-        ],
-        "resistance": _estimate(result.methods["posterior"].rolling_resistance),
-        "reason": result.methods["york"].reason,
-        "steepest": format_quantity(math.degrees(steepest.value), math.degrees(steepest.u)),
-        "zero_phi": math.degrees(result.zero_phi),
-        "zero_theta": math.degrees(result.zero_theta_min),
-        "evidence": evidence_words(evidence.value),
-    }
-
-
-def _best_cells(name: str, row: LineRow) -> tuple[str, ...]:
-    return phrase(_METHODS[name]), f"{row.intercept:.4g}", f"{row.slope:.4g}", _fit_words(row)
-
-
 def evidence_words(log_bayes_factor: float) -> str:
     """The odds, and the strength of the evidence in the words of Kass and Raftery 1995."""
     odds = significant(math.exp(min(abs(log_bayes_factor), 200.0)), 2)
-    strength = _strength(log_bayes_factor)
+    strength = phrase(
+        next(
+            (words for limit, words in _STRENGTHS if abs(log_bayes_factor) < limit),
+            later("very strong evidence"),
+        )
+    )
     if log_bayes_factor > 0:
         return phrase("{odds} : 1 for an intercept, {strength}", odds=odds, strength=strength)
     return phrase(
@@ -372,53 +313,13 @@ def evidence_words(log_bayes_factor: float) -> str:
     )
 
 
-def _strength(log_bayes_factor: float) -> str:
-    for limit, words in (
-        (1.0, later("no significant evidence")),
-        (3.0, later("positive evidence")),
-        (5.0, later("strong evidence")),
-    ):
-        if abs(log_bayes_factor) < limit:
-            return phrase(words)
-    return phrase("very strong evidence")
-
-
-def _estimate(estimate: Quantity | None) -> str:
-    return "n/a" if estimate is None else format_quantity(estimate.value, estimate.u)
-
-
-def _method_cells(name: str, row: LineRow) -> tuple[str, ...]:
-    u_intercept, u_slope, _ = row.standard_errors[row.recommended or "posterior sd"]
-    return (
-        phrase(_METHODS[name]),
-        format_quantity(row.intercept, u_intercept),
-        format_quantity(row.slope, u_slope),
-        _fit_words(row),
-        _estimate(row.gamma),
-        _estimate(row.rolling_resistance),
-        "" if math.isnan(row.e_n) else signed(f"{row.e_n:+.2f}"),
-    )
-
-
-def _fit_words(row: LineRow) -> str:
-    return "" if math.isnan(row.p_value) else f"{row.chi2:.1f}/{row.dof}, {format_p(row.p_value)}"
-
-
-def _error_cells(name: str, row: LineRow) -> list[tuple[str, ...]]:
-    cells = []
-    for convention, (u_intercept, u_slope, _) in row.standard_errors.items():
-        u_gamma = u_slope / row.slope**2
-        used = convention == row.recommended
-        mark = Markdown(
-            phrase("**recommended**")
-            if used and name == "york"
-            else ""
-            if not used
-            else phrase("appropriate for this fit")
-        )
-        numbers = (format_rounded(u, u) for u in (u_intercept, u_slope, u_gamma))
-        cells.append((phrase(_METHODS[name]), convention, *numbers, mark))
-    return cells
+LINE_WORDS: Mapping[str, object] = {
+    "line_methods": _METHODS,
+    "conventions": CONVENTIONS,
+    "evidence_words": evidence_words,
+    "plain": Notation("").label("1"),
+}
+"""What `line_body.md.j2` needs beside the record."""
 
 
 def line_figure(analysis: LineAnalysis) -> Figure:

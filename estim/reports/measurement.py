@@ -13,7 +13,7 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import FigureChoice, Status, as_json, behind, bracketed, gravest, later, phrase
+from estim.common import FigureChoice, as_json, behind, bracketed, gravest, later, phrase
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
@@ -39,6 +39,16 @@ _LAWS = {
     "lognormal": later("lognormal"),
     "gamma": later("gamma"),
     "exact": later("exact"),
+}
+_BY_DRAWS = {
+    "symmetric": later(
+        "{what}: {best} the probabilistically symmetric {percent} coverage interval {ends}, by "
+        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+    ),
+    "shortest": later(
+        "{what}: {best} the shortest {percent} coverage interval {ends}, by "
+        "propagation of distributions ({n} Monte Carlo trials, JCGM 101)."
+    ),
 }
 _INTERVALS_DRAWN = {
     "symmetric": later("{percent} interval of the draws, symmetric"),
@@ -313,24 +323,13 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
                 "{name} has no standard uncertainty (its tails are too heavy);", name=output.name
             )
         )
-        fields = {
-            "what": what,
-            "best": best,
-            "percent": percent,
-            "ends": interval(low, high, scale, 2) + unit,
-            "n": drawn.n_draw,
-        }
-        if propagation.model.interval == "symmetric":
-            return phrase(
-                "{what}: {best} the probabilistically symmetric {percent} coverage "
-                "interval {ends}, by propagation of distributions "
-                "({n} Monte Carlo trials, JCGM 101).",
-                **fields,
-            )
         return phrase(
-            "{what}: {best} the shortest {percent} coverage interval {ends}, by "
-            "propagation of distributions ({n} Monte Carlo trials, JCGM 101).",
-            **fields,
+            _BY_DRAWS[propagation.model.interval],
+            what=what,
+            best=best,
+            percent=percent,
+            ends=interval(low, high, scale, 2) + unit,
+            n=drawn.n_draw,
         )
     return ""
 
@@ -352,11 +351,10 @@ def measurement_report(
             pictures=pictures,
             result=result,
             percent=f"{100.0 * result.probability:g}",
-            compared=_compared(result),
-            alone=len(result.outputs) == 1,
-            ok=result.status == Status.OK,
             which_interval=phrase(_INTERVALS[result.interval]),
-            law=_law,
+            laws=_LAWS,
+            cell=_cell,
+            ends=_ends,
             dof=_dof,
         )
 
@@ -379,87 +377,13 @@ def _cell(value: float, u: float, beside: float = 0.0) -> str:
     return rounded(value, u, _DIGITS, beside=beside)
 
 
-def _ends(ends: list[float], u: float) -> str:
-    low, high = ends
+def _ends(u: float, low: float, high: float) -> str:
     return interval(low, high, u if u > 0.0 else 0.25 * (high - low), _DIGITS)
 
 
-def _compared(result: MeasurementResult) -> dict[str, list[tuple[str, ...]]]:
-    """For each output a row for each method: value, u, degrees of freedom, k, U, interval."""
-    tables: dict[str, list[tuple[str, ...]]] = {}
-    for name, output in result.outputs.items():
-        gum, drawn = output.gum, output.monte_carlo
-        dof = "∞" if math.isinf(gum.dof) else f"{gum.dof:.1f}"
-        half, limits = _cell(gum.U, gum.u, gum.value), _ends([gum.low, gum.high], gum.u)
-        rows: list[tuple[str, ...]] = []
-        rows.append(
-            (
-                "GUM",
-                _cell(gum.value, gum.u),
-                _cell(gum.u, gum.u, gum.value),
-                dof,
-                f"{gum.k:.2f}",
-                half,
-                limits,
-            )
-        )
-        if math.isfinite(gum.dof) and gum.dof != math.floor(gum.dof):
-            whole = str(max(math.floor(gum.dof), 1))
-            rows.append(
-                (
-                    phrase("GUM, ν_eff rounded down"),
-                    "",
-                    "",
-                    whole,
-                    f"{gum.k_whole:.2f}",
-                    *_expanded(gum.value, gum.U_whole, gum.u),
-                )
-            )
-        second = gum.u_second_order
-        if abs(second - gum.u) > 0.005 * second:
-            ends = _expanded(gum.value, gum.k * second, second)
-            rows.append(
-                (
-                    phrase("GUM with higher-order terms"),
-                    "",
-                    _cell(second, second, gum.value),
-                    "",
-                    f"{gum.k:.2f}",
-                    *ends,
-                )
-            )
-        spread = _cell(drawn.u, drawn.u, drawn.mean)
-        rows.append(
-            (
-                "Monte Carlo",
-                _cell(drawn.mean, drawn.u),
-                spread,
-                "",
-                "",
-                "",
-                phrase("{ends} symmetric", ends=_ends(drawn.symmetric, drawn.u)),
-            )
-        )
-        rows.append(
-            ("", "", "", "", "", "", phrase("{ends} shortest", ends=_ends(drawn.shortest, drawn.u)))
-        )
-        tables[name] = rows
-    return tables
-
-
-def _expanded(value: float, half: float, u: float) -> tuple[str, str]:
-    """Cells of an expanded uncertainty and the interval that it makes."""
-    return _cell(half, u, value), _ends([value - half, value + half], u)
-
-
-def _law(part: PartRecord) -> str:
-    """Its distribution as a reader calls it."""
-    return phrase(_LAWS[part.distribution])
-
-
-def _dof(dof: float) -> str:
+def _dof(dof: float, form: str = "%.4g") -> str:
     """Degrees of freedom, if not infinitely many."""
-    return "∞" if math.isinf(dof) else f"{dof:.4g}"
+    return "∞" if math.isinf(dof) else form % dof
 
 
 def _density_name(unit: str) -> str:
@@ -583,12 +507,9 @@ def region_figure(propagation: Propagation) -> Figure:
 def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     draws = propagation.sampled.draws[:400_000, list(region.pair)]
     percent = f"{100.0 * region.probability:g} %"
-    rings = np.hstack(
-        [
-            ellipse(region.value, region.covariance, region.k_ellipse),
-            ellipse(region.mean, region.drawn, region.k_drawn),
-        ]
-    )
+    of_gum = ellipse(region.value, region.covariance, region.k_ellipse)
+    of_draws = ellipse(region.mean, region.drawn, region.k_drawn)
+    rings = np.hstack([of_gum, of_draws])
     ends = np.quantile(draws, [0.005, 0.995], axis=0).T
     lows = np.minimum(rings.min(axis=1), ends[:, 0])
     highs = np.maximum(rings.max(axis=1), ends[:, 1])
@@ -621,15 +542,9 @@ def _region(ax: Axes, propagation: Propagation, region: Region) -> None:
     )
     ax.plot([], [], color=INK, lw=0.9, ls=":", label=label)
     label = phrase("{percent} ellipse of the GUM", percent=percent)
+    ax.plot(*of_gum, color=ORANGE, lw=1.8, ls="--", label=label)
     ax.plot(
-        *ellipse(region.value, region.covariance, region.k_ellipse),
-        color=ORANGE,
-        lw=1.8,
-        ls="--",
-        label=label,
-    )
-    ax.plot(
-        *ellipse(region.mean, region.drawn, region.k_drawn),
+        *of_draws,
         color=BLUE,
         lw=1.5,
         label=phrase("{percent} ellipse of the draws", percent=percent),

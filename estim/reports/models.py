@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
-from estim.checks import INFLUENTIAL, value_cell
+from estim.checks import INFLUENTIAL
 from estim.common import FigureChoice, as_json, bracketed, later, phrase, signed, split_level
 from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, name_ticks, new_figure
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
@@ -133,7 +133,7 @@ def models_report(
         ground=ground_words(comparison),
         verdicts=verdicts(comparison),
         by_evidence=comparison.by_evidence,
-        values=[(p.label.symbol, _unit(p), [_cell(s, p) for s in summaries]) for p in common],
+        common=common,
         widths=_width_table(rows),
         predicted=_predicted_table(rows),
         shown="" if drawn is None else drawn.model.name,
@@ -326,14 +326,6 @@ def _predicted(one: Predicted) -> PredictedSummary:
     return PredictedSummary(
         one.run, one.name, unit, number(float(np.median(one.observed))), low, middle, high, one.p
     )
-
-
-def _unit(p: Parameter) -> str:
-    return "" if p.label.unit == "1" else p.label.unit
-
-
-def _cell(s: ModelSummary, p: Parameter) -> str:
-    return "—" if s.status != "ok" else value_cell(s.posterior[p.name], p.label)
 
 
 def _width_table(rows: Sequence[ComparedModel]) -> list[tuple[str, str, list[str]]]:

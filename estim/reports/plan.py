@@ -165,20 +165,17 @@ def plan_report(plan: Plan, *, figures: FigureChoice = "main") -> dict[str, byte
         kind=record.kind,
         plan=plan,
         how=phrase(plan.how),
-        shown=[_row(o) for o in options],
+        shown=options,
         left_out=len(plan.options) - len(options),
         heads=[
             head
             for p in plan.targets
             for head in (f"u({p.label.symbol})" + bracketed(p.label.unit), phrase("ratio"))
         ],
-        now=_now_rows(plan),
+        value_alone=value_alone,
+        size=_size,
         far=FAR,
         refused=_refused(plan.refused),
-        halving=[
-            (h.target.label.symbol, [way for way in h.ways if np.isfinite(way.ratio)])
-            for h in plan.halving
-        ],
     )
     return page(drawers, text, wanted=figures, kind=plan.campaign.kind) | {
         "plan.json": as_json(record)
@@ -259,27 +256,12 @@ def _size(p: Parameter, u: float) -> str:
     )
 
 
-def _row(option: Option) -> tuple[str, list[tuple[float, float]], str]:
-    """Words, (u, ratio) of each target, remarks."""
-    remarks = [*([phrase("specified")] if option.wish.own else []), *option.remarks]
-    return option.wish.words, list(zip(option.u, option.ratio, strict=True)), "; ".join(remarks)
-
-
 def value_alone(value: float, u: float) -> str:
     """A value to the digits that its uncertainty leaves, without the uncertainty: '0.75' of 0.75 ±
     0.14, '4.3×10²' of (4.3 ± 0.4)×10².
     """
     text = format_quantity(value, u)
     return text.split(" ± ")[0].removeprefix("(") + text.partition(")")[2]
-
-
-def _now_rows(plan: Plan) -> list[tuple[str, ...]]:
-    rows = list[tuple[str, ...]]()
-    for i, p in enumerate(plan.targets):
-        value = value_alone(plan.values[i] * p.label.factor, plan.drawn[i] * p.label.factor)
-        off = f"{plan.now[i] / plan.drawn[i]:.2f}"
-        rows.append((p.label.symbol, value, _size(p, plan.now[i]), _size(p, plan.drawn[i]), off))
-    return rows
 
 
 def _refused(options: Sequence[Option]) -> list[tuple[str, list[str], int]]:

@@ -11,15 +11,13 @@ import msgspec
 import numpy as np
 
 from estim.campaign import gamma_origin
-from estim.checks import Estimate, interval_cell, result_table, screen_lines, value_cell
+from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
     FigureChoice,
     Quantity,
     as_json,
-    format_p,
     format_rounded,
     listed,
-    percentage,
     phrase,
     split_level,
     table,
@@ -39,17 +37,16 @@ from estim.reports.energy import (
     energy_figure,
     energy_words,
     percent,
-    shown,
     summarise_drift,
     summarise_energy,
 )
 from estim.reports.line import (
+    LINE_WORDS,
     LineResult,
     line_estimate,
     line_figure,
     line_lines,
     line_result,
-    line_values,
 )
 from estim.reports.pages import page
 from estim.reports.rendering import render
@@ -291,13 +288,8 @@ def reanalysis_text(
         pictures=pictures,
         opened={"methods"},
         result=result,
-        line=None if result.line is None else line_values(result.line),
-        shown=shown,
+        **LINE_WORDS,
         prior=prior_cell,
-        value=value_cell,
-        interval=interval_cell,
-        trusted=any(body.joint.status == "ok" for body in result.bodies.values()),
-        single_runs=_singles(result),
         limit_words=limit_words,
         corner_words=corner_words,
         percent=percent,
@@ -311,7 +303,6 @@ def reanalysis_text(
         notes=list(
             dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
         ),
-        status=_status_words(result),
         troubles=_troubles(result),
         screens=screens,
         found=table(head, rows),
@@ -331,8 +322,6 @@ def reanalysis_text(
         most_minds=MOST_MINDS,
         band_words=partial(_band_words, result),
         energy_words=energy_words,
-        narrowed=partial(_narrowed, result),
-        residuals_shown=partial(_residuals_shown, result),
         called=partial(_called, runs=result.runs, bodies=result.bodies),
         lefts=_gathered({name: screen.left for name, screen in screens.items() if screen.left}),
         energies=_gathered(_energies(result)),
@@ -365,24 +354,6 @@ def _how_many(body: BodySummary) -> str:
     return (
         phrase("{n} runs", n=n) if n > 1 else phrase("the run {name}", name=body.runs_in_order[0])
     )
-
-
-def _narrowed(result: ReanalysisResult, name: str) -> str:
-    shares = [band.median_ratio for band in result.bodies[name].bands.values()]
-    return (
-        phrase(
-            "between {low} and {high}", low=percentage(min(shares)), high=percentage(max(shares))
-        )
-        if shares
-        else phrase("an unknown part")
-    )
-
-
-def _residuals_shown(result: ReanalysisResult, name: str) -> str:
-    p = result.bodies[name].joint.fit.p_value
-    if p is None:
-        return phrase("Whitened residuals of {name}", name=name)
-    return phrase("Whitened residuals of {name}: {p} for their size", name=name, p=format_p(p))
 
 
 def _energies(result: ReanalysisResult) -> dict[str, str]:
@@ -419,16 +390,6 @@ def _of_line(result: ReanalysisResult) -> list[Estimate]:
     return [line_estimate(line, true)]
 
 
-def _status_words(result: ReanalysisResult) -> str:
-    bad = [what for what, status in result.statuses.items() if status != "ok"]
-    n = len(result.statuses)
-    return (
-        phrase("ok, all {n} results", n=n)
-        if not bad
-        else phrase("{good} of {n} results ok", good=n - len(bad), n=n)
-    )
-
-
 def _troubles(result: ReanalysisResult) -> list[tuple[str, str]]:
     """What is not ok, and why."""
     reasons = {f"run {name}": run.reasons for name, run in result.runs.items()}
@@ -450,24 +411,6 @@ def _called(what: str, runs: Iterable[str], bodies: Iterable[str]) -> str:
     names = {f"run {name}": phrase("run {name}", name=name) for name in runs}
     names |= {f"joint fit of {name}": phrase("joint fit of {name}", name=name) for name in bodies}
     return names.get(what) or phrase("line")
-
-
-def _singles(result: ReanalysisResult) -> list[tuple[str, str, list[str]]]:
-    """Run, status, posterior of gamma, kappa, theta0 and phi; a dash where the status is not ok."""
-    table = []
-    for name, run in result.runs.items():
-        names = {split_level(full)[0]: full for full in run.parameters}
-        cells = [
-            _single_cell(names[key], run) if key in names else ""
-            for key in ("gamma", "kappa", "theta0", "phi")
-        ]
-        table.append((name, run.status, cells if run.status == "ok" else ["—"] * len(cells)))
-    return table
-
-
-def _single_cell(name: str, run: Result) -> str:
-    p, label = run.parameters[name], run.labels.parameters[name]
-    return with_unit(value_cell(p, label), label.unit) if p.measured else phrase("as stated")
 
 
 def _limit_words(body: BodySummary) -> list[str]:

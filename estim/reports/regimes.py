@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -43,11 +42,6 @@ from estim.studies.known_values import FittedValues
 from estim.studies.regimes import BodyMap
 from estim.studies.run_places import RunPlace
 from estim.words import advice_for, sure, tell
-
-if TYPE_CHECKING:
-    from matplotlib.container import ErrorbarContainer
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
 MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
@@ -186,21 +180,13 @@ def map_report(
         parts=[(body_map, result.bodies[body_map.body]) for body_map in maps],
         origins={origin: phrase(words) for origin, words in _ORIGINS.items()},
         spread=_spread_words,
-        degrees=_degrees,
+        degrees=partial(_spread_words, factor=_DEGREES),
         per_radian=_DEGREES,
         line_body=None if line is None else line.body,
-        way=_way_words,
     )
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {
         "result.json": as_json(result)
     }
-
-
-def _way_words(found: BodyMap) -> dict[str, str]:
-    """What the table calls the end of the ramp, or of the recorded way in its place."""
-    if found.end.origin == "recorded":
-        return {"passes": phrase("passes the end of the recorded path up to (°)")}
-    return {"passes": phrase("passes the end of the ramp up to (°)")}
 
 
 def map_lines(found: BodyMap) -> list[str]:
@@ -271,12 +257,8 @@ def _run(found: BodyMap, place: RunPlace) -> RunOnMap:
     )
 
 
-def _degrees(spread: Spread | None) -> str:
-    """Median and 68 % half-width of an angle as degrees."""
-    return _spread_words(spread, _DEGREES)
-
-
 def _spread_words(spread: Spread | None, factor: float = 1.0) -> str:
+    """Median and 68 % half-width, in units of which one of its own has `factor`."""
     if spread is None or not math.isfinite(spread.high_68 - spread.low_68):
         return "—"
     return signed(
@@ -288,54 +270,16 @@ def regime_figure(found: BodyMap, line: ThetaMinSeries | None) -> Figure:
     """What the body does, over tilt and angle of release; the distance to the turning point as
     contours in m.
     """
-    from matplotlib.lines import Line2D
-
     figure = new_figure(6.2)
     ax = figure.subplots()
     _zones(ax, found)
     _distances(ax, found)
-    handles: list[Patch | Line2D | ErrorbarContainer] = list(_zone_patches(found))
-    for low, high, colour in _borders(found):
-        _band(ax, found.phi, low, colour)
-        if high is not None:
-            _band(ax, found.phi, high, colour)
-    limits = (
-        phrase("smallest and largest angle to start, with 68 and 95 %")
-        if found.downhill
-        else phrase("smallest and largest angle to climb, with 68 and 95 %")
-    )
-    handles.append(Line2D([], [], color=INK, lw=1.8, label=limits))
-    if found.end.length and np.any(found.passes[2] > found.rolls_on[2]):
-        label = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
-        handles.append(Line2D([], [], color=_DARK_VERMILION, lw=1.8, label=label))
-    if found.downhill and np.any(
-        (found.rolls_on[2] > found.lowest[2]) & (found.rolls_on[2] < found.highest[2])
-    ):
-        handles.append(
-            Line2D(
-                [], [], color=GREEN, lw=1.8, label=phrase("just gets over the top, and rolls on")
-            )
-        )
-    if np.any(np.isfinite(found.contours)):
-        handles.append(
-            Line2D([], [], color=BLUE, lw=0.8, label=phrase("turns back after this distance (m)"))
-        )
+    _borders(ax, found)
     if line is not None:
-        handles.append(_line_points(ax, line))
+        _line_points(ax, line)
     _frame(ax, found)
     _runs(ax, found)
-    handles.append(
-        Line2D(
-            [],
-            [],
-            color=INK,
-            marker="o",
-            ls="",
-            ms=5,
-            label=phrase("runs, with one standard uncertainty"),
-        )
-    )
-    legend_below(figure, ncols=2, handles=handles)
+    legend_below(figure, ncols=2)
     return figure
 
 
@@ -355,61 +299,58 @@ def _frame(ax: Axes, found: BodyMap) -> None:
 
 
 def _zones(ax: Axes, found: BodyMap) -> None:
+    """What the body does, by colour; where it does not start as asked, the background."""
     ax.set_facecolor(_STILL)
+    if not found.uphill:
+        still = phrase("starts uphill instead, or does not move")
+    elif found.downhill:
+        still = phrase("starts in the other direction")
+    else:
+        still = phrase("rolls down, or does not move")
+    ax.fill([], [], color=_STILL, label=still)
     phi, lowest, highest, on, passes = (
         found.phi * _DEGREES,
         *(b[2] * _DEGREES for b in (found.lowest, found.highest, found.rolls_on, found.passes)),
     )
-    for low, high, colour in (
-        (lowest, on, _ROLLS),
-        (on, passes, _PASSES),
-        (passes, highest, _TURNS),
+    turns = _ENDS["turns on" if found.downhill else "climbs on"][found.end.of]
+    beyond = _ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]
+    for low, high, colour, words in (
+        (passes, highest, _TURNS, turns),
+        (on, passes, _PASSES, beyond),
+        (lowest, on, _ROLLS, later("rolls on without end")),
     ):
         ax.fill_between(
-            phi, low, high, where=high > low, color=colour, lw=0, zorder=0.5, interpolate=True
+            phi,
+            low,
+            high,
+            where=high > low,
+            color=colour,
+            lw=0,
+            zorder=0.5,
+            interpolate=True,
+            label=phrase(words) if np.any(high > low) else None,
         )
 
 
-def _zone_patches(found: BodyMap) -> Iterator[Patch]:
-    from matplotlib.patches import Patch
-
-    down = (
-        phrase("rolls down, or does not move")
-        if not found.downhill
-        else phrase("starts in the other direction")
-    )
-    yield Patch(
-        fc=_STILL,
-        label=phrase("starts uphill instead, or does not move") if not found.uphill else down,
-    )
-    if np.any(found.highest[2] > found.passes[2]):
-        yield Patch(
-            fc=_TURNS,
-            label=phrase(_ENDS["turns on" if found.downhill else "climbs on"][found.end.of]),
-        )
+def _borders(ax: Axes, found: BodyMap) -> None:
     if np.any(found.passes[2] > found.rolls_on[2]):
-        yield Patch(
-            fc=_PASSES,
-            label=phrase(_ENDS["turns beyond" if found.downhill else "climbs past"][found.end.of]),
-        )
-    if np.any(found.rolls_on[2] > found.lowest[2]):
-        yield Patch(fc=_ROLLS, label=phrase("rolls on without end"))
-
-
-def _borders(found: BodyMap) -> Iterator[tuple[FloatArray, FloatArray | None, str]]:
-    if np.any(found.passes[2] > found.rolls_on[2]):
-        yield np.where(found.passes > found.rolls_on, found.passes, np.nan), None, _DARK_VERMILION
+        border = np.where(found.passes > found.rolls_on, found.passes, np.nan)
+        turns = phrase(_ENDS["turns"][found.end.of], m=found.end.length)
+        _band(ax, found.phi, border, _DARK_VERMILION, turns)
     if found.downhill:
-        on = np.where(
-            (found.rolls_on > found.lowest) & (found.rolls_on < found.highest),
-            found.rolls_on,
-            np.nan,
-        )
-        yield on, None, GREEN
-    yield found.lowest, found.highest, INK
+        rolls = (found.rolls_on > found.lowest) & (found.rolls_on < found.highest)
+        over = phrase("just gets over the top, and rolls on") if np.any(rolls[2]) else ""
+        _band(ax, found.phi, np.where(rolls, found.rolls_on, np.nan), GREEN, over)
+    limits = (
+        phrase("smallest and largest angle to start, with 68 and 95 %")
+        if found.downhill
+        else phrase("smallest and largest angle to climb, with 68 and 95 %")
+    )
+    _band(ax, found.phi, found.lowest, INK, limits)
+    _band(ax, found.phi, found.highest, INK)
 
 
-def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str) -> None:
+def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str, name: str = "") -> None:
     """A border with its 68 and 95 % bands; its line where half of the draws have it.  border : (5,
     n_phi) rad.
     """
@@ -421,7 +362,7 @@ def _band(ax: Axes, phi: FloatArray, border: FloatArray, colour: str) -> None:
     # it is nowhere
     flat = np.isclose(np.abs(degrees[2] - 90.0), 0.0) | np.isclose(np.abs(degrees[2] - 90.0), 180.0)
     degrees[2, flat] = np.nan
-    draw_bands(ax, phi * _DEGREES, degrees, colour, zorder=2.0)
+    draw_bands(ax, phi * _DEGREES, degrees, colour, median=name, said=None, zorder=2.0)
 
 
 def _distances(ax: Axes, found: BodyMap) -> None:
@@ -431,7 +372,8 @@ def _distances(ax: Axes, found: BodyMap) -> None:
         there = np.flatnonzero(np.isfinite(release))
         if there.size < 2:
             continue
-        ax.plot(phi, release * _DEGREES, color=BLUE, lw=0.8, zorder=1.5)
+        label = phrase("turns back after this distance (m)")
+        ax.plot(phi, release * _DEGREES, color=BLUE, lw=0.8, zorder=1.5, label=label)
         if there.size > 0.06 * phi.size:
             at = there[int((0.35 + 0.12 * (i % 2)) * there.size)]
             ax.text(
@@ -448,8 +390,8 @@ def _distances(ax: Axes, found: BodyMap) -> None:
             )
 
 
-def _line_points(ax: Axes, line: ThetaMinSeries) -> ErrorbarContainer:
-    return ax.errorbar(
+def _line_points(ax: Axes, line: ThetaMinSeries) -> None:
+    ax.errorbar(
         line.phi * _DEGREES,
         line.theta_min * _DEGREES,
         xerr=line.u_phi * _DEGREES,
@@ -483,6 +425,7 @@ def _runs(ax: Axes, found: BodyMap) -> None:
             ms=5,
             lw=1.2,
             zorder=5,
+            label=phrase("runs, with one standard uncertainty"),
         )
         near = (
             g

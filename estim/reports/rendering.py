@@ -16,13 +16,16 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cache
 from typing import TYPE_CHECKING
 
-from estim.checks import P_FLOOR
+from estim.checks import P_FLOOR, interval_cell, parameter_cells, value_cell
 from estim.common import (
     Markdown,
+    Quantity,
+    Status,
     code,
     destination,
     format_p,
     format_quantity,
+    format_rounded,
     kind_words,
     language,
     markdown,
@@ -31,6 +34,7 @@ from estim.common import (
     phrase,
     signed,
     significant,
+    with_unit,
 )
 from estim.words import status_words
 
@@ -51,6 +55,13 @@ def p_words(p: float) -> str:
     tell.
     """
     return f"< {p_digits(P_FLOOR, 1)}" if p <= P_FLOOR else p_digits(p)
+
+
+def shown(quantity: Quantity | None, factor: float = 1.0) -> str:
+    """A quantity as text, in units of which one of its own has `factor`."""
+    return (
+        "n/a" if quantity is None else format_quantity(quantity.value * factor, quantity.u * factor)
+    )
 
 
 def cells(row: Iterable[object]) -> Markdown:
@@ -139,13 +150,19 @@ def _environment(_language: str) -> jinja2.Environment:
     environment.filters["number"] = lambda v, digits=3: (
         "n/a" if v is None else significant(v, digits)
     )
-    environment.filters["fixed"] = lambda v, form: (
-        "n/a" if v is None or not math.isfinite(v) else form % v
+    environment.filters["fixed"] = lambda v, form, missing="n/a": (
+        missing if v is None or not math.isfinite(v) else form % v
     )
     environment.filters["unit"] = lambda unit: "" if unit == "1" else unit
     environment.filters["beside"] = lambda text, unit: text if unit == "1" else f"{text} {unit}"
+    environment.filters["draws_count"] = lambda status: Status(status).draws_count
+    environment.filters["limits_count"] = lambda status: Status(status).limits_count
     environment.filters |= {
         "quantity": format_quantity,
+        "shown": shown,
+        "rounded_by": format_rounded,
+        "with_unit": with_unit,
+        "degrees": math.degrees,
         "digits": p_digits,
         "signed": signed,
         "p": p_words,
@@ -154,7 +171,12 @@ def _environment(_language: str) -> jinja2.Environment:
         "kind_words": kind_words,
         "status_words": status_words,
     }
-    environment.globals["phrase"] = phrase
+    environment.globals |= {
+        "phrase": phrase,
+        "value_cell": value_cell,
+        "interval_cell": interval_cell,
+        "parameter_cells": parameter_cells,
+    }
     environment.filters |= {
         "cells": cells,
         "sentence": sentence,

@@ -24,10 +24,8 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.checks import (
     SURE,
-    Check,
     Diagnosis,
     Estimate,
-    Goodness,
     headline,
     not_measured,
     p_sentence,
@@ -391,6 +389,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         if entry.kind is Kind.DEVIATION_UNASKED and entry.run in ("", run.name)
     ]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
+    checks = {**goodness.checks, **({"speed": goodness.speed} if goodness.speed else {})}
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file),
@@ -401,8 +400,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         complete=next(map(tell, [run.complete] if run.complete else unasked), None),
         excluded=[tell(why) for why in run.excluded],
         checks={
-            name: CheckSummary(c.statistic, c.p_value, c.meaning)
-            for name, c in {**goodness.checks, **_speed_check(goodness)}.items()
+            name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in checks.items()
         },
         scatter_ratio=number(goodness.scatter_ratio),
         covered=next(map(tell, tolerated_pattern(goodness)), None),
@@ -420,10 +418,6 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         sought=[entry.name for entry in run.sought if entry.name in derived],
         blank=list(table.blank),
     )
-
-
-def _speed_check(goodness: Goodness) -> dict[str, Check]:
-    return {} if goodness.speed is None else {"speed": goodness.speed}
 
 
 def to_json(result: Result) -> bytes:
@@ -540,12 +534,12 @@ def _derived_quantities(result: Result) -> list[Estimate]:
     return [
         replace(entry, label=replace(entry.label, symbol=entry.label.symbol + (run and f"[{run}]")))
         for by_run in by_name.values()
-        for run, entry in once(by_run, len(result.runs), _same_estimate).items()
+        for run, entry in once(
+            by_run,
+            len(result.runs),
+            lambda a, b: (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd),
+        ).items()
     ]
-
-
-def _same_estimate(a: Estimate, b: Estimate) -> bool:
-    return (a.summary.mean, a.summary.sd) == (b.summary.mean, b.summary.sd)
 
 
 def _limits(shown: Sequence[str], result: Result) -> str:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from functools import partial
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,7 +12,6 @@ import numpy as np
 from estim.checks import Estimate
 from estim.common import (
     FigureChoice,
-    Markdown,
     Notation,
     Status,
     as_json,
@@ -20,7 +19,6 @@ from estim.common import (
     later,
     one_line,
     phrase,
-    significant,
 )
 from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
@@ -123,39 +121,24 @@ def straight_line_report(line: StraightLine, *, figures: FigureChoice = "main") 
     """`report.md`, `result.json` and `figures/line.png`."""
     result = straight_line_result(line)
 
-    def text(*, pictures: Collection[str]) -> str:
-        fit, used = line.fit, line.fit.standard_errors[line.fit.recommended]
-        x, y = result.columns["x"], result.columns["y"]
-        rows = [
-            (
-                name,
-                _pair(fit.intercept, errors.u_intercept, 3),
-                _pair(fit.slope, errors.u_slope, 3),
-                significant(errors.cov, 3) if math.isfinite(errors.cov) else "n/a",
-                Markdown(phrase("**recommended**") if errors is used else ""),
-            )
-            for name, errors in fit.standard_errors.items()
-        ]
-        return render(
-            "straight_line.md.j2",
-            pictures=pictures,
-            result=result,
-            ok=line.status.ok,
-            method=phrase(_METHODS[result.method]),
-            rows=rows,
-            percent=f"{100.0 * result.probability:g}",
-            sources={name: CONVENTIONS[name] for name in line.fit.standard_errors},
-            equation=f"{y} = ({_pair(fit.intercept, used.u_intercept)}) + "
-            f"({_pair(fit.slope, used.u_slope)}) · {x}",
-            predictions=[_predicted(p) for p in result.predictions],
-            inverses=[_predicted(p) for p in result.inverses],
-            facts=line.facts,
-            uncertainties=_uncertainties(result),
-            slope=_ends(*result.slope_interval, used.u_slope),
-            opened={"methods"} if not line.status.ok else (),
-            copies=copies_of(_estimates(result)) if line.status.ok else None,
-        )
-
+    used = line.fit.standard_errors[line.fit.recommended]
+    text = partial(
+        render,
+        "straight_line.md.j2",
+        result=result,
+        method=phrase(_METHODS[result.method]),
+        percent=f"{100.0 * result.probability:g}",
+        conventions=CONVENTIONS,
+        pair=_pair,
+        ends=_ends,
+        equation=f"{result.columns['y']} = ({_pair(result.intercept, used.u_intercept)}) + "
+        f"({_pair(result.slope, used.u_slope)}) · {result.columns['x']}",
+        facts=line.facts,
+        uncertainties=_uncertainties(result),
+        slope=_ends(*result.slope_interval, used.u_slope),
+        opened={"methods"} if not line.status.ok else (),
+        copies=copies_of(_estimates(result)) if line.status.ok else None,
+    )
     return page({"figures/line.png": partial(straight_line_figure, line)}, text, wanted=figures) | {
         "result.json": as_json(result)
     }
@@ -240,16 +223,6 @@ def _ends(low: float, high: float, u: float) -> str:
     return interval(low, high, u, 3) if known else phrase("unbounded")
 
 
-def _predicted(p: PredictedPoint) -> tuple[str, ...]:
-    return (
-        format_quantity(p.given, p.u_given or None),
-        _pair(p.value, p.u),
-        f"{p.u:.3g}",
-        _ends(p.low, p.high, p.u),
-        "" if math.isnan(p.u_reading) else f"{p.u_reading:.3g}",
-    )
-
-
 def _uncertainties(result: StraightLineResult) -> str:
     columns = (("u(x)", result.columns["u_x"]), ("u(y)", result.columns["u_y"]))
     sources = [
@@ -304,34 +277,18 @@ def straight_line_figure(line: StraightLine) -> Figure:
         else phrase("points"),
     )
     if line.status.ok:
+        style: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
+        label = phrase("prediction, {percent}", percent=percent)
         for p in line.predictions:
+            ends = np.reshape([p.y - p.low, p.high - p.y], (2, 1))
             upper.errorbar(
-                p.x0.value,
-                p.y,
-                xerr=p.x0.u or None,
-                yerr=[[p.y - p.low], [p.high - p.y]],
-                fmt="s",
-                color=ORANGE,
-                mec=INK,
-                ms=6,
-                lw=2,
-                zorder=5,
-                label=phrase("prediction, {percent}", percent=percent),
+                p.x0.value, p.y, ends, p.x0.u or None, "s", color=ORANGE, label=label, **style
             )
+        label = phrase("inverse prediction, {percent}", percent=percent)
         for q in line.inverses:
             if math.isfinite(q.low):
-                upper.errorbar(
-                    q.x,
-                    q.y0.value,
-                    xerr=[[q.x - q.low], [q.high - q.x]],
-                    fmt="D",
-                    color=GREEN,
-                    mec=INK,
-                    ms=6,
-                    lw=2,
-                    zorder=5,
-                    label=phrase("inverse prediction, {percent}", percent=percent),
-                )
+                ends = np.reshape([q.x - q.low, q.high - q.x], (2, 1))
+                upper.errorbar(q.x, q.y0.value, None, ends, "D", color=GREEN, label=label, **style)
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     legend_below(figure, ncols=2)

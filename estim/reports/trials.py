@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Mapping
 from functools import partial
 
 import msgspec
@@ -12,20 +11,17 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
-from estim.checks import Estimate, interval_cell, parameter_cells, screen_lines, value_cell
+from estim.checks import Estimate, screen_lines
 from estim.common import (
     QUANTILES,
     FigureChoice,
-    Label,
     Notation,
     Quantity,
-    Status,
     as_json,
     e_n,
     format_quantity,
     later,
     phrase,
-    signed,
 )
 from estim.drawing import (
     BLUE,
@@ -59,6 +55,9 @@ _MARKS = {
     (HIGH, False): ("s", "white"),
 }
 _NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
+
+
+UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
 
 
 class WayRow(msgspec.Struct, frozen=True):
@@ -215,23 +214,22 @@ def _apart(analysis: TrialsAnalysis) -> list[float] | None:
 
 def trials_files(
     campaign: Campaign, analysis: TrialsAnalysis, *, line: LineAnalysis | None
-) -> tuple[Drawers, dict[str, object], bytes]:
-    """Figures, what the template of the section needs, and `trials.json`."""
+) -> tuple[Drawers, TrialsResult, bytes]:
+    """Figures, the record that the section of a report prints, and `trials.json`."""
     result = trials_result(campaign, analysis, line=line)
     drawers: dict[str, partial[Figure]] = {"figures/trials.png": partial(starts_figure, analysis)}
     if analysis.status.ok:
         drawers["figures/chances.png"] = partial(chances_figure, analysis)
-    return drawers, trials_values(result), as_json(result)
+    return drawers, result, as_json(result)
 
 
 def trials_report(
     campaign: Campaign, analysis: TrialsAnalysis, *, figures: FigureChoice = "main"
 ) -> dict[str, bytes]:
     """`report.md`, `trials.json` and the figures of trials by themselves."""
-    drawers, values, record = trials_files(campaign, analysis, line=None)
-    return page(drawers, partial(trials_text, values), wanted=figures, kind=campaign.kind) | {
-        "trials.json": record
-    }
+    drawers, result, record = trials_files(campaign, analysis, line=None)
+    text = partial(render, "trials.md.j2", trials=result, labels=UNKNOWN_LABELS)
+    return page(drawers, text, wanted=figures, kind=campaign.kind) | {"trials.json": record}
 
 
 def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
@@ -250,76 +248,6 @@ def trials_lines(campaign: Campaign, analysis: TrialsAnalysis) -> list[str]:
             )
         ]
     )
-
-
-def trials_text(values: Mapping[str, object], pictures: Collection[str]) -> str:
-    """The Markdown report of trials alone, with the figures at the paths `pictures`."""
-    return render("trials.md.j2", pictures=pictures, trials=values)
-
-
-def trials_values(result: TrialsResult) -> dict[str, object]:
-    """What the section of a report needs."""
-    status = Status(result.status)
-    labels = {name: UNKNOWNS[name][2].label(UNKNOWNS[name][0]) for name in result.unknowns}
-    masses = (
-        None
-        if result.gamma_masses is None
-        else format_quantity(result.gamma_masses, result.u_gamma_masses)
-    )
-    return {
-        "result": result,
-        "meaningless": not status.draws_count,
-        "gamma": value_cell(result.unknowns["gamma"], _GAMMA) if status.ok else None,
-        "gamma_interval": interval_cell(result.unknowns["gamma"], _GAMMA),
-        "gamma_masses": masses,
-        "unknowns": [_unknown_cells(result, name, label) for name, label in labels.items()],
-        "ways": [(row.words, *_way_cells(row)) for row in result.ways.values()],
-        "apart": None
-        if result.ends_apart is None
-        else (
-            format_quantity(result.ends_apart[0], result.ends_apart[1]),
-            signed(f"{result.ends_apart[2]:+.1f}"),
-            signed(f"{result.ends_apart[3]:+.2f}"),
-        ),
-        "offset": None
-        if result.offset is None
-        else format_quantity(math.degrees(result.offset[0]), math.degrees(result.offset[1])),
-        "phi_mean": f"{math.degrees(result.phi_mean):.2g}",
-        "thresholds": [_threshold_cells(row) for row in result.thresholds],
-        "both_ends": len({row.end for row in result.thresholds}) > 1,
-    }
-
-
-def _unknown_cells(result: TrialsResult, name: str, label: Label) -> tuple[str, ...]:
-    symbol, meaning, value, interval, unit = parameter_cells(result.unknowns[name], label)
-    return symbol, meaning, result.priors[name], value, interval, unit
-
-
-def _way_cells(row: WayRow) -> tuple[str, str, str, str]:
-    if not row.reliable:
-        return phrase("n/a (its importance weights are unreliable)"), "", "", ""
-    stated, trials = (
-        "" if value is None else signed(f"{value:+.2f}") for value in (row.e_n, row.e_n_trials)
-    )
-    return value_cell(row.gamma, _GAMMA), interval_cell(row.gamma, _GAMMA), stated, trials
-
-
-def _threshold_cells(row: ThresholdRow) -> tuple[str, ...]:
-    low95, low68, middle, high68, high95 = (f"{math.degrees(angle):.1f}" for angle in row.quantiles)
-    name = "θ_min" if row.end == "min" else "θ_max"
-    counts = phrase("{n} of {total}", n=row.n_climbed, total=row.n_trial)
-    if 0 < row.n_climbed < row.n_trial:
-        return (
-            name,
-            f"{math.degrees(row.phi):.2f}",
-            counts,
-            middle,
-            f"[{low68}, {high68}]",
-            f"[{low95}, {high95}]",
-        )
-    above = (row.n_climbed == 0) == (row.end == "min")
-    limit = f"> {low95}" if above else f"< {high95}"
-    return name, f"{math.degrees(row.phi):.2f}", counts, phrase("one outcome only"), "", limit
 
 
 def starts_figure(analysis: TrialsAnalysis) -> Figure:
