@@ -32,7 +32,7 @@ from estim.campaign.forced import (
     refuse_force,
     track_of,
 )
-from estim.campaign.levels import Levels, noise_level
+from estim.campaign.levels import Levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
@@ -325,18 +325,18 @@ class RollingCampaign(Campaign):
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         for name in names:
-            table, path, _ = noise_level(self.levels(name))
-            if table.model == "positions":
-                raise self.source.places.error(
+            noise = stated_noise(self.levels(name))
+            if noise.table.model == "positions":
+                raise noise.error(
                     f"must not be 'positions' for {command}, which needs speeds: give it a "
                     'campaign with model = "differentiated"',
-                    (*path, "model"),
+                    "model",
                 )
-            if table.robust is not None:
-                raise self.source.places.error(
+            if noise.table.robust is not None:
+                raise noise.error(
                     f"does not go with {command}, which takes the errors as normal",
-                    (*path, "robust"),
-                    value=table.robust,
+                    "robust",
+                    value=noise.table.robust,
                 )
 
 

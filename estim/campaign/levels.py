@@ -7,7 +7,7 @@ is the level at which it is one unknown, and the suffix of its parameter's name:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from estim.campaign.campaign_file import (
@@ -82,17 +82,32 @@ def read_at(
         raise source.places.error(error.rule, path, value=error.value) from None
 
 
-def noise_level(levels: Levels) -> tuple[NoiseTable, Path, str]:
-    """The most particular noise table of a run, where it stands, and the suffix of its parameters'
-    names.
+def first_stating(levels: Iterable[Level], key: str) -> Level | None:
+    """The first of `levels` that says something under `key`, None where none does."""
+    return next((level for level in levels if getattr(level.table, key) is not None), None)
 
-    Raises InputError where there is none.
-    """
-    for level in levels:
-        if level.table.noise is not None:
-            return level.table.noise, (*level.path, "noise"), level.suffix
-    raise levels.error(
-        f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
-        ("runs", levels.index),
-        field="noise",
-    )
+
+@dataclass(frozen=True, eq=False)
+class StatedNoise:
+    """The noise table of a run, where it stands, and the suffix of its parameters' names."""
+
+    levels: Levels
+    table: NoiseTable
+    path: Path
+    suffix: str
+
+    def error(self, rule: str, *key: str, value: object = None) -> InputError:
+        """An InputError at the line of the table, or of a key in it."""
+        return self.levels.error(rule, (*self.path, *key), value=value)
+
+
+def stated_noise(levels: Levels) -> StatedNoise:
+    """The most particular noise table of a run.  Raises InputError where there is none."""
+    level = first_stating(levels, "noise")
+    if level is None or level.table.noise is None:
+        raise levels.error(
+            f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
+            ("runs", levels.index),
+            field="noise",
+        )
+    return StatedNoise(levels, level.table.noise, (*level.path, "noise"), level.suffix)

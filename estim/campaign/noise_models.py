@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, noise_level
+from estim.campaign.levels import Levels, stated_noise
 from estim.common import phrase
 from estim.problem import Noise
 from estim.reading import Run
@@ -33,7 +33,8 @@ def noise_candidates(
 
     posed : noise table -> the noise of the run with it.
     """
-    table, path, _ = noise_level(levels)
+    noise = stated_noise(levels)
+    table = noise.table
     position, speed = (
         ("sigma_x_m", "sigma_v_m_s")
         if data.coordinate == "x_m"
@@ -98,7 +99,7 @@ def noise_candidates(
             f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
             f"and '{position}' would allow several)"
         )
-        raise levels.error(rule, path, field="noise")
+        raise noise.error(rule)
     return tuple(candidates)
 
 
