@@ -34,22 +34,34 @@ class Level:
     table: LevelTable
     suffix: str
 
+    def stated(self, keys: Iterable[str]) -> list[str]:
+        """Those of `keys` under which it says something."""
+        return [key for key in keys if getattr(self.table, key) is not None]
+
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """The tables that speak of run number `index` of a campaign file, most particular first."""
+    """The tables of a campaign file that speak of a run or of a body, most particular first."""
 
     source: CampaignFile
-    index: int
+    tables: tuple[Level, ...]
+
+    def __iter__(self) -> Iterator[Level]:
+        return iter(self.tables)
 
     @property
     def run(self) -> RunTable:
-        return self.source.runs[self.index]
+        """The run that they speak of."""
+        return self.source.runs[int(self.tables[0].path[1])]
 
-    def __iter__(self) -> Iterator[Level]:
-        run = self.run
-        yield Level(("runs", self.index), run, f"[{run.name}]")
-        yield from body_levels(self.source, run.body)
+    def first(self, *keys: str) -> Level | None:
+        """The first that says something under one of `keys`, None where none does."""
+        return next((level for level in self.tables if level.stated(keys)), None)
+
+    def read(self, level: Level, key: str, *, factor: float = 1.0) -> Quantity | Prior:
+        """The value of `key` at `level` in SI units.  Raises InputError with its line."""
+        value: Value = getattr(level.table, key)
+        return read_at(self.source, value, (*level.path, key), factor=factor)
 
     def error(
         self, rule: str, path: Path, *, field: str | None = None, value: object = None
@@ -57,19 +69,18 @@ class Levels:
         return self.source.places.error(rule, path, field=field, value=value)
 
 
-def body_levels(source: CampaignFile, body: str) -> tuple[Level, Level]:
-    """The tables that speak of a body, most particular first."""
-    return Level(("bodies", body), source.bodies[body], f"[{body}]"), Level(
-        ("shared",), source.shared, ""
-    )
+def run_levels(source: CampaignFile, name: str) -> Levels:
+    """The tables that speak of the run `name`."""
+    index = [run.name for run in source.runs].index(name)
+    run = source.runs[index]
+    own = Level(("runs", index), run, f"[{name}]")
+    return Levels(source, (own, *body_levels(source, run.body)))
 
 
-def read_key(
-    source: CampaignFile, level: Level, key: str, *, factor: float = 1.0
-) -> Quantity | Prior:
-    """The value of `key` at `level` in SI units.  Raises InputError with its line."""
-    value: Value = getattr(level.table, key)
-    return read_at(source, value, (*level.path, key), factor=factor)
+def body_levels(source: CampaignFile, body: str) -> Levels:
+    """The tables that speak of a body."""
+    own = Level(("bodies", body), source.bodies[body], f"[{body}]")
+    return Levels(source, (own, Level(("shared",), source.shared, "")))
 
 
 def read_at(
@@ -80,11 +91,6 @@ def read_at(
         return read_value(value, factor=factor, field=str(path[-1]))
     except InputError as error:
         raise source.places.error(error.rule, path, value=error.value) from None
-
-
-def first_stating(levels: Iterable[Level], key: str) -> Level | None:
-    """The first of `levels` that says something under `key`, None where none does."""
-    return next((level for level in levels if getattr(level.table, key) is not None), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,11 +109,11 @@ class StatedNoise:
 
 def stated_noise(levels: Levels) -> StatedNoise:
     """The most particular noise table of a run.  Raises InputError where there is none."""
-    level = first_stating(levels, "noise")
+    level = levels.first("noise")
     if level is None or level.table.noise is None:
         raise levels.error(
             f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
-            ("runs", levels.index),
+            levels.tables[0].path,
             field="noise",
         )
     return StatedNoise(levels, level.table.noise, (*level.path, "noise"), level.suffix)

@@ -50,7 +50,7 @@ def bound(
         campaign = read_curve_campaign(source, source.curve, only=only)
     else:
         campaign = rolling = RollingCampaign(source, _read_runs(source, only, compared))
-        facts = {name: parts_fact(source, rolling.levels(name)) for name in rolling.tables}
+        facts = {name: parts_fact(rolling.levels(name)) for name in rolling.tables}
         campaign = replace(
             rolling,
             tables={name: _with_fact(run, facts[name]) for name, run in rolling.tables.items()},

@@ -16,14 +16,7 @@ import numpy as np
 from estim.arrays import FloatArray
 from estim.campaign.blur import relative_blur
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import (
-    Levels,
-    StatedNoise,
-    first_stating,
-    read_at,
-    read_key,
-    stated_noise,
-)
+from estim.campaign.levels import Levels, StatedNoise, read_at, stated_noise
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
@@ -395,7 +388,7 @@ def _stated_offset(
     levels: Levels, units: _Units
 ) -> tuple[dict[str, str | float], Parameter | None]:
     """The zero of the positions for speeds: exact unless the campaign states it."""
-    if first_stating(levels, units.offset) is None:
+    if levels.first(units.offset) is None:
         return {}, None
     source, parameter = _nuisance(levels, units.offset, _offset(units, 1.0))
     return {"offset": source}, parameter
@@ -414,9 +407,9 @@ def _offset(units: _Units, sd: float) -> Parameter:
 def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
     """An argument of x(t) as the campaign states it, or `unknown` as one of this run."""
     parameter = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
-    level = first_stating(levels, key)
+    level = levels.first(key)
     if level is not None:
-        value = read_key(levels.source, level, key)
+        value = levels.read(level, key)
         if isinstance(value, Quantity) and value.exact:
             return value.value, None
         stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
@@ -446,7 +439,7 @@ def _size(noise: StatedNoise, key: str, unit: str, meaning: str) -> _Size:
 
 def _window(run: Run, levels: Levels) -> Window:
     """Limits of the most particular window table, in the run's own coordinate."""
-    level = first_stating(levels, "window")
+    level = levels.first("window")
     if level is None or level.table.window is None:
         return Window(-math.inf, math.inf, -math.inf, math.inf)
     table, path = level.table.window, (*level.path, "window")
