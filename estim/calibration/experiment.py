@@ -137,11 +137,7 @@ class CampaignDesign:
         self, run: Observations, table: Run, named: Values, rng: np.random.Generator
     ) -> Run | None:
         columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
-        if columns is None:
-            return None
-        for column in columns.values():
-            column.setflags(write=False)
-        return replace(table, columns=MappingProxyType({**table.columns, **columns}))
+        return None if columns is None else table.with_columns({**table.columns, **columns})
 
 
 def campaign_design(

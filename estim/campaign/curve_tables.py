@@ -112,6 +112,13 @@ class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=
     parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 
+def _levels(
+    table: CurveTable, runs: Sequence[CurveRunTable]
+) -> list[tuple[Place, CurveTable | CurveRunTable]]:
+    """The tables that may speak of a run, with their places."""
+    return [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+
+
 def axis_of(written: AxisTable | str) -> AxisTable:
     return AxisTable(written) if isinstance(written, str) else written
 
@@ -161,11 +168,7 @@ def check_words(
         raise source.places.error(
             "must name another column than x", ("curve", "y"), value=axes[1].column
         )
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
-        (("curve",), table),
-        *((("runs", i), run) for i, run in enumerate(runs)),
-    ]
-    for path, level in levels:
+    for path, level in _levels(table, runs):
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
             if (
                 isinstance(error, ReadingErrorTable)
@@ -288,11 +291,7 @@ def check_counts(source: CampaignFile, table: CurveTable) -> None:
 def check_parameters(
     source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]
 ) -> None:
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
-        (("curve",), table),
-        *((("runs", i), run) for i, run in enumerate(runs)),
-    ]
-    for path, level in levels:
+    for path, level in _levels(table, runs):
         for name in level.parameters:
             if name not in formula.names:
                 alike = same_looks((*formula.names, name)) or None

@@ -106,9 +106,7 @@ def _nearest(x: FloatArray, place: float) -> int:
 def _sorted(table: Run, columns: Mapping[str, FloatArray], x_column: str) -> Run:
     order = np.argsort(columns[x_column], kind="stable")
     arranged = {name: column[order] for name, column in columns.items()}
-    for column in arranged.values():
-        column.setflags(write=False)
-    return replace(table, columns=MappingProxyType(arranged), lines=np.arange(order.size))
+    return table.with_columns(arranged, lines=np.arange(order.size))
 
 
 def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:

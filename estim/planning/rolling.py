@@ -264,9 +264,7 @@ def _table(
         if name in table.columns:
             nearest = np.argmin(np.abs(places[:, None] - old), axis=1)
             columns[name] = error * table.columns[name][nearest]
-    for column in columns.values():
-        column.setflags(write=False)
-    return replace(table, columns=MappingProxyType(columns), lines=np.arange(places.size))
+    return table.with_columns(columns, lines=np.arange(places.size))
 
 
 def _denser(places: FloatArray, frames: float) -> FloatArray:
