@@ -7,8 +7,7 @@ of its verb.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,9 +28,7 @@ from estim.studies.published import (
     compare_published,
     read_published,
 )
-
-ProgressOf = Callable[[str], AbstractContextManager[Progress]]
-"""Given what is being sampled, a context in which its progress is shown."""
+from estim.studies.refits import ProgressOf
 
 _OF_BODY = ("gamma", "kappa")
 _COMMAND = "estim reanalyse"
