@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
-from estim.campaign.levels import Level, Levels, Path, body_levels
+from estim.campaign.levels import Level, Levels, body_levels
 from estim.campaign.parts import (
     OF_PARTS,
     OUTPUTS,
@@ -29,6 +29,7 @@ from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import DefaultError, Prior, as_prior
 from estim.propagation import Input
+from estim.reading import KeyPath
 from model import Body
 
 KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType({**QUANTITIES, **EFFECTS})
@@ -215,7 +216,7 @@ def _suffix(source: CampaignFile, level: Level, name: str) -> str:
 
 
 def _checked(
-    levels: Levels, value: Quantity | Prior, kind: QuantityKind, path: Path
+    levels: Levels, value: Quantity | Prior, kind: QuantityKind, path: KeyPath
 ) -> float | Prior:
     """A number or a prior that respects the quantity's physical limit."""
     centre = value.value if isinstance(value, Quantity) else value.centre
@@ -260,7 +261,7 @@ def _mass(levels: Levels, key: str) -> Quantity:
     return mass
 
 
-def _home(levels: Levels) -> Path:
+def _home(levels: Levels) -> KeyPath:
     """Where the first of the masses stands."""
     level = levels.first(*_MASSES)
     assert level is not None, "asked where a mass is given"
@@ -293,7 +294,7 @@ def _from_masses(levels: Levels, name: str, where: str) -> Quantity:
         ) from None
 
 
-def _check_masses(levels: Levels, gamma: Quantity | Prior, path: Path, where: str) -> None:
+def _check_masses(levels: Levels, gamma: Quantity | Prior, path: KeyPath, where: str) -> None:
     """Masses beside a stated gamma give the total mass only; raises InputError where they give
     another gamma.
     """

@@ -51,6 +51,7 @@ from estim.curves import (
 from estim.explanation import Cause, Suspects
 from estim.fitting import FORCE_KEY
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
+from estim.reading import KeyPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,7 +302,7 @@ class RollingCampaign(Campaign):
     def refuse_discrepancy(self, command: str) -> None:
         """A body has no such curve; its force is foreseen."""
 
-    def _place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
+    def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("runs", [run.name for run in self.source.runs].index(name))
 
     def require_body(self) -> None:

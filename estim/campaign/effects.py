@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.campaign.levels import Levels, Path
+from estim.campaign.levels import Levels
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
 from estim.curves import (
@@ -23,6 +23,7 @@ from estim.curves import (
     energy_of_speed,
 )
 from estim.problem import Observations, Prior
+from estim.reading import KeyPath
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
 _SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
@@ -188,7 +189,7 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     return place
 
 
-def _place(levels: Levels, name: str) -> Path:
+def _place(levels: Levels, name: str) -> KeyPath:
     """Where in the file an effect stands."""
     keys = EFFECTS[name].keys
     return next((*level.path, key) for level in levels for key in level.stated(keys))

@@ -20,8 +20,7 @@ from estim.campaign.campaign_file import (
 )
 from estim.common import InputError, Quantity
 from estim.problem import Prior
-
-Path = tuple[str | int, ...]
+from estim.reading import KeyPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +29,7 @@ class Level:
     declared there.
     """
 
-    path: Path
+    path: KeyPath
     table: LevelTable
     suffix: str
 
@@ -64,9 +63,9 @@ class Levels:
         return read_at(self.source, value, (*level.path, key), factor=factor)
 
     def error(
-        self, rule: str, path: Path, *, field: str | None = None, value: object = None
+        self, rule: str, path: KeyPath, *, field: str | None = None, value: object = None
     ) -> InputError:
-        return self.source.places.error(rule, path, field=field, value=value)
+        return self.source.error(rule, path, field=field, value=value)
 
 
 def run_levels(source: CampaignFile, name: str) -> Levels:
@@ -84,13 +83,11 @@ def body_levels(source: CampaignFile, body: str) -> Levels:
 
 
 def read_at(
-    source: CampaignFile, value: Value, path: Path, *, factor: float = 1.0
+    source: CampaignFile, value: Value, path: KeyPath, *, factor: float = 1.0
 ) -> Quantity | Prior:
     """`value`, which stands at `path`, in SI units.  Raises InputError with its line."""
-    try:
+    with source.places.at(path):
         return read_value(value, factor=factor, field=str(path[-1]))
-    except InputError as error:
-        raise source.places.error(error.rule, path, value=error.value) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +96,7 @@ class StatedNoise:
 
     levels: Levels
     table: NoiseTable
-    path: Path
+    path: KeyPath
     suffix: str
 
     def error(self, rule: str, *key: str, value: object = None) -> InputError:

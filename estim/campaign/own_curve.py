@@ -33,7 +33,6 @@ from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
     ParameterTable,
-    Place,
     axis_of,
     check_counts,
     check_parameters,
@@ -62,7 +61,7 @@ from estim.curves import (
 )
 from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
-from estim.reading import Places, of_any_curve, run_of_table
+from estim.reading import KeyPath, Places, of_any_curve, run_of_table
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -179,7 +178,7 @@ class CurveCampaign(Campaign):
                 f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
                 "runs one by one"
             )
-            raise self.source.places.error(
+            raise self.source.error(
                 rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed)
             )
         return Problem(
@@ -239,7 +238,7 @@ class CurveCampaign(Campaign):
                         f"is in {wanted} by the header of run '{first}', in {unit} by that of "
                         f"'{name}': runs that share a parameter need one unit"
                     )
-                    raise self.source.places.error(rule, ("curve", key))
+                    raise self.source.error(rule, ("curve", key))
 
     def suspects(self, names: Sequence[str]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
@@ -279,23 +278,21 @@ class CurveCampaign(Campaign):
     def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
         """Raises InputError: the models that are compared are those of a rolling body."""
         self.problem(names)
-        raise self.source.places.error(
+        raise self.source.error(
             "is a formula of your own; estim compare-models compares models of a rolling body",
             ("curve",),
         )
 
     def _only_noise(self) -> InputError:
-        return self.source.places.error(
+        return self.source.error(
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
         )
 
-    def _place_of_unknowns(self, name: str) -> Place:
+    def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("curve", "parameters")
 
     def require_body(self) -> None:
-        raise self.source.places.error(
-            "has no rolling body, which this command is about", ("curve",)
-        )
+        raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_complete(self, names: Sequence[str], command: str) -> None:
         self.require_body()
@@ -313,23 +310,23 @@ class CurveCampaign(Campaign):
                 "is not supported by estim calibrate, which simulates counts, not times: count "
                 'them in bins (model = "poisson") for that'
             )
-            raise self.source.places.error(rule, ("curve", "noise"))
+            raise self.source.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
                 rule = (
                     "is flat without limits, so that nothing can be simulated: give it limits "
                     "(low and high), or a prior"
                 )
-                raise self.source.places.error(rule, self._place(parameter.name))
+                raise self.source.error(rule, self._place(parameter.name))
 
     def _placed(self, error: InputError, problem: Problem) -> InputError:
         """The error at its key or parameter; one of the search for an optimum at the first row at
         which alone the curve is not finite at the start.
         """
         if error.field in ("u_y", "expression"):
-            return self.source.places.error(error.rule, ("curve", error.field))
+            return self.source.error(error.rule, ("curve", error.field))
         if error.field in problem.names:
-            return self.source.places.error(error.rule, self._place(error.field))
+            return self.source.error(error.rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
@@ -347,7 +344,7 @@ class CurveCampaign(Campaign):
                 )
         return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
 
-    def _place(self, parameter: str) -> Place:
+    def _place(self, parameter: str) -> KeyPath:
         """Where a parameter stands in the campaign file."""
         name, _, level = parameter.partition("[")
         run = [r.name for r in self.runs].index(level[:-1]) if level else 0
@@ -366,7 +363,7 @@ class CurveCampaign(Campaign):
                 f"[runs.parameters], as {name} = {{start = 1.0}}, or "
                 f"{name} = {{}}"
             )
-            raise self.source.places.error(rule, ("curve", "parameters"), field=name)
+            raise self.source.error(rule, ("curve", "parameters"), field=name)
         try:
             source = source_of(
                 ParameterTable() if entry is None else entry,
@@ -375,7 +372,7 @@ class CurveCampaign(Campaign):
             )
         except InputError as error:
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
-            raise self.source.places.error(rule, run.place(name), value=error.value) from None
+            raise self.source.error(rule, run.place(name), value=error.value) from None
         named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
         meaning = self._word(name, run, "meaning") or phrase("parameter of the curve")
         return (
@@ -399,7 +396,7 @@ class CurveCampaign(Campaign):
                 )
                 components.append(Component(kind, float(u), name))
             except InputError as error:
-                raise self.source.places.error(
+                raise self.source.error(
                     f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value
                 ) from None
         return tuple(components)
@@ -450,7 +447,7 @@ def read_curve_campaign(
     )
 
 
-def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+def _with_names(raw: Mapping[str, Any], places: Places, path: KeyPath) -> dict[str, Any]:
     """A table with the names of its parameters as Python reads them in a formula (the micro sign is
     the letter mu).
 

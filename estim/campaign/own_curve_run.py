@@ -22,7 +22,6 @@ from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
-    Place,
     ReadingErrorTable,
     axis_of,
     prior_table,
@@ -51,6 +50,7 @@ from estim.fitting import PERFECT
 from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
 from estim.reading import (
     Choices,
+    KeyPath,
     Run,
     Table,
     columns_sentence,
@@ -88,7 +88,7 @@ class RunOfCurve:
     def events(self) -> bool:
         return self.curve.y is None
 
-    def stated(self, key: str) -> tuple[Any, Place]:
+    def stated(self, key: str) -> tuple[Any, KeyPath]:
         """What the run says of a key, else the curve, and where; None where neither does."""
         value = getattr(self.table, key, None)
         return (
@@ -99,9 +99,9 @@ class RunOfCurve:
 
     def error(self, rule: str, key: str, *, value: object = None) -> InputError:
         """An InputError at the line of a key."""
-        return self.source.places.error(rule, self.stated(key)[1], value=value)
+        return self.source.error(rule, self.stated(key)[1], value=value)
 
-    def place(self, parameter: str) -> Place:
+    def place(self, parameter: str) -> KeyPath:
         """Where a parameter is stated."""
         return (
             ("runs", self.index, "parameters", parameter)
@@ -148,7 +148,7 @@ class RunOfCurve:
             getattr(self.table, key) is not None for key in DialectKeys.__struct_fields__
         ):
             rule = "does not go with a file of Tracker, which says itself how it is written"
-            raise self.source.places.error(rule, ("runs", self.index), field="columns")
+            raise self.source.error(rule, ("runs", self.index), field="columns")
         with self.source.reading(path, needed):
             table = (
                 track_columns(import_track(path, choices), needed)
@@ -173,7 +173,7 @@ class RunOfCurve:
             stated = table.units.get(axis.column, "")
             if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
-                raise self.source.places.error(
+                raise self.source.error(
                     f"must be in {stated}, as {where} says; nothing is converted",
                     ("curve", key),
                     value=axis.unit,
@@ -371,7 +371,7 @@ def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int6
             path = ("curve", "noise", argument)
         case _:
             path = run.stated(argument)[1]
-    return run.source.places.error(error.rule, path, value=error.value)
+    return run.source.error(error.rule, path, value=error.value)
 
 
 def _rows(
@@ -384,7 +384,7 @@ def _rows(
     low = -math.inf if window is None or window.min is None else window.min
     high = math.inf if window is None or window.max is None else window.max
     if not low < high:
-        raise run.source.places.error(
+        raise run.source.error(
             "must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}"
         )
     if run.events and not (math.isfinite(low) and math.isfinite(high)):
@@ -392,7 +392,7 @@ def _rows(
             "must state the 'min' and 'max' between which events were recorded: their density "
             "is normalised over it"
         )
-        raise run.source.places.error(rule, path, field="window")
+        raise run.source.error(rule, path, field="window")
     stated = run.stated("every")[0]
     every = 1 if stated is None else stated
     if every < 1:
@@ -421,7 +421,7 @@ def _rows(
                 f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
                 f"{data.file} to fit{cure}"
             )
-            raise run.source.places.error(
+            raise run.source.error(
                 rule, ("runs", run.index, "window"), field="window", value=int(rows.size)
             )
         where = " where x has errors" if run.stated("u_x")[0] is not None else ""
@@ -476,14 +476,12 @@ def _size(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatA
         return None
     if "u_y" in run.columns:
         return _column(run, data, kept, "u_y")
-    try:
+    with run.source.places.at(run.stated("u_y")[1]):
         read = read_value(
             prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,
             factor=1.0,
             field="u_y",
         )
-    except InputError as error:
-        raise run.error(error.rule, "u_y", value=error.value) from None
     centre = read.value if isinstance(read, Quantity) else read.centre
     if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
         raise run.error(

@@ -56,10 +56,10 @@ def planned_quantities(
             path = ("plan", "runs", index, key)
             value = read_at(source, written, path, factor=KINDS_OF_QUANTITIES[name].keys[key])
             if not isinstance(value, Quantity):
-                raise source.places.error('must be a number or "value +/- uncertainty"', path)
+                raise source.error('must be a number or "value +/- uncertainty"', path)
             kind = KINDS_OF_QUANTITIES[name]
             if not kind.low <= value.value <= kind.high:
-                raise source.places.error("lies outside what is possible", path, value=written)
+                raise source.error("lies outside what is possible", path, value=written)
             quantities[name] = value
     return quantities
 
