@@ -46,7 +46,7 @@ from estim.campaign.curve_tables import (
     y_axis,
 )
 from estim.campaign.noise_models import NoiseModel
-from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, pose_run
+from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
 from estim.common import InputError, phrase, same_unit
 from estim.curves import (
     AxisNames,
@@ -140,12 +140,11 @@ class CurveCampaign(Campaign):
                 for argument in self.curve.names
                 if (unit := self._word(argument, run, "unit")) is not None
             }
-            posed = pose_run(
-                run,
-                self.tables[name],
-                curve=self.curve,
-                axes=self.run_axes[name],
-                values={
+            rows = rows_of(run, self.tables[name])
+            posed = rows.posed(
+                self.curve,
+                self.run_axes[name],
+                {
                     argument: entry.prior if isinstance(entry, Parameter) else entry
                     for argument, entry in entries.items()
                 },
@@ -153,13 +152,13 @@ class CurveCampaign(Campaign):
                 components=components,
                 chosen=chosen,
             )
-            if posed.posed.lacks is not None and posed.posed.lacks.deviation and len(names) > 1:
+            if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
                 rule = (
                     "does not go with a joint fit, which needs a deviation that runs share: "
                     "fit the runs one by one"
                 )
                 raise run.error(rule, "deviation")
-            begun = self._started(posed.posed, {*self.curve.names} - chosen)
+            begun = self._started(posed, {*self.curve.names} - chosen)
             parameters |= {
                 entry.name: replace(entry, prior=begun[argument].prior)
                 for argument, entry in unknown.items()
@@ -168,9 +167,8 @@ class CurveCampaign(Campaign):
                 argument: entry.name if isinstance(entry, Parameter) else entry
                 for argument, entry in entries.items()
             }
-            points, further = posed.observed(
-                self.axes, MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
-            )
+            arguments = MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
+            points, further = rows.observed(posed, self.axes, arguments)
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
         if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_ROWS:
