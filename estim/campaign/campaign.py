@@ -190,9 +190,9 @@ class Campaign(ABC):
     def check(self, name: str) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
 
-    @abstractmethod
     def body_of(self, name: str) -> str | None:
         """The name of the body of a run, None where there is none."""
+        return None
 
     @abstractmethod
     def _unit_of(self, argument: str, name: str) -> str:
@@ -230,17 +230,17 @@ class Campaign(ABC):
     def require_body(self) -> None:
         """Raises InputError where there is no rolling body to speak of."""
 
-    @abstractmethod
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where an unmodelled force was asked for, which `command` does not
-        know.
+        """Raises InputError where there is no rolling body, or an unmodelled force was asked for,
+        which `command` does not know.
         """
+        self.require_body()
 
-    @abstractmethod
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where a run is not fit as speeds with normal errors, which is what
-        `command` knows.
+        """Raises InputError where there is no rolling body, or a run is not fit as speeds with
+        normal errors, which is what `command` knows.
         """
+        self.require_body()
 
     @abstractmethod
     def refuse_discrepancy(self, command: str) -> None:

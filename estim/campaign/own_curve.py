@@ -257,9 +257,6 @@ class CurveCampaign(Campaign):
     def check(self, name: str) -> None:
         self._posed([name])
 
-    def body_of(self, name: str) -> None:
-        """A curve is no body."""
-
     def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
@@ -291,12 +288,6 @@ class CurveCampaign(Campaign):
 
     def require_body(self) -> None:
         raise self.source.error("has no rolling body, which this command is about", ("curve",))
-
-    def require_complete(self, names: Sequence[str], command: str) -> None:
-        self.require_body()
-
-    def require_speeds(self, names: Sequence[str], command: str) -> None:
-        self.require_body()
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true
