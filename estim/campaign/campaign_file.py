@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -220,6 +220,14 @@ class CampaignFile:
             )
             raise self.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
+
+    def with_levels(self, change: Callable[[Any], Any]) -> CampaignFile:
+        """The file with every table that speaks of runs (`LevelTable`) changed, each to one of its
+        own kind.
+        """
+        bodies = {name: change(table) for name, table in self.bodies.items()}
+        runs = tuple(change(run) for run in self.runs)
+        return replace(self, shared=change(self.shared), bodies=bodies, runs=runs)
 
     @contextmanager
     def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
