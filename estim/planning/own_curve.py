@@ -54,7 +54,7 @@ class CurveBasis:
         problem = campaign.problem(self.names)
         self._require_places(problem, wish)
         problem, values = _errors_times(problem, self._values(problem), wish.error)
-        return Outlook(problem, values, expected_information(problem, values, {}))
+        return Outlook(problem, values, expected_information(problem, values, {}), campaign, {})
 
     def _values(self, problem: Problem) -> FloatArray:
         fitted = dict(zip(self.fit.names, self.fit.values, strict=True))

@@ -46,6 +46,8 @@ class Outlook:
     problem: Problem
     values: FloatArray
     information: FloatArray
+    campaign: Campaign
+    release: Mapping[str, float]
     remarks: tuple[str, ...] = ()
 
 
@@ -90,7 +92,9 @@ class RollingBasis:
         values = self._values(problem, wish.runs)
         sizes = {name: self.sizes[old] for name, old in like.items() if old in self.sizes}
         information = expected_information(problem, values, sizes)
-        return Outlook(problem, values, information, tuple(dict.fromkeys(remarks)))
+        release = {name: self.release[old] for name, old in like.items() if old in self.release}
+        told = tuple(dict.fromkeys(remarks))
+        return Outlook(problem, values, information, campaign, release, told)
 
     def _posed(self, campaign: Campaign, names: Sequence[str]) -> Problem:
         problem = campaign.problem(names)
