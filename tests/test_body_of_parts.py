@@ -292,7 +292,7 @@ def test_what_is_stated_beside_the_parts_counts(tmp_path):
         "as stated",
         "from the parts",
     )
-    assert total_mass(source, levels) == pytest.approx(0.33)
+    assert total_mass(levels) == pytest.approx(0.33)
 
 
 BY_MASSES = (

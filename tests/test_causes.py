@@ -30,6 +30,7 @@ from estim.explanation.bad_frames import frame_causes
 from estim.explanation.explaining import badness
 from estim.fitting.least_squares import fit_least_squares, refit
 from estim.pipeline import analyse, outcome_of
+from estim.problem import Problem
 from estim.reports.explanation import explanation_lines, explanation_text
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
@@ -290,10 +291,11 @@ def candidate(value: float, sd: float = 0.001) -> Candidate:
     return Candidate(
         "clock",
         "a clock",
+        Problem((), ()),
+        ("scale_t",),
         (),
-        "",
-        20.0,
-        (Estimated("scale_t", value, sd, Notation("δ_t").label("1")),),
+        gain=20.0,
+        numbers=(Estimated("scale_t", value, sd, Notation("δ_t").label("1")),),
     )
 
 

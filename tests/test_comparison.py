@@ -19,7 +19,7 @@ from estim.fitting.optimum import refit_with_noise
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
-from estim.studies.comparison import compare_noise
+from estim.studies.refits import compare_noise
 
 QUICK = Target(ess=300.0, max_step=400)
 RADIUS = 0.15

@@ -275,7 +275,7 @@ def test_friction_is_looked_up_as_other_quantities_are(tmp_path):
     grip = campaign.problem(["a"]).runs[0].motion.grip
     assert (grip.low, grip.high, type(grip)) == (0.1, 0.3, Uniform)
     assert "friction" not in "".join(campaign.problem(["a"]).names)
-    assert grip_of(campaign.source, campaign.levels("a")) is not None
+    assert grip_of(campaign.levels("a")) is not None
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,6 @@ from estim.calibration.calibration import (
     direction,
     findings,
 )
-from estim.calibration.experiment import campaign_design, follow, release_times
+from estim.calibration.experiment import campaign_design, curve_at, follow, release_times
 from estim.calibration.trial import Engine, posterior_draws
 from estim.calibration.uniformity import edges, rank_counts, uniformity_band

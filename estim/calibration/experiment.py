@@ -80,7 +80,7 @@ class PointDesign:
         named, runs = self.problem.named(values), []
         for run in self.problem.runs:
             where = run.noise.true_x(run.x, run.noise.x_gain(), named, rng)
-            curve = _curve(run, where, named)
+            curve = curve_at(run, where, named)
             if not np.all(np.isfinite(curve)):
                 return None
             y = run.noise.read(curve, run.noise.reading_gain(), named, rng)
@@ -137,11 +137,7 @@ class CampaignDesign:
         self, run: Observations, table: Run, named: Values, rng: np.random.Generator
     ) -> Run | None:
         columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
-        if columns is None:
-            return None
-        for column in columns.values():
-            column.setflags(write=False)
-        return replace(table, columns=MappingProxyType({**table.columns, **columns}))
+        return None if columns is None else table.with_columns({**table.columns, **columns})
 
 
 def campaign_design(
@@ -201,7 +197,7 @@ def _columns(
     same = np.ones(where.size)
     x_gain = same if run.positions else table.columns.get("sigma_x_m", same)
     true_x = noise.true_x(where, x_gain, named, rng)
-    curve = _curve(run, true_x, named)
+    curve = curve_at(run, true_x, named)
     if not np.all(np.isfinite(curve[np.isin(where, run.x)])):
         return None
     # a row that was not fit may lie where the body never comes: there it is at rest, and selection
@@ -217,9 +213,9 @@ def _columns(
     )
 
 
-def _curve(run: Observations, x: FloatArray, named: Values) -> FloatArray:
+def curve_at(run: Observations, x: FloatArray, named: Values) -> FloatArray:
     """(n_obs,) the curve at x (n_obs,) for one set of values."""
-    with np.errstate(invalid="ignore"):
+    with np.errstate(all="ignore"):
         return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
 
 

@@ -6,7 +6,7 @@ A quantity that stands nowhere may follow from the masses, or from the parts (`p
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile
-from estim.campaign.levels import Level, body_levels, read_key
+from estim.campaign.levels import Level, Levels, body_levels
 from estim.campaign.parts import (
     OF_PARTS,
     OUTPUTS,
@@ -29,6 +29,7 @@ from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
 from estim.problem import DefaultError, Prior, as_prior
 from estim.propagation import Input
+from estim.reading import KeyPath
 from model import Body
 
 KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType({**QUANTITIES, **EFFECTS})
@@ -52,14 +53,10 @@ def gamma_of_body(source: CampaignFile, body: str) -> Quantity | None:
     """gamma as stated for a body, from its masses or directly; None where it is not, or only
     guessed (no normal prior).
     """
-    tables = body_levels(source, body)
-    if not any(
-        getattr(level.table, key) is not None
-        for level in tables
-        for key in ("gamma", "mass_particle_kg", "parts")
-    ):
+    levels = body_levels(source, body)
+    if levels.first("gamma", "mass_particle_kg", "parts") is None:
         return None
-    stated = _bind(source, tables, "gamma", f"body '{body}'").source
+    stated = _bind(levels, "gamma", f"body '{body}'").source
     if isinstance(stated, float):
         return Quantity(stated)
     return Quantity(stated.centre, stated.sd) if stated.measured else None
@@ -79,34 +76,28 @@ def gamma_origin(source: CampaignFile, body: str) -> str:
 
 def resistance_of_body(source: CampaignFile, body: str) -> Prior | float:
     """c_rr as stated for a body: its prior, or an exact value; 0 where nothing is said."""
-    return _bind(source, body_levels(source, body), "rolling_resistance", f"body '{body}'").source
+    return _bind(body_levels(source, body), "rolling_resistance", f"body '{body}'").source
 
 
-def grip_of(source: CampaignFile, levels: Iterable[Level]) -> Prior | float | None:
+def grip_of(levels: Levels) -> Prior | float | None:
     """The coefficient of static friction, None where it is not said: no parameter, for no curve
     depends on it while the body rolls.
     """
-    for level in levels:
-        if level.table.friction is not None:
-            return _checked(
-                source, read_key(source, level, "friction"), GRIP, (*level.path, "friction")
-            )
-    return None
+    level = levels.first("friction")
+    if level is None:
+        return None
+    return _checked(levels, levels.read(level, "friction"), GRIP, (*level.path, "friction"))
 
 
-def bind_quantities(
-    source: CampaignFile, levels: Iterable[Level], *, where: str
-) -> dict[str, Bound]:
-    """Every quantity of the phase curve as the tables of `levels` give it, effects where they are
+def bind_quantities(levels: Levels) -> dict[str, Bound]:
+    """Every quantity of the phase curve of a run as its tables give it, effects where they are
     said and not 0, or usual.
-
-    where : what they are of, in messages.
 
     Raises InputError where one is missing, said twice at one level, or out of its physical range.
     """
-    tables = tuple(levels)
-    bound = {name: _bind(source, tables, name, where) for name in QUANTITIES}
-    effects = {name: _bind(source, tables, name, where) for name in EFFECTS}
+    where = f"run '{levels.run.name}'"
+    bound = {name: _bind(levels, name, where) for name in QUANTITIES}
+    effects = {name: _bind(levels, name, where) for name in EFFECTS}
     bound |= {name: b for name, b in effects.items() if b.source != 0.0}
     centre = {
         name: b.source if isinstance(b.source, float) else b.source.centre
@@ -114,50 +105,44 @@ def bind_quantities(
     }
     others = centre["gamma"] / centre["rho"] + centre["trailing_fraction"]
     if others > 1.0:
-        home = next((level for level in tables if level.table.gamma is not None), tables[0])
+        home = levels.first("gamma") or levels.tables[0]
         rule = "leaves no mass for the disk: gamma/rho + trailing_fraction must be at most 1"
-        raise source.places.error(rule, (*home.path, "gamma"), value=others)
+        raise levels.error(rule, (*home.path, "gamma"), value=others)
     return bound
 
 
-def _bind(source: CampaignFile, levels: tuple[Level, ...], name: str, where: str) -> Bound:
+def _bind(levels: Levels, name: str, where: str) -> Bound:
+    """where : what the quantity is of, in messages."""
     kind = KINDS_OF_QUANTITIES[name]
     for level in levels:
-        keys = [key for key in kind.keys if getattr(level.table, key) is not None]
-        masses = [key for key in _MASSES if getattr(level.table, key) is not None]
+        keys, masses = level.stated(kind.keys), level.stated(_MASSES)
         if len(keys) > 1:
-            raise source.places.error(f"must not stand beside '{keys[0]}'", (*level.path, keys[1]))
+            raise levels.error(f"must not stand beside '{keys[0]}'", (*level.path, keys[1]))
+        parted = level.table.parts is not None
+        suffix = level.suffix
         if keys:
-            value = read_key(source, level, keys[0], factor=kind.keys[keys[0]])
+            key = keys[0]
+            value = levels.read(level, key, factor=kind.keys[key])
             if name == "gamma" and masses:
-                _check_masses(
-                    source,
-                    levels,
-                    value,
-                    (*level.path, "gamma"),
-                    _bind(source, levels, "rho", where).source,
-                )
-            return Bound(name + level.suffix, _checked(source, value, kind, (*level.path, keys[0])))
-        if level.table.parts is not None:
-            if masses:
-                raise source.places.error("must not stand beside 'parts'", (*level.path, masses[0]))
-            if name in OF_PARTS:
-                value = _from_parts(source, levels, level)[0].get(name, Quantity(0.0))
-                suffix = _suffix(source, level, name)
-                return Bound(name + suffix, _checked(source, value, kind, (*level.path, "parts")))
-        if masses and name in ("gamma", "trailing_fraction"):
-            value = _from_masses(source, levels, name, _bind(source, levels, "rho", where).source)
-            return Bound(
-                name + level.suffix, _checked(source, value, kind, (*level.path, masses[0]))
-            )
+                _check_masses(levels, value, (*level.path, "gamma"), where)
+        elif parted and masses:
+            raise levels.error("must not stand beside 'parts'", (*level.path, masses[0]))
+        elif parted and name in OF_PARTS:
+            key, suffix = "parts", _suffix(levels.source, level, name)
+            value = _from_parts(levels, level)[0].get(name, Quantity(0.0))
+        elif masses and name in ("gamma", "trailing_fraction"):
+            key, value = masses[0], _from_masses(levels, name, where)
+        else:
+            continue
+        return Bound(name + suffix, _checked(levels, value, kind, (*level.path, key)))
     if kind.usual > 0.0:
         return Bound(name, DefaultError(0.0, kind.usual, -kind.high, kind.high), usual=True)
     if kind.default is not None:
         return Bound(name, kind.default)
     rule = f"is missing for {where}: say it there, for its body or under [shared]"
-    raise source.places.error(
+    raise levels.error(
         rule + (" (or give the masses)" if name == "gamma" else ""),
-        levels[0].path,
+        levels.tables[0].path,
         field=next(iter(kind.keys)),
     )
 
@@ -168,25 +153,21 @@ def parted_bodies(source: CampaignFile) -> tuple[PartedBody, ...]:
     """
     bodies = []
     for name in source.bodies:
-        tables = body_levels(source, name)
-        home = next((level for level in tables if level.table.parts is not None), None)
+        levels = body_levels(source, name)
+        home = levels.first("parts")
         if home is not None:
-            bodies.append(
-                parted_body(source, home.table, home.path, _radius(source, tables), name=name)
-            )
+            bodies.append(parted_body(source, home.table, home.path, _radius(levels), name=name))
     return tuple(bodies)
 
 
-def _from_parts(
-    source: CampaignFile, levels: tuple[Level, ...], level: Level
-) -> tuple[Mapping[str, Quantity], FloatArray]:
+def _from_parts(levels: Levels, level: Level) -> tuple[Mapping[str, Quantity], FloatArray]:
     """What the parts at `level` give, and its correlations."""
-    return weighed(source, level.path, _radius(source, levels))
+    return weighed(levels.source, level.path, _radius(levels))
 
 
-def _radius(source: CampaignFile, levels: tuple[Level, ...]) -> Input:
+def _radius(levels: Levels) -> Input:
     """The rolling radius, which is also that of parts that state none."""
-    radius = _bind(source, levels, "radius", "the body of these parts")
+    radius = _bind(levels, "radius", "the body of these parts")
     value, u = (
         (radius.source, 0.0)
         if isinstance(radius.source, float)
@@ -195,21 +176,16 @@ def _radius(source: CampaignFile, levels: tuple[Level, ...]) -> Input:
     return Input("radius_m" + radius.name.removeprefix("radius"), value, u, unit="m")
 
 
-def parts_fact(source: CampaignFile, levels: Iterable[Level]) -> str | None:
+def parts_fact(levels: Levels) -> str | None:
     """What a fit leaves out of what the parts say: the correlation of the quantities that it takes
     from them; None where it takes none or one.
     """
-    tables, home = tuple(levels), None
-    taken: list[str] = []
+    home, taken = None, list[str]()
     for name in OF_PARTS:
-        stating = [
-            level
-            for level in tables
-            if level.table.parts is not None or getattr(level.table, name) is not None
-        ]
-        if stating and getattr(stating[0].table, name) is None:
-            taken, home = [*taken, name], stating[0]
-    quantities, correlation = ({}, None) if home is None else _from_parts(source, tables, home)
+        stating = levels.first("parts", name)
+        if stating is not None and getattr(stating.table, name) is None:
+            taken, home = [*taken, name], stating
+    quantities, correlation = ({}, None) if home is None else _from_parts(levels, home)
     pair = None if correlation is None else not_independent(quantities, correlation, taken)
     if pair is None:
         return None
@@ -240,27 +216,25 @@ def _suffix(source: CampaignFile, level: Level, name: str) -> str:
 
 
 def _checked(
-    source: CampaignFile, value: Quantity | Prior, kind: QuantityKind, path: tuple[str | int, ...]
+    levels: Levels, value: Quantity | Prior, kind: QuantityKind, path: KeyPath
 ) -> float | Prior:
     """A number or a prior that respects the quantity's physical limit."""
     centre = value.value if isinstance(value, Quantity) else value.centre
     if centre < kind.low or (centre == 0.0 and not kind.zero):
-        raise source.places.error(
-            f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre
-        )
+        raise levels.error(f"must be {'>=' if kind.zero else '>'} {kind.low:g}", path, value=centre)
     if abs(centre) > kind.high and kind.too_large:
-        raise source.places.error(kind.too_large, path, value=centre)
+        raise levels.error(kind.too_large, path, value=centre)
     if abs(centre) > kind.high:
         rule = (
             f"must lie within {np.degrees(kind.high):.0f} degrees = {kind.high:.2f} rad "
             f"(degrees go with the key {next(iter(kind.keys))})"
         )
-        raise source.places.error(rule, path, value=f"{centre:.4g} rad")
+        raise levels.error(rule, path, value=f"{centre:.4g} rad")
     if isinstance(value, Quantity):
         return value.value if value.exact else as_prior(value, low=kind.low)
     value = value.cut_below(kind.low)
     if value.low < kind.low:
-        raise source.places.error(
+        raise levels.error(
             f"must have a prior that does not reach below {kind.low:g}",
             path,
             value=value.describe(),
@@ -268,22 +242,18 @@ def _checked(
     return value
 
 
-def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
+def _mass(levels: Levels, key: str) -> Quantity:
     """One of the masses, from the most particular level that gives it."""
-    tables = tuple(levels)
-    level = next((level for level in tables if getattr(level.table, key) is not None), None)
+    level = levels.first(key)
     if level is None:
         if key == "mass_trailing_kg":
             return Quantity(0.0)
-        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error("is missing: the other masses are given", (*home.path, key))
-    mass = read_key(source, level, key)
+        raise levels.error("is missing: the other masses are given", (*_home(levels), key))
+    mass = levels.read(level, key)
     if not isinstance(mass, Quantity):
-        raise source.places.error(
-            "must be a number or a measured value, not a prior", (*level.path, key)
-        )
+        raise levels.error("must be a number or a measured value, not a prior", (*level.path, key))
     if mass.value < 0.0 or (mass.value == 0.0 and key == "mass_disk_kg"):
-        raise source.places.error(
+        raise levels.error(
             "must be > 0" if key == "mass_disk_kg" else "must be >= 0",
             (*level.path, key),
             value=mass.value,
@@ -291,16 +261,21 @@ def _mass(source: CampaignFile, levels: Iterable[Level], key: str) -> Quantity:
     return mass
 
 
-def _from_masses(
-    source: CampaignFile, levels: Iterable[Level], name: str, rho: float | Prior
-) -> Quantity:
+def _home(levels: Levels) -> KeyPath:
+    """Where the first of the masses stands."""
+    level = levels.first(*_MASSES)
+    assert level is not None, "asked where a mass is given"
+    return level.path
+
+
+def _from_masses(levels: Levels, name: str, where: str) -> Quantity:
     """gamma or the trailing fraction with the uncertainty that follows from the masses (linear
     propagation).
     """
     from uncertainties import ufloat
 
-    tables = tuple(levels)
-    read = [_mass(source, tables, key) for key in _MASSES]
+    rho = _bind(levels, "rho", where).source
+    read = [_mass(levels, key) for key in _MASSES]
     disk, particle, trailing = (m.value if m.exact else ufloat(m.value, m.u) for m in read)
     distance = rho if isinstance(rho, float) else ufloat(rho.expectation, rho.sd)
     try:
@@ -314,40 +289,30 @@ def _from_masses(
             else Quantity(ratio.nominal_value, ratio.std_dev)
         )
     except (OverflowError, ZeroDivisionError):
-        home = next(t for t in tables if any(getattr(t.table, k) is not None for k in _MASSES))
-        raise source.places.error(
-            "is too far from the other masses to take a ratio", (*home.path, _MASSES[0])
+        raise levels.error(
+            "is too far from the other masses to take a ratio", (*_home(levels), _MASSES[0])
         ) from None
 
 
-def _check_masses(
-    source: CampaignFile,
-    levels: tuple[Level, ...],
-    gamma: Quantity | Prior,
-    path: tuple[str | int, ...],
-    rho: float | Prior,
-) -> None:
+def _check_masses(levels: Levels, gamma: Quantity | Prior, path: KeyPath, where: str) -> None:
     """Masses beside a stated gamma give the total mass only; raises InputError where they give
     another gamma.
     """
-    weighed = _from_masses(source, levels, "gamma", rho)
+    weighed = _from_masses(levels, "gamma", where)
     centre, sd = (gamma.value, gamma.u) if isinstance(gamma, Quantity) else (gamma.centre, gamma.sd)
     if abs(weighed.value - centre) > _SAME_SDS * np.hypot(sd, weighed.u) + _SAME_SHARE * centre:
         rule = (
             "contradicts the stated masses, which give "
             f"{format_quantity(weighed.value, weighed.u)}: state only one of the two"
         )
-        raise source.places.error(rule, path, value=centre)
+        raise levels.error(rule, path, value=centre)
 
 
-def total_mass(source: CampaignFile, levels: Iterable[Level]) -> float | None:
+def total_mass(levels: Levels) -> float | None:
     """Sum of the masses (kg) where they are given, else None."""
-    tables = tuple(levels)
-    for level in tables:
-        if level.table.parts is not None:
-            return _from_parts(source, tables, level)[0]["mass"].value
-        if any(getattr(level.table, key) is not None for key in _MASSES):
-            break
-    else:
+    level = levels.first("parts", *_MASSES)
+    if level is None:
         return None
-    return sum(_mass(source, tables, key).value for key in _MASSES)
+    if level.table.parts is not None:
+        return _from_parts(levels, level)[0]["mass"].value
+    return sum(_mass(levels, key).value for key in _MASSES)

@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, Path, noise_level
+from estim.campaign.levels import Levels, StatedNoise, stated_noise
 from estim.common import phrase
 from estim.curves import size_with_blur
 from estim.explanation import Cause, Scanned
@@ -25,15 +25,13 @@ _EXPOSURES = (1.0, 0.5, 0.25)  # of the time between two frames
 _REACH = 3
 
 
-def relative_blur(
-    table: NoiseTable, run: Run, size: FloatArray, levels: Levels, path: Path
-) -> FloatArray | None:
+def relative_blur(run: Run, noise: StatedNoise, size: FloatArray) -> FloatArray | None:
     """Standard deviation of each reading (n_row,) / what it is of a body at rest, `size` (n_row,),
     0 where it is inferred; None without exposure.
 
     Raises InputError where the exposure is no time between two frames, or there is no such size.
     """
-    exposure = table.exposure_s
+    exposure = noise.table.exposure_s
     if exposure is None:
         return None
     t, position = run.columns["t_s"], run.columns[run.coordinate]
@@ -42,11 +40,11 @@ def relative_blur(
         rule = (
             f"must be > 0 and at most the time between two frames, {interval:.4g} s (is it in ms?)"
         )
-        raise levels.error(rule, (*path, "exposure_s"), value=exposure)
+        raise noise.error(rule, "exposure_s", value=exposure)
     if not np.all(size > 0.0):
-        raise levels.error(
+        raise noise.error(
             "also needs a fixed standard deviation of one reading: that of a body at rest",
-            (*path, "exposure_s"),
+            "exposure_s",
         )
     frames = np.arange(t.size)
     before, after = np.maximum(frames - _REACH, 0), np.minimum(frames + _REACH, t.size - 1)
@@ -60,7 +58,7 @@ def blurs(levels: Sequence[Levels], runs: Sequence[Run]) -> Iterator[tuple[float
 
     Of runs with one noise table, in m, whose readings have a fixed error; none elsewhere.
     """
-    tables = [noise_level(of_run)[0] for of_run in levels]
+    tables = [stated_noise(of_run).table for of_run in levels]
     first, data = tables[0], runs[0]
     if (
         any(table != first for table in tables[1:])

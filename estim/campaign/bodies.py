@@ -32,7 +32,7 @@ from estim.campaign.forced import (
     refuse_force,
     track_of,
 )
-from estim.campaign.levels import Levels, noise_level
+from estim.campaign.levels import Levels, run_levels, stated_noise
 from estim.campaign.noise_models import NoiseModel, noise_candidates
 from estim.campaign.plausible import check_speeds
 from estim.campaign.points import Observed, observe
@@ -51,6 +51,7 @@ from estim.curves import (
 from estim.explanation import Cause, Suspects
 from estim.fitting import FORCE_KEY
 from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
+from estim.reading import KeyPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +117,13 @@ class RollingCampaign(Campaign):
         known = []
         for run in plain.runs:
             levels = self.levels(run.name)
-            bound = bind_quantities(self.source, levels, where=f"run '{run.name}'")
+            bound = bind_quantities(levels)
             sources = {q: b.source for q, b in bound.items() if q not in without and not b.usual}
             reach = float(np.max(np.abs(run.y if run.positions else run.x)))
             known.append(
                 Surroundings(
                     sources,
-                    total_mass(self.source, levels),
+                    total_mass(levels),
                     reach,
                     self.tables[run.name].coordinate == "theta_rad",
                     run.positions,
@@ -192,14 +193,14 @@ class RollingCampaign(Campaign):
             points_on[tracks[name]] += every[name].y.size
         for name in names:
             levels = self.levels(name)
-            bound = bind_quantities(self.source, levels, where=f"run '{name}'")
+            bound = bind_quantities(levels)
             bound = {
                 q: Bound(q, 0.0) if q in without else b
                 for q, b in bound.items()
                 if not (q in without and q in EFFECTS)
             }
             observed = every[name]
-            mass = total_mass(self.source, levels)
+            mass = total_mass(levels)
             angular = self.tables[name].coordinate == "theta_rad"
             # an encoder has no length scale
             bound = {
@@ -228,13 +229,7 @@ class RollingCampaign(Campaign):
                 q: b.source if isinstance(b.source, float) else b.name for q, b in bound.items()
             }
             posed = _observations(
-                name,
-                observed,
-                arguments,
-                mass,
-                setting,
-                grip_of(self.source, levels),
-                angular=angular,
+                name, observed, arguments, mass, setting, grip_of(levels), angular=angular
             )
             circumstances = Circumstances(
                 observed,
@@ -272,11 +267,11 @@ class RollingCampaign(Campaign):
 
     def levels(self, name: str) -> Levels:
         """The tables of the campaign file that speak of a run."""
-        return Levels(self.source, [run.name for run in self.source.runs].index(name))
+        return run_levels(self.source, name)
 
     def check(self, name: str) -> None:
         observed = self._posed([name]).runs[0]
-        bound = bind_quantities(self.source, self.levels(name), where=f"run '{name}'")
+        bound = bind_quantities(self.levels(name))
         sources = {quantity: b.source for quantity, b in bound.items()}
         check_speeds(
             observed,
@@ -307,7 +302,7 @@ class RollingCampaign(Campaign):
     def refuse_discrepancy(self, command: str) -> None:
         """A body has no such curve; its force is foreseen."""
 
-    def _place_of_unknowns(self, name: str) -> tuple[str | int, ...]:
+    def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("runs", [run.name for run in self.source.runs].index(name))
 
     def require_body(self) -> None:
@@ -325,18 +320,18 @@ class RollingCampaign(Campaign):
 
     def require_speeds(self, names: Sequence[str], command: str) -> None:
         for name in names:
-            table, path, _ = noise_level(self.levels(name))
-            if table.model == "positions":
-                raise self.source.places.error(
+            noise = stated_noise(self.levels(name))
+            if noise.table.model == "positions":
+                raise noise.error(
                     f"must not be 'positions' for {command}, which needs speeds: give it a "
                     'campaign with model = "differentiated"',
-                    (*path, "model"),
+                    "model",
                 )
-            if table.robust is not None:
-                raise self.source.places.error(
+            if noise.table.robust is not None:
+                raise noise.error(
                     f"does not go with {command}, which takes the errors as normal",
-                    (*path, "robust"),
-                    value=table.robust,
+                    "robust",
+                    value=noise.table.robust,
                 )
 
 

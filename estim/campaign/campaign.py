@@ -15,13 +15,12 @@ from pathlib import Path
 from estim.campaign.campaign_file import CampaignFile, NoiseTable
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.derived import with_derived
-from estim.campaign.levels import Path as Place
 from estim.campaign.noise_models import NoiseModel
 from estim.common import InputError, code, kind_words, later, markdown, phrase, table
 from estim.curves import SoughtQuantity
 from estim.explanation import Suspects
 from estim.problem import Problem
-from estim.reading import Run
+from estim.reading import KeyPath, Run
 
 _HEADS = (later("run"), later("body"), later("file"), later("fitted points"), later("unknowns"))
 
@@ -128,7 +127,7 @@ class Campaign(ABC):
                 quantity.name for quantity in self.derived
             }:
                 raise
-            raise self.source.places.error(
+            raise self.source.error(
                 error.rule, ("derived", error.field), value=error.value
             ) from None
 
@@ -177,7 +176,7 @@ class Campaign(ABC):
                 "uncertainty or a prior"
             )
             name = problem.runs[0].name
-            raise self.source.places.error(rule, self._place_of_unknowns(name), field=f"run {name}")
+            raise self.source.error(rule, self._place_of_unknowns(name), field=f"run {name}")
         if drawn:
             self.require_draws(problem)
 
@@ -191,9 +190,9 @@ class Campaign(ABC):
     def check(self, name: str) -> None:
         """Raises InputError where the data of a run cannot be what the campaign says of them."""
 
-    @abstractmethod
     def body_of(self, name: str) -> str | None:
         """The name of the body of a run, None where there is none."""
+        return None
 
     @abstractmethod
     def _unit_of(self, argument: str, name: str) -> str:
@@ -220,7 +219,7 @@ class Campaign(ABC):
         """An error of the fit of a problem with its place in the campaign, where it has one."""
 
     @abstractmethod
-    def _place_of_unknowns(self, name: str) -> Place:
+    def _place_of_unknowns(self, name: str) -> KeyPath:
         """Where in the file the unknowns of a run are declared."""
 
     @abstractmethod
@@ -231,17 +230,17 @@ class Campaign(ABC):
     def require_body(self) -> None:
         """Raises InputError where there is no rolling body to speak of."""
 
-    @abstractmethod
     def require_complete(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where an unmodelled force was asked for, which `command` does not
-        know.
+        """Raises InputError where there is no rolling body, or an unmodelled force was asked for,
+        which `command` does not know.
         """
+        self.require_body()
 
-    @abstractmethod
     def require_speeds(self, names: Sequence[str], command: str) -> None:
-        """Raises InputError where a run is not fit as speeds with normal errors, which is what
-        `command` knows.
+        """Raises InputError where there is no rolling body, or a run is not fit as speeds with
+        normal errors, which is what `command` knows.
         """
+        self.require_body()
 
     @abstractmethod
     def refuse_discrepancy(self, command: str) -> None:

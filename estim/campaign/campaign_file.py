@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -27,7 +27,7 @@ from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
 from estim.problem import Prior
-from estim.reading import TOML_BYTES, Places, Unit, leads_out, parse_toml, read_text
+from estim.reading import TOML_BYTES, KeyPath, Places, Unit, leads_out, parse_toml, read_text
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -198,6 +198,12 @@ class CampaignFile:
         """Names of the runs."""
         return tuple(self.files)
 
+    def error(
+        self, rule: str, path: KeyPath, *, field: str | None = None, value: object = None
+    ) -> InputError:
+        """An InputError at the line of a key."""
+        return self.places.error(rule, path, field=field, value=value)
+
     def file_of(self, index: int) -> Path:
         """The file of run number `index`.  Raises InputError at its line in the campaign where
         there is no such file.
@@ -212,8 +218,16 @@ class CampaignFile:
                 "cannot be found (no such file; names are relative to the folder of the "
                 "campaign file)"
             )
-            raise self.places.error(rule, ("runs", index, "file"), value=written)
+            raise self.error(rule, ("runs", index, "file"), value=written)
         return self.path.parent / written
+
+    def with_levels(self, change: Callable[[Any], Any]) -> CampaignFile:
+        """The file with every table that speaks of runs (`LevelTable`) changed, each to one of its
+        own kind.
+        """
+        bodies = {name: change(table) for name, table in self.bodies.items()}
+        runs = tuple(change(run) for run in self.runs)
+        return replace(self, shared=change(self.shared), bodies=bodies, runs=runs)
 
     @contextmanager
     def reading(self, path: Path, columns: Collection[str] = ()) -> Iterator[None]:
@@ -364,7 +378,7 @@ def _plan(
 T = TypeVar("T")
 
 
-def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, ...]) -> T:
+def checked(tree: object, kind: type[T], places: Places, path: KeyPath) -> T:
     """`tree` as a record of type `kind`; a mismatch becomes an InputError at its line."""
     if path == ():
         _check_numbers(tree, places, ())
@@ -387,7 +401,7 @@ def checked(tree: object, kind: type[T], places: Places, path: tuple[str | int, 
         ) from None
 
 
-def _check_numbers(tree: object, places: Places, path: tuple[str | int, ...]) -> None:
+def _check_numbers(tree: object, places: Places, path: KeyPath) -> None:
     """Whole numbers fit into 64 bits (what TOML promises to read), and no number is so large or
     small that its square is none.
     """

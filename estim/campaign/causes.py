@@ -7,15 +7,19 @@ data twice.
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
-import numpy as np
+import msgspec
 
-from estim.campaign.quantities import EFFECTS
-from estim.common import format_rounded, phrase
+from estim.campaign.campaign_file import read_value
+from estim.campaign.prior_table import Value
+from estim.campaign.quantities import EFFECTS, QUANTITIES
+from estim.common import Quantity, format_rounded, phrase
 from estim.curves import Place, Setting
-from estim.problem import HalfNormal, Normal, Prior
+from estim.problem import Prior, as_prior
 
 _RESISTANCE = 0.01  # of the weight
 _SAG, _BOW = 0.005, 0.03  # of the length
@@ -49,8 +53,7 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """One candidate: what it is called, quantities with their priors (SI units), and lines of the
-    campaign.
+    """One candidate: what it is called, and the lines of a campaign that say it, the first a table.
 
     of_run : whether it is one unknown for each run, not for all.
     ramp, picture : where it needs one.
@@ -58,12 +61,24 @@ class Sketch:
 
     name: str
     words: str
-    priors: Mapping[str, Prior]
     lines: tuple[str, ...]
     of_run: bool = False
     ramp: Place | None = None
     picture: Place | None = None
     begin: float = 0.0
+
+    @cached_property
+    def priors(self) -> Mapping[str, Prior]:
+        """Quantity -> the prior that the lines give it (SI units)."""
+        stated, priors = tomllib.loads("\n".join(self.lines[1:])), dict[str, Prior]()
+        for name, kind in {**QUANTITIES, **EFFECTS}.items():
+            for key in kind.keys.keys() & stated.keys():
+                written: Value = msgspec.convert(stated[key], Value)
+                value = read_value(written, factor=kind.keys[key], field=key)
+                priors[name] = (
+                    as_prior(value, low=kind.low) if isinstance(value, Quantity) else value
+                )
+        return priors
 
     @property
     def disturbs(self) -> bool:
@@ -97,133 +112,97 @@ def _start(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
         return
     words = phrase("a start that is not from rest, or not at x = 0")
     if all(run.positions for run in runs):
-        yield Sketch(
-            "start",
-            words,
-            {"release_speed": Normal(0.0, 0.1)},
-            (_RUN, 'release_speed_m_s = "0.00(10)"'),
-            of_run=True,
-            begin=_PUSH,
-        )
+        lines = (_RUN, 'release_speed_m_s = "0.00(10)"')
+        yield Sketch("start", words, lines, of_run=True, begin=_PUSH)
     elif not any(run.positions for run in runs):
-        yield Sketch(
-            "start",
-            words,
-            {"release_energy": Normal(0.0, 0.02)},
-            (_RUN, 'release_energy = "0.000(20)"'),
-            of_run=True,
-        )
+        yield Sketch("start", words, (_RUN, 'release_energy = "0.000(20)"'), of_run=True)
+
+
+def _shared(name: str, words: str, *lines: str) -> Sketch:
+    return Sketch(name, words, ("[shared]", *lines))
+
+
+def _half_normal(key: str, scale: float) -> str:
+    return f'{key} = {{prior = "half-normal", scale = {scale:g}}}'
 
 
 def _forces(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
-    shared = "[shared]"
-    yield Sketch(
+    yield _shared(
         "rolling_resistance",
         phrase("rolling resistance"),
-        {"rolling_resistance": HalfNormal(_RESISTANCE)},
-        (shared, f'rolling_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
+        _half_normal("rolling_resistance", _RESISTANCE),
     )
-    yield Sketch(
+    yield _shared(
         "load_resistance",
         phrase("rolling resistance proportional to the load on the ramp"),
-        {"load_resistance": HalfNormal(_RESISTANCE)},
-        (shared, f'load_resistance = {{prior = "half-normal", scale = {_RESISTANCE:g}}}'),
+        _half_normal("load_resistance", _RESISTANCE),
     )
     if all(run.mass is not None for run in runs):
         weights = [(run.mass or 0.0) * run.centre("g") * run.centre("radius") for run in runs]
-        scale = float(format_rounded(_RESISTANCE * max(weights), 0.1 * _RESISTANCE * max(weights)))
-        yield Sketch(
+        yield _shared(
             "resisting_moment",
             phrase("a resisting moment (bearing, cord)"),
-            {"moment": HalfNormal(scale)},
-            (shared, f'resisting_moment_n_m = {{prior = "half-normal", scale = {scale:g}}}'),
+            _half_normal("resisting_moment_n_m", _rounded(_RESISTANCE * max(weights), 0.1)),
         )
-    yield Sketch(
+    yield _shared(
         "viscous_drag",
         phrase("drag that increases with the speed"),
-        {"viscous_drag": HalfNormal(0.2)},
-        (shared, 'viscous_drag_per_s = {prior = "half-normal", scale = 0.2}'),
+        _half_normal("viscous_drag_per_s", 0.2),
     )
-    yield Sketch(
+    yield _shared(
         "quadratic_drag",
         phrase("drag that increases with the square of the speed (air)"),
-        {"quadratic_drag": HalfNormal(0.2)},
-        (shared, 'quadratic_drag_per_m = {prior = "half-normal", scale = 0.2}'),
+        _half_normal("quadratic_drag_per_m", 0.2),
     )
     of_turns = {
         "once": phrase("a moment once per turn (out of round, a bent axle)"),
         "twice": phrase("a moment twice per turn (out of round, a bent axle)"),
     }
     for times, words in of_turns.items():
-        names = (f"moment_{times}_cos", f"moment_{times}_sin")
-        yield Sketch(
-            f"moment_{times}",
-            words,
-            {name: Normal(0.0, 0.01) for name in names},
-            (shared, *(f'{name} = "0.000(10)"' for name in names)),
-        )
+        lines = (f'moment_{times}_{part} = "0.000(10)"' for part in ("cos", "sin"))
+        yield _shared(f"moment_{times}", words, *lines)
 
 
 def _instruments(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
-    shared, degree = "[shared]", float(np.radians(1.0))
-    yield Sketch(
-        "clock",
-        phrase("a wrong clock rate (scale_t)"),
-        {"scale_t": Normal(0.0, 0.02)},
-        (shared, 'scale_t = "0.000(20)"'),
-    )
+    yield _shared("clock", phrase("a wrong clock rate (scale_t)"), 'scale_t = "0.000(20)"')
     if not any(run.angular for run in runs):
         words = phrase("a wrong length scale (scale_x)")
-        yield Sketch(
-            "length_scale", words, {"scale_x": Normal(0.0, 0.02)}, (shared, 'scale_x = "0.000(20)"')
-        )
+        yield _shared("length_scale", words, 'scale_x = "0.000(20)"')
         length = _length(runs)
-        bow = float(format_rounded(_BOW * length, 0.1 * _BOW * length))
-        yield Sketch(
+        picture = _shared(
             "distortion",
             phrase("a curved image (lens, camera not perpendicular to the ramp)"),
-            {"distortion": Normal(0.0, bow)},
-            (
-                shared,
-                f'distortion_m = "0 +/- {bow:g}"',
-                f"picture_length_m = {length:g}",
-                "picture_start_m = 0",
-            ),
-            picture=Place(length, 0.0),
+            f'distortion_m = "0 +/- {_rounded(_BOW * length, 0.1):g}"',
+            f"picture_length_m = {length:g}",
+            "picture_start_m = 0",
         )
-    yield Sketch(
-        "angle_at_release",
-        phrase("an unstated error in the reading of θ₀"),
-        {"theta0_zero": Normal(0.0, 3.0 * degree)},
-        (shared, 'theta0_zero_deg = "0.0(30)"'),
-    )
-    yield Sketch(
-        "tilt",
-        phrase("an unstated error in the reading of φ"),
-        {"phi_zero": Normal(0.0, degree)},
-        (shared, 'phi_zero_deg = "0.0(10)"'),
-    )
+        yield replace(picture, picture=Place(length, 0.0))
+    words = phrase("an unstated error in the reading of θ₀")
+    yield _shared("angle_at_release", words, 'theta0_zero_deg = "0.0(30)"')
+    words = phrase("an unstated error in the reading of φ")
+    yield _shared("tilt", words, 'phi_zero_deg = "0.0(10)"')
 
 
 def _ramp(runs: Sequence[Surroundings]) -> Iterator[Sketch]:
-    degree, length = float(np.radians(1.0)), _length(runs)
-    yield Sketch(
-        "bend",
-        phrase("a ramp whose tilt changes along its length"),
-        {"phi_slope": Normal(0.0, 2.0 * degree)},
-        ("[shared]", 'phi_slope_deg_m = "0.0(20)"'),
-    )
-    sag = float(format_rounded(_SAG * length, 0.1 * _SAG * length))
-    yield Sketch(
+    length = _length(runs)
+    words = phrase("a ramp whose tilt changes along its length")
+    yield _shared("bend", words, 'phi_slope_deg_m = "0.0(20)"')
+    sagging = _shared(
         "sag",
         phrase("a ramp that sags between its ends"),
-        {"sag": Normal(0.0, sag)},
-        ("[shared]", f'sag_m = "0 +/- {sag:g}"', f"ramp_length_m = {length:g}", "ramp_start_m = 0"),
-        ramp=Place(length, 0.0),
+        f'sag_m = "0 +/- {_rounded(_SAG * length, 0.1):g}"',
+        f"ramp_length_m = {length:g}",
+        "ramp_start_m = 0",
     )
+    yield replace(sagging, ramp=Place(length, 0.0))
 
 
 def _length(runs: Sequence[Surroundings]) -> float:
     """How far the runs were seen, m."""
     longest = max(run.reach * (run.centre("radius") if run.angular else 1.0) for run in runs)
-    return float(format_rounded(longest, 0.01 * longest))
+    return _rounded(longest, 0.01)
+
+
+def _rounded(value: float, share: float) -> float:
+    """To a digit that is `share` of it."""
+    return float(format_rounded(value, share * value))

@@ -19,9 +19,7 @@ from estim.campaign.track_table import TrackKeys
 from estim.common import InputError, Quantity, phrase, same_looks
 from estim.curves import SIGMA, Formula, ModelSum, read_formula, read_model, within
 from estim.problem import Flat, Prior, as_prior
-from estim.reading import Places, name_and_unit
-
-Place = tuple[str | int, ...]
+from estim.reading import KeyPath, Places, name_and_unit
 
 _NAME = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,39}")
 _PATTERNS = {
@@ -112,6 +110,13 @@ class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=
     parameters: dict[str, float | str | ParameterTable] = msgspec.field(default_factory=dict)
 
 
+def _levels(
+    table: CurveTable, runs: Sequence[CurveRunTable]
+) -> list[tuple[KeyPath, CurveTable | CurveRunTable]]:
+    """The tables that may speak of a run, with their places."""
+    return [(("curve",), table), *((("runs", i), run) for i, run in enumerate(runs))]
+
+
 def axis_of(written: AxisTable | str) -> AxisTable:
     return AxisTable(written) if isinstance(written, str) else written
 
@@ -121,7 +126,7 @@ def y_axis(table: CurveTable) -> AxisTable:
     return axis_of(table.y) if table.y is not None else AxisTable("", phrase("events per cell"))
 
 
-def check_printable(places: Places, path: Place, words: Mapping[str, str | None]) -> None:
+def check_printable(places: Places, path: KeyPath, words: Mapping[str, str | None]) -> None:
     """Raises InputError where one of the `words` of a quantity (what it is: the word, None where it
     was not said) is long, or holds a mark but blanks that is invisible.
     """
@@ -158,23 +163,15 @@ def check_words(
         words = {"name": axis.name or axis.column, "unit": axis.unit}
         check_printable(source.places, ("curve", key), words)
     if axes[0].column == axes[1].column:
-        raise source.places.error(
-            "must name another column than x", ("curve", "y"), value=axes[1].column
-        )
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
-        (("curve",), table),
-        *((("runs", i), run) for i, run in enumerate(runs)),
-    ]
-    for path, level in levels:
+        raise source.error("must name another column than x", ("curve", "y"), value=axes[1].column)
+    for path, level in _levels(table, runs):
         for key, error in (("u_y", level.u_y), ("u_x", level.u_x)):
             if (
                 isinstance(error, ReadingErrorTable)
                 and error.column is not None
                 and any(getattr(error, attribute) is not None for attribute in _PRIOR)
             ):
-                raise source.places.error(
-                    "must be a 'column' or have a 'prior', not both", (*path, key)
-                )
+                raise source.error("must be a 'column' or have a 'prior', not both", (*path, key))
         for name, entry in level.parameters.items():
             if isinstance(entry, ParameterTable):
                 entry_words = {"unit": entry.unit, "meaning": entry.meaning}
@@ -205,7 +202,7 @@ def with_variable(
             f"must call its variable x, which is the column '{axis.column}' here: write x for "
             f"{taken[0]}"
         )
-        raise source.places.error(rule, ("curve", "expression"), value=formula.text)
+        raise source.error(rule, ("curve", "expression"), value=formula.text)
     return formula
 
 
@@ -242,13 +239,11 @@ def read_curve(source: CampaignFile, table: CurveTable) -> tuple[Formula, ModelS
         rule = "must have an 'expression', or a 'model' like \"gaussian + line\"" + (
             "" if table.model is None else ", not both"
         )
-        raise source.places.error(rule, ("curve",))
+        raise source.error(rule, ("curve",))
     key = "expression" if table.model is None else "model"
-    try:
+    with source.places.at(("curve", key)):
         named = None if table.model is None else read_model(table.model)
         return read_formula(table.expression if named is None else named.expression), named
-    except InputError as error:
-        raise source.places.error(error.rule, ("curve", key), value=error.value) from None
 
 
 def is_density(table: CurveTable) -> bool | None:
@@ -288,24 +283,18 @@ def check_counts(source: CampaignFile, table: CurveTable) -> None:
 def check_parameters(
     source: CampaignFile, formula: Formula, table: CurveTable, runs: Sequence[CurveRunTable]
 ) -> None:
-    levels: list[tuple[Place, CurveTable | CurveRunTable]] = [
-        (("curve",), table),
-        *((("runs", i), run) for i, run in enumerate(runs)),
-    ]
-    for path, level in levels:
+    for path, level in _levels(table, runs):
         for name in level.parameters:
             if name not in formula.names:
                 alike = same_looks((*formula.names, name)) or None
-                raise source.places.error(
+                raise source.error(
                     f"is not in the formula ({', '.join(formula.names)})",
                     (*path, "parameters", name),
                     value=alike,
                 )
     for name in table.errors:
         if not name.isidentifier() or name in formula.names or name.startswith(SIGMA):
-            raise source.places.error(
-                "must be a name that no parameter has", ("curve", "errors", name)
-            )
+            raise source.error("must be a name that no parameter has", ("curve", "errors", name))
 
 
 def is_unstarted(entry: float | str | ParameterTable | None) -> bool:

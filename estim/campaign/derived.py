@@ -42,14 +42,8 @@ def read_derived(raw: Mapping[str, Any], places: Places) -> tuple[SoughtQuantity
         table = DerivedTable(table) if isinstance(table, str) else table
         words = {"unit": table.unit, "symbol": table.symbol, "meaning": table.meaning}
         check_printable(places, path, words)
-        try:
-            quantities.append(
-                seek(
-                    name, table.formula, unit=table.unit, symbol=table.symbol, meaning=table.meaning
-                )
-            )
-        except InputError as error:
-            raise places.error(error.rule, path, value=error.value) from None
+        with places.at(path):
+            quantities.append(seek(name, table.formula, **words))
     return tuple(quantities)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from estim.common import InputError
-from estim.reading import Decimal, Dialect, Encoding, Places
+from estim.reading import Decimal, Dialect, Encoding, KeyPath, Places
 
 
 class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -22,9 +22,7 @@ class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     encoding: Encoding | None = None
 
 
-def dialect_of(
-    levels: Sequence[tuple[tuple[str | int, ...], DialectKeys]], places: Places
-) -> Dialect:
+def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) -> Dialect:
     """How a table is written by what the levels say of it, the first of them before the others.
     Raises InputError at the key's line.
     """

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from estim.campaign.levels import Levels, Path
+from estim.campaign.levels import Levels
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
 from estim.curves import (
@@ -23,6 +23,7 @@ from estim.curves import (
     energy_of_speed,
 )
 from estim.problem import Observations, Prior
+from estim.reading import KeyPath
 
 _EXCLUSIVE = (("release_energy", "release_speed"), ("sag", "phi_slope"))
 _SDS = 2.0  # how far a speed at release is from 0 where v(x) is fit by it
@@ -148,7 +149,7 @@ def _stated_place(levels: Levels, of_what: str) -> Place | None:
     """Raises InputError where it is impossible."""
     entries = {}
     for key in (f"{of_what}_length_m", f"{of_what}_start_m"):
-        level = next((level for level in levels if getattr(level.table, key) is not None), None)
+        level = levels.first(key)
         entries[key] = (
             (0.0, ()) if level is None else (float(getattr(level.table, key)), (*level.path, key))
         )
@@ -172,7 +173,7 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
         (f"{of_what}_length_m", "the whole length"),
         (f"{of_what}_start_m", "where on it the release is"),
     ):
-        if all(getattr(level.table, key) is None for level in levels):
+        if levels.first(key) is None:
             raise _error(levels, name, f"needs '{key}' beside it, {what}")
     place = _stated_place(levels, of_what)
     assert place is not None
@@ -188,15 +189,10 @@ def _length(levels: Levels, name: str, of_what: str, sources: Mapping[str, float
     return place
 
 
-def _place(levels: Levels, name: str) -> Path:
+def _place(levels: Levels, name: str) -> KeyPath:
     """Where in the file an effect stands."""
     keys = EFFECTS[name].keys
-    return next(
-        (*level.path, key)
-        for level in levels
-        for key in keys
-        if getattr(level.table, key) is not None
-    )
+    return next((*level.path, key) for level in levels for key in level.stated(keys))
 
 
 def _error(levels: Levels, name: str, rule: str, *, value: object = None) -> InputError:

@@ -109,7 +109,7 @@ def force_scale(levels: Levels, circumstances: Circumstances) -> Stance:
     Raises InputError at the key's line where one is asked for that has an obstacle, or is no share
     of the weight.
     """
-    level = _stated(levels)
+    level = levels.first(FORCE_KEY)
     stated = None if level is None else level.table.unmodelled_force
     if stated == 0.0:
         return Stance(0.0, complete_as(phrase("as stated"), levels.run.name))
@@ -144,7 +144,7 @@ def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
     """The same for a comparison of models: as stated, the default also where 0 is stated; none
     where there is an obstacle.
     """
-    level = _stated(levels)
+    level = levels.first(FORCE_KEY)
     if (
         level is not None
         and not level.table.unmodelled_force
@@ -156,7 +156,7 @@ def possible_force(levels: Levels, circumstances: Circumstances) -> Stance:
 
 def refuse_force(levels: Levels, command: str) -> None:
     """Raises InputError where a run has an unmodelled force, which `command` does not know."""
-    level = _stated(levels)
+    level = levels.first(FORCE_KEY)
     if level is not None and level.table.unmodelled_force:
         raise _error(
             levels,
@@ -186,14 +186,9 @@ def track_of(levels: Levels) -> str:
 
 def misfit_force(levels: Levels, error: InputError) -> InputError:
     """An error of a fit about the force of a run, at the key's line."""
-    level = _stated(levels)
+    level = levels.first(FORCE_KEY)
     assert level is not None, "raised where it was asked for"
     return _error(levels, level, error.rule, value=error.value)
-
-
-def _stated(levels: Levels) -> Level | None:
-    """The level that says how large a force may be, None where nothing is said."""
-    return next((level for level in levels if getattr(level.table, FORCE_KEY) is not None), None)
 
 
 def _error(levels: Levels, level: Level, rule: str, *, value: object = None) -> InputError:

@@ -7,7 +7,7 @@ is the level at which it is one unknown, and the suffix of its parameter's name:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from estim.campaign.campaign_file import (
@@ -20,8 +20,7 @@ from estim.campaign.campaign_file import (
 )
 from estim.common import InputError, Quantity
 from estim.problem import Prior
-
-Path = tuple[str | int, ...]
+from estim.reading import KeyPath
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,69 +29,88 @@ class Level:
     declared there.
     """
 
-    path: Path
+    path: KeyPath
     table: LevelTable
     suffix: str
+
+    def stated(self, keys: Iterable[str]) -> list[str]:
+        """Those of `keys` under which it says something."""
+        return [key for key in keys if getattr(self.table, key) is not None]
 
 
 @dataclass(frozen=True, eq=False)
 class Levels:
-    """The tables that speak of run number `index` of a campaign file, most particular first."""
+    """The tables of a campaign file that speak of a run or of a body, most particular first."""
 
     source: CampaignFile
-    index: int
+    tables: tuple[Level, ...]
+
+    def __iter__(self) -> Iterator[Level]:
+        return iter(self.tables)
 
     @property
     def run(self) -> RunTable:
-        return self.source.runs[self.index]
+        """The run that they speak of."""
+        return self.source.runs[int(self.tables[0].path[1])]
 
-    def __iter__(self) -> Iterator[Level]:
-        run = self.run
-        yield Level(("runs", self.index), run, f"[{run.name}]")
-        yield from body_levels(self.source, run.body)
+    def first(self, *keys: str) -> Level | None:
+        """The first that says something under one of `keys`, None where none does."""
+        return next((level for level in self.tables if level.stated(keys)), None)
+
+    def read(self, level: Level, key: str, *, factor: float = 1.0) -> Quantity | Prior:
+        """The value of `key` at `level` in SI units.  Raises InputError with its line."""
+        value: Value = getattr(level.table, key)
+        return read_at(self.source, value, (*level.path, key), factor=factor)
 
     def error(
-        self, rule: str, path: Path, *, field: str | None = None, value: object = None
+        self, rule: str, path: KeyPath, *, field: str | None = None, value: object = None
     ) -> InputError:
-        return self.source.places.error(rule, path, field=field, value=value)
+        return self.source.error(rule, path, field=field, value=value)
 
 
-def body_levels(source: CampaignFile, body: str) -> tuple[Level, Level]:
-    """The tables that speak of a body, most particular first."""
-    return Level(("bodies", body), source.bodies[body], f"[{body}]"), Level(
-        ("shared",), source.shared, ""
-    )
+def run_levels(source: CampaignFile, name: str) -> Levels:
+    """The tables that speak of the run `name`."""
+    index = [run.name for run in source.runs].index(name)
+    run = source.runs[index]
+    own = Level(("runs", index), run, f"[{name}]")
+    return Levels(source, (own, *body_levels(source, run.body)))
 
 
-def read_key(
-    source: CampaignFile, level: Level, key: str, *, factor: float = 1.0
-) -> Quantity | Prior:
-    """The value of `key` at `level` in SI units.  Raises InputError with its line."""
-    value: Value = getattr(level.table, key)
-    return read_at(source, value, (*level.path, key), factor=factor)
+def body_levels(source: CampaignFile, body: str) -> Levels:
+    """The tables that speak of a body."""
+    own = Level(("bodies", body), source.bodies[body], f"[{body}]")
+    return Levels(source, (own, Level(("shared",), source.shared, "")))
 
 
 def read_at(
-    source: CampaignFile, value: Value, path: Path, *, factor: float = 1.0
+    source: CampaignFile, value: Value, path: KeyPath, *, factor: float = 1.0
 ) -> Quantity | Prior:
     """`value`, which stands at `path`, in SI units.  Raises InputError with its line."""
-    try:
+    with source.places.at(path):
         return read_value(value, factor=factor, field=str(path[-1]))
-    except InputError as error:
-        raise source.places.error(error.rule, path, value=error.value) from None
 
 
-def noise_level(levels: Levels) -> tuple[NoiseTable, Path, str]:
-    """The most particular noise table of a run, where it stands, and the suffix of its parameters'
-    names.
+@dataclass(frozen=True, eq=False)
+class StatedNoise:
+    """The noise table of a run, where it stands, and the suffix of its parameters' names."""
 
-    Raises InputError where there is none.
-    """
-    for level in levels:
-        if level.table.noise is not None:
-            return level.table.noise, (*level.path, "noise"), level.suffix
-    raise levels.error(
-        f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
-        ("runs", levels.index),
-        field="noise",
-    )
+    levels: Levels
+    table: NoiseTable
+    path: KeyPath
+    suffix: str
+
+    def error(self, rule: str, *key: str, value: object = None) -> InputError:
+        """An InputError at the line of the table, or of a key in it."""
+        return self.levels.error(rule, (*self.path, *key), value=value)
+
+
+def stated_noise(levels: Levels) -> StatedNoise:
+    """The most particular noise table of a run.  Raises InputError where there is none."""
+    level = levels.first("noise")
+    if level is None or level.table.noise is None:
+        raise levels.error(
+            f"is missing for run '{levels.run.name}', for example noise = {{sigma_x_m = 0.001}}",
+            levels.tables[0].path,
+            field="noise",
+        )
+    return StatedNoise(levels, level.table.noise, (*level.path, "noise"), level.suffix)

@@ -50,7 +50,7 @@ def bound(
         campaign = read_curve_campaign(source, source.curve, only=only)
     else:
         campaign = rolling = RollingCampaign(source, _read_runs(source, only, compared))
-        facts = {name: parts_fact(source, rolling.levels(name)) for name in rolling.tables}
+        facts = {name: parts_fact(rolling.levels(name)) for name in rolling.tables}
         campaign = replace(
             rolling,
             tables={name: _with_fact(run, facts[name]) for name, run in rolling.tables.items()},
@@ -123,12 +123,8 @@ def _read(source: CampaignFile, path: Path, run: RunTable) -> Run:
         table = read_run(path, name=run.name, choices=choices, dialect=dialect)
     if not run.leave_out_s:
         return table
-    try:
+    with source.places.at(("runs", source.runs.index(run), "leave_out_s")):
         return table.without(run.leave_out_s)
-    except InputError as error:
-        raise source.places.error(
-            error.rule, ("runs", source.runs.index(run), "leave_out_s"), value=error.value
-        ) from None
 
 
 def _with_fact(run: Run, fact: str | None) -> Run:

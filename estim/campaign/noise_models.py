@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from estim.campaign.campaign_file import NoiseTable
-from estim.campaign.levels import Levels, noise_level
+from estim.campaign.levels import Levels, stated_noise
 from estim.common import phrase
 from estim.problem import Noise
 from estim.reading import Run
@@ -33,7 +34,8 @@ def noise_candidates(
 
     posed : noise table -> the noise of the run with it.
     """
-    table, path, _ = noise_level(levels)
+    noise = stated_noise(levels)
+    table = noise.table
     position, speed = (
         ("sigma_x_m", "sigma_v_m_s")
         if data.coordinate == "x_m"
@@ -44,61 +46,49 @@ def noise_candidates(
     of_positions, of_speeds = (
         (table.scatter, None) if table.model == "positions" else (None, table.scatter)
     )
+    stated: dict[str, Any] = {position: getattr(table, position)}
+    of_reading: dict[str, Any] = {
+        "encoder_step_rad": table.encoder_step_rad,
+        "exposure_s": table.exposure_s,
+    }
     candidates = []
     if "t_s" in data.columns and (read or "sigma_x_m" in data.columns or of_positions is not None):
-        plain = NoiseTable(
-            model="positions",
-            encoder_step_rad=table.encoder_step_rad,
-            exposure_s=table.exposure_s,
-            scatter=of_positions,
-            **{position: getattr(table, position)},
-        )
+        plain = NoiseTable(model="positions", scatter=of_positions, **of_reading, **stated)
         candidates += _with_tails("positions", phrase("positions as read, in time"), plain)
     if "t_s" in data.columns and read:
         differentiated = NoiseTable(
             model="differentiated",
             derivative=table.derivative,
-            encoder_step_rad=table.encoder_step_rad,
-            exposure_s=table.exposure_s,
             scatter=of_speeds,
-            **{position: getattr(table, position)},
+            **of_reading,
+            **stated,
         )
-        candidates.append(
-            NoiseModel(
-                "differentiated",
-                phrase("speeds from differences of positions, with the resulting covariance"),
-                differentiated,
-            )
-        )
+        words = phrase("speeds from differences of positions, with the resulting covariance")
+        candidates.append(NoiseModel("differentiated", words, differentiated))
         size = _independent_size(posed(differentiated))
         if size > 0.0 and data.rate not in data.columns:
-            plain = NoiseTable(
+            naive = NoiseTable(
                 model="independent", derivative=table.derivative or "central", scatter=of_speeds
             )
-            naive = msgspec.structs.replace(plain, **{speed: size})
-            candidates.append(
-                NoiseModel(
-                    "independent",
-                    phrase("the same speeds as if their errors were independent (they are not)"),
-                    naive,
-                )
-            )
+            naive = msgspec.structs.replace(naive, **{speed: size})
+            words = phrase("the same speeds as if their errors were independent (they are not)")
+            candidates.append(NoiseModel("independent", words, naive))
     if data.rate in data.columns and (
         getattr(table, speed) is not None or "sigma_v_m_s" in data.columns or of_speeds is not None
     ):
-        sigma_x = getattr(table, position) if table.model == "independent" else None
         plain = NoiseTable(
             model="independent",
             scatter=of_speeds,
-            **{speed: getattr(table, speed), position: sigma_x},
+            **(stated if table.model == "independent" else {}),
         )
+        plain = msgspec.structs.replace(plain, **{speed: getattr(table, speed)})
         candidates += _with_tails("independent", phrase("speeds as measured"), plain)
     if len(candidates) < 2:
         rule = (
             f"allows one model at most for run '{levels.run.name}': nothing to compare (times "
             f"and '{position}' would allow several)"
         )
-        raise levels.error(rule, path, field="noise")
+        raise noise.error(rule)
     return tuple(candidates)
 
 

@@ -33,7 +33,6 @@ from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
     ParameterTable,
-    Place,
     axis_of,
     check_counts,
     check_parameters,
@@ -47,7 +46,7 @@ from estim.campaign.curve_tables import (
     y_axis,
 )
 from estim.campaign.noise_models import NoiseModel
-from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, pose_run
+from estim.campaign.own_curve_run import MAX_ROWS, RunOfCurve, rows_of
 from estim.common import InputError, phrase, same_unit
 from estim.curves import (
     AxisNames,
@@ -62,7 +61,7 @@ from estim.curves import (
 )
 from estim.explanation import Suspects
 from estim.problem import Parameter, Problem, shared_first
-from estim.reading import Places, of_any_curve, run_of_table
+from estim.reading import KeyPath, Places, of_any_curve, run_of_table
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -141,12 +140,11 @@ class CurveCampaign(Campaign):
                 for argument in self.curve.names
                 if (unit := self._word(argument, run, "unit")) is not None
             }
-            posed = pose_run(
-                run,
-                self.tables[name],
-                curve=self.curve,
-                axes=self.run_axes[name],
-                values={
+            rows = rows_of(run, self.tables[name])
+            posed = rows.posed(
+                self.curve,
+                self.run_axes[name],
+                {
                     argument: entry.prior if isinstance(entry, Parameter) else entry
                     for argument, entry in entries.items()
                 },
@@ -154,13 +152,13 @@ class CurveCampaign(Campaign):
                 components=components,
                 chosen=chosen,
             )
-            if posed.posed.lacks is not None and posed.posed.lacks.deviation and len(names) > 1:
+            if posed.lacks is not None and posed.lacks.deviation and len(names) > 1:
                 rule = (
                     "does not go with a joint fit, which needs a deviation that runs share: "
                     "fit the runs one by one"
                 )
                 raise run.error(rule, "deviation")
-            begun = self._started(posed.posed, {*self.curve.names} - chosen)
+            begun = self._started(posed, {*self.curve.names} - chosen)
             parameters |= {
                 entry.name: replace(entry, prior=begun[argument].prior)
                 for argument, entry in unknown.items()
@@ -169,9 +167,8 @@ class CurveCampaign(Campaign):
                 argument: entry.name if isinstance(entry, Parameter) else entry
                 for argument, entry in entries.items()
             }
-            points, further = posed.observed(
-                self.axes, MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
-            )
+            arguments = MappingProxyType({**sources, **{of_all: of_all for of_all in shared}})
+            points, further = rows.observed(posed, self.axes, arguments)
             of_noise |= {parameter.name: parameter for parameter in further}
             observed.append(points)
         if len(observed) > 1 and sum(run.n_obs for run in observed) > MAX_ROWS:
@@ -179,7 +176,7 @@ class CurveCampaign(Campaign):
                 f"must be at most {MAX_ROWS} in a joint fit: say every = 2 or more, or fit the "
                 "runs one by one"
             )
-            raise self.source.places.error(
+            raise self.source.error(
                 rule, ("curve", "every"), field="points", value=sum(run.n_obs for run in observed)
             )
         return Problem(
@@ -239,7 +236,7 @@ class CurveCampaign(Campaign):
                         f"is in {wanted} by the header of run '{first}', in {unit} by that of "
                         f"'{name}': runs that share a parameter need one unit"
                     )
-                    raise self.source.places.error(rule, ("curve", key))
+                    raise self.source.error(rule, ("curve", key))
 
     def suspects(self, names: Sequence[str]) -> Suspects:
         """Nothing is known of what a user's own curve may lack but what readings may suffer."""
@@ -260,9 +257,6 @@ class CurveCampaign(Campaign):
     def check(self, name: str) -> None:
         self._posed([name])
 
-    def body_of(self, name: str) -> None:
-        """A curve is no body."""
-
     def _unit_of(self, argument: str, name: str) -> str:
         """As stated nearest to the run, or as it follows from the axes."""
         follows = units_of(self.curve, self.axes, [argument], density=is_density(self.table))
@@ -279,29 +273,21 @@ class CurveCampaign(Campaign):
     def curve_models(self, names: Sequence[str]) -> tuple[CurveModel, ...]:
         """Raises InputError: the models that are compared are those of a rolling body."""
         self.problem(names)
-        raise self.source.places.error(
+        raise self.source.error(
             "is a formula of your own; estim compare-models compares models of a rolling body",
             ("curve",),
         )
 
     def _only_noise(self) -> InputError:
-        return self.source.places.error(
+        return self.source.error(
             "is fit with the noise that its own tables state: no other model to compare", ("curve",)
         )
 
-    def _place_of_unknowns(self, name: str) -> Place:
+    def _place_of_unknowns(self, name: str) -> KeyPath:
         return ("curve", "parameters")
 
     def require_body(self) -> None:
-        raise self.source.places.error(
-            "has no rolling body, which this command is about", ("curve",)
-        )
-
-    def require_complete(self, names: Sequence[str], command: str) -> None:
-        self.require_body()
-
-    def require_speeds(self, names: Sequence[str], command: str) -> None:
-        self.require_body()
+        raise self.source.error("has no rolling body, which this command is about", ("curve",))
 
     def require_draws(self, problem: Problem) -> None:
         """Raises InputError where the prior of a parameter is flat without limits, so that no true
@@ -313,23 +299,23 @@ class CurveCampaign(Campaign):
                 "is not supported by estim calibrate, which simulates counts, not times: count "
                 'them in bins (model = "poisson") for that'
             )
-            raise self.source.places.error(rule, ("curve", "noise"))
+            raise self.source.error(rule, ("curve", "noise"))
         for parameter in problem.parameters:
             if not math.isfinite(parameter.prior.sd):
                 rule = (
                     "is flat without limits, so that nothing can be simulated: give it limits "
                     "(low and high), or a prior"
                 )
-                raise self.source.places.error(rule, self._place(parameter.name))
+                raise self.source.error(rule, self._place(parameter.name))
 
     def _placed(self, error: InputError, problem: Problem) -> InputError:
         """The error at its key or parameter; one of the search for an optimum at the first row at
         which alone the curve is not finite at the start.
         """
         if error.field in ("u_y", "expression"):
-            return self.source.places.error(error.rule, ("curve", error.field))
+            return self.source.error(error.rule, ("curve", error.field))
         if error.field in problem.names:
-            return self.source.places.error(error.rule, self._place(error.field))
+            return self.source.error(error.rule, self._place(error.field))
         named = problem.named(problem.start())
         for run in problem.runs if self.table.noise is None else ():
             with np.errstate(all="ignore"):
@@ -347,7 +333,7 @@ class CurveCampaign(Campaign):
                 )
         return error.at(self.source.path, self.source.places.lines.get(("curve", "parameters")))
 
-    def _place(self, parameter: str) -> Place:
+    def _place(self, parameter: str) -> KeyPath:
         """Where a parameter stands in the campaign file."""
         name, _, level = parameter.partition("[")
         run = [r.name for r in self.runs].index(level[:-1]) if level else 0
@@ -366,7 +352,7 @@ class CurveCampaign(Campaign):
                 f"[runs.parameters], as {name} = {{start = 1.0}}, or "
                 f"{name} = {{}}"
             )
-            raise self.source.places.error(rule, ("curve", "parameters"), field=name)
+            raise self.source.error(rule, ("curve", "parameters"), field=name)
         try:
             source = source_of(
                 ParameterTable() if entry is None else entry,
@@ -375,7 +361,7 @@ class CurveCampaign(Campaign):
             )
         except InputError as error:
             rule = error.rule if error.field in (None, name) else f"'{error.field}' {error.rule}"
-            raise self.source.places.error(rule, run.place(name), value=error.value) from None
+            raise self.source.error(rule, run.place(name), value=error.value) from None
         named = f"{name}[{run.table.name}]" if name in run.table.parameters else name
         meaning = self._word(name, run, "meaning") or phrase("parameter of the curve")
         return (
@@ -399,7 +385,7 @@ class CurveCampaign(Campaign):
                 )
                 components.append(Component(kind, float(u), name))
             except InputError as error:
-                raise self.source.places.error(
+                raise self.source.error(
                     f"'{error.field}' {error.rule}", ("curve", "errors", name), value=error.value
                 ) from None
         return tuple(components)
@@ -450,7 +436,7 @@ def read_curve_campaign(
     )
 
 
-def _with_names(raw: Mapping[str, Any], places: Places, path: Place) -> dict[str, Any]:
+def _with_names(raw: Mapping[str, Any], places: Places, path: KeyPath) -> dict[str, Any]:
     """A table with the names of its parameters as Python reads them in a formula (the micro sign is
     the letter mu).
 

@@ -22,7 +22,6 @@ from estim.campaign.campaign_file import CampaignFile, read_value
 from estim.campaign.curve_tables import (
     CurveRunTable,
     CurveTable,
-    Place,
     ReadingErrorTable,
     axis_of,
     prior_table,
@@ -51,6 +50,7 @@ from estim.fitting import PERFECT
 from estim.problem import Observations, Parameter, Prior, Scale, Unstated, as_prior
 from estim.reading import (
     Choices,
+    KeyPath,
     Run,
     Table,
     columns_sentence,
@@ -88,7 +88,7 @@ class RunOfCurve:
     def events(self) -> bool:
         return self.curve.y is None
 
-    def stated(self, key: str) -> tuple[Any, Place]:
+    def stated(self, key: str) -> tuple[Any, KeyPath]:
         """What the run says of a key, else the curve, and where; None where neither does."""
         value = getattr(self.table, key, None)
         return (
@@ -99,9 +99,9 @@ class RunOfCurve:
 
     def error(self, rule: str, key: str, *, value: object = None) -> InputError:
         """An InputError at the line of a key."""
-        return self.source.places.error(rule, self.stated(key)[1], value=value)
+        return self.source.error(rule, self.stated(key)[1], value=value)
 
-    def place(self, parameter: str) -> Place:
+    def place(self, parameter: str) -> KeyPath:
         """Where a parameter is stated."""
         return (
             ("runs", self.index, "parameters", parameter)
@@ -148,7 +148,7 @@ class RunOfCurve:
             getattr(self.table, key) is not None for key in DialectKeys.__struct_fields__
         ):
             rule = "does not go with a file of Tracker, which says itself how it is written"
-            raise self.source.places.error(rule, ("runs", self.index), field="columns")
+            raise self.source.error(rule, ("runs", self.index), field="columns")
         with self.source.reading(path, needed):
             table = (
                 track_columns(import_track(path, choices), needed)
@@ -173,7 +173,7 @@ class RunOfCurve:
             stated = table.units.get(axis.column, "")
             if axis.unit != "1" and stated and same_unit(axis.unit, stated) is False:
                 where = f"the header of {table.file}" if table.header_line else table.file
-                raise self.source.places.error(
+                raise self.source.error(
                     f"must be in {stated}, as {where} says; nothing is converted",
                     ("curve", key),
                     value=axis.unit,
@@ -207,35 +207,126 @@ def _require_unit_of_axis(table: Table, u: str, of: str, unit: str) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class PosedRun:
-    """A run with the table of its data, posed.  kept : (n_obs,) rows that are fit.  size : prior of
-    the errors of y, None where they are stated.
+class RowsOfRun:
+    """A run with the table of its data and which of its rows are fit.
+
+    kept : (n_obs,) rows that are fit, in order of x.  inside : (n_row,) whether a row lies within
+        the window.  excluded : why others are left out.
     """
 
     run: RunOfCurve
     data: Run
     kept: NDArray[np.int64]
+    inside: NDArray[np.bool_]
     excluded: tuple[Finding, ...]
-    left_out: FloatArray
-    size: Prior | None
-    posed: CurveProblem
+
+    def column(self, key: str) -> FloatArray:
+        """The column that gives an argument of `pose_curve`, of these rows."""
+        return np.asarray(self.data.columns[self.run.columns[key]][self.kept])
+
+    def posed(
+        self,
+        curve: Formula,
+        axes: AxisNames,
+        values: Mapping[str, float | Prior],
+        *,
+        units: Mapping[str, str],
+        components: tuple[Component, ...],
+        chosen: Collection[str],
+    ) -> CurveProblem:
+        """The rows as the points of a curve.
+
+        values : argument of the curve -> exact value, or prior.
+        units : the same -> stated unit.  chosen : those whose start nobody stated.
+
+        Raises InputError with file and line.
+        """
+        run, size = self.run, self.size
+        priors = {name: value for name, value in values.items() if not isinstance(value, float)}
+        deviation, correlated = run.stated("deviation")[0], run.stated("correlated")[0]
+        along = (
+            self.column("correlated")
+            if isinstance(correlated, str)
+            else self.kept.astype(float)
+            if correlated
+            else False
+        )
+        try:
+            posed = pose_curve(
+                curve,
+                self.column("x"),
+                None if run.events else self.column("y"),
+                start={name: prior.centre for name, prior in priors.items()},
+                u_y=None if isinstance(size, Prior) else size,
+                cov_y=None,
+                u_x=_error_of_x(self),
+                bounds={},
+                priors=priors,
+                errors=components,
+                units=units,
+                axes=axes,
+                fixed={name: value for name, value in values.items() if isinstance(value, float)},
+                deviation=deviation or 0.0,
+                correlated=along,
+                noise=_counting(self),
+                chosen=chosen,
+            )
+        except InputError as error:
+            raise _placed(error, self) from None
+        _check_keys(run, posed, size)
+        return posed
+
+    @cached_property
+    def size(self) -> float | FloatArray | Prior | None:
+        """Standard deviations of y, or the prior of theirs; None where nothing is said."""
+        run, written = self.run, self.run.stated("u_y")[0]
+        if written is None:
+            return None
+        if "u_y" in run.columns:
+            return self.column("u_y")
+        with run.source.places.at(run.stated("u_y")[1]):
+            read = read_value(
+                prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,
+                factor=1.0,
+                field="u_y",
+            )
+        centre = read.value if isinstance(read, Quantity) else read.centre
+        if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
+            raise run.error(
+                "must be > 0, and a prior of it must not reach below 0", "u_y", value=centre
+            )
+        if not isinstance(read, Quantity):
+            return read
+        if not read.exact:
+            return as_prior(read, low=0.0)
+        if run.curve.noise is None and read.value < PERFECT * float(
+            np.max(np.abs(self.column("y")))
+        ):
+            raise run.error(
+                "must be above the last digit that a number of the size of y has here",
+                "u_y",
+                value=read.value,
+            )
+        return read.value
 
     def observed(
-        self, axes: AxisNames, arguments: Mapping[str, str | float]
+        self, posed: CurveProblem, axes: AxisNames, arguments: Mapping[str, str | float]
     ) -> tuple[Observations, tuple[Parameter, ...]]:
         """The points, and what is unknown of their errors."""
-        posed, name = self.posed, self.run.table.name
+        name = self.run.table.name
         tails, unknown = shape_of(self.run.stated("robust")[0], f"[{name}]")
         sigma = Scale(1.0)
         # the residuals say its size, together with what the curve lacks
         if not posed.stated and posed.lacks is not None:
             sigma = Scale(_roughness(posed.y))
         elif not posed.stated:
-            of_all = self.size is not None and self.run.table.u_y is None
-            prior: Prior = self.size or Unstated(_roughness(posed.y), SIGMA_SPREAD)
+            inferred = isinstance(self.size, Prior)
+            of_all = inferred and self.run.table.u_y is None
+            prior: Prior = Unstated(_roughness(posed.y), SIGMA_SPREAD)
+            prior = self.size if isinstance(self.size, Prior) else prior
             meaning = (
                 phrase("standard deviation of one reading")
-                if self.size
+                if inferred
                 else phrase("standard deviation of one reading, not stated")
             )
             size = Parameter(
@@ -250,6 +341,8 @@ class PosedRun:
                 else phrase("of column '{column}'", column=along)
             )
             lacks = replace(lacks, along_unit=phrase("readings") if along is None else of_column)
+        whole = posed.counted is None or posed.counted.noise.law.word == "counts"
+        columns = self.data.columns
         run = replace(
             posed.observed(sigma, tails=tails),
             name=name,
@@ -257,73 +350,14 @@ class PosedRun:
             x_unit=axes.x_unit,
             y_unit=axes.y_unit,
             excluded=self.excluded,
-            excluded_points=self.left_out,
+            excluded_points=np.column_stack(
+                [columns[self.run.x][~self.inside], columns[self.run.y][~self.inside]]
+            )
+            if whole and not self.run.events
+            else np.zeros((0, 2)),
             lacks=lacks,
         )
         return run, unknown
-
-
-def pose_run(
-    run: RunOfCurve,
-    data: Run,
-    *,
-    curve: Formula,
-    axes: AxisNames,
-    values: Mapping[str, float | Prior],
-    units: Mapping[str, str],
-    components: tuple[Component, ...],
-    chosen: Collection[str],
-) -> PosedRun:
-    """The rows of a run as the points of a curve.
-
-    values : argument of the curve -> exact value, or prior.
-    units : the same -> stated unit.  chosen : those whose start nobody stated.
-
-    Raises InputError with file and line.
-    """
-    rows, inside, excluded = _rows(run, data)
-    size = _size(run, data, rows)
-    priors = {name: value for name, value in values.items() if not isinstance(value, float)}
-    deviation, correlated = run.stated("deviation")[0], run.stated("correlated")[0]
-    along = (
-        _column(run, data, rows, "correlated")
-        if isinstance(correlated, str)
-        else rows.astype(float)
-        if correlated
-        else False
-    )
-    try:
-        posed = pose_curve(
-            curve,
-            data.columns[run.x][rows],
-            None if run.events else data.columns[run.y][rows],
-            start={name: prior.centre for name, prior in priors.items()},
-            u_y=None if isinstance(size, Prior) else size,
-            cov_y=None,
-            u_x=_error_of_x(run, data, rows),
-            bounds={},
-            priors=priors,
-            errors=components,
-            units=units,
-            axes=axes,
-            fixed={name: value for name, value in values.items() if isinstance(value, float)},
-            deviation=deviation or 0.0,
-            correlated=along,
-            noise=_counting(run, data, rows),
-            chosen=chosen,
-        )
-    except InputError as error:
-        raise _placed(error, run, data, rows) from None
-    _check_keys(run, posed, size)
-    whole = posed.counted is None or posed.counted.noise.law.word == "counts"
-    left_out = (
-        np.column_stack([data.columns[run.x][~inside], data.columns[run.y][~inside]])
-        if whole and not run.events
-        else np.zeros((0, 2))
-    )
-    return PosedRun(
-        run, data, rows, excluded, left_out, size if isinstance(size, Prior) else None, posed
-    )
 
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
@@ -348,16 +382,17 @@ def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
             )
 
 
-def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> InputError:
+def _placed(error: InputError, rows: RowsOfRun) -> InputError:
     """An error of an argument of `pose_curve` at the cell, the parameter or the key that it comes
     from.
     """
+    run, data = rows.run, rows.data
     argument, _, of = (error.field or "").partition("[")
     column, of = run.columns.get(argument), of.removesuffix("]")
     if error.file is not None:
         return error
     if column is not None and error.index is not None:
-        return data.error(error.rule, column, int(kept[error.index]))
+        return data.error(error.rule, column, int(rows.kept[error.index]))
     if column is not None and argument in ("x", "y"):
         return InputError(error.rule, field=column, value=error.value, file=data.file)
     match argument:
@@ -371,20 +406,16 @@ def _placed(error: InputError, run: RunOfCurve, data: Run, kept: NDArray[np.int6
             path = ("curve", "noise", argument)
         case _:
             path = run.stated(argument)[1]
-    return run.source.places.error(error.rule, path, value=error.value)
+    return run.source.error(error.rule, path, value=error.value)
 
 
-def _rows(
-    run: RunOfCurve, data: Run
-) -> tuple[NDArray[np.int64], NDArray[np.bool_], tuple[Finding, ...]]:
-    """The rows that are fit, in order of x, which lie within the window (n_row,), and why others
-    are left out.
-    """
+def rows_of(run: RunOfCurve, data: Run) -> RowsOfRun:
+    """The rows that are fit.  Raises InputError."""
     window, path = run.stated("window")
     low = -math.inf if window is None or window.min is None else window.min
     high = math.inf if window is None or window.max is None else window.max
     if not low < high:
-        raise run.source.places.error(
+        raise run.source.error(
             "must have 'min' below 'max'", path, field="window", value=f"min = {low}, max = {high}"
         )
     if run.events and not (math.isfinite(low) and math.isfinite(high)):
@@ -392,7 +423,7 @@ def _rows(
             "must state the 'min' and 'max' between which events were recorded: their density "
             "is normalised over it"
         )
-        raise run.source.places.error(rule, path, field="window")
+        raise run.source.error(rule, path, field="window")
     stated = run.stated("every")[0]
     every = 1 if stated is None else stated
     if every < 1:
@@ -421,7 +452,7 @@ def _rows(
                 f"must leave between {_MIN_ROWS} and {most} of the {data.n_row} rows of "
                 f"{data.file} to fit{cure}"
             )
-            raise run.source.places.error(
+            raise run.source.error(
                 rule, ("runs", run.index, "window"), field="window", value=int(rows.size)
             )
         where = " where x has errors" if run.stated("u_x")[0] is not None else ""
@@ -431,16 +462,12 @@ def _rows(
             value=rows.size,
             file=data.file,
         )
-    return rows, inside, excluded
+    return RowsOfRun(run, data, rows, inside, excluded)
 
 
-def _column(run: RunOfCurve, data: Run, kept: NDArray[np.int64], key: str) -> FloatArray:
-    return np.asarray(data.columns[run.columns[key]][kept])
-
-
-def _counting(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> Counting | None:
+def _counting(rows: RowsOfRun) -> Counting | None:
     """What the table `noise` says; None for readings."""
-    noise = run.curve.noise
+    run, noise = rows.run, rows.run.curve.noise
     if noise is None:
         return None
     if noise.model == "event-times":
@@ -448,60 +475,21 @@ def _counting(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> Counting |
         return EventTimes(window.min, window.max, noise.cells)
     if noise.model == "binomial":
         return Binomial(
-            _column(run, data, kept, "trials")
-            if isinstance(noise.trials, str)
-            else float(noise.trials or 0.0)
+            rows.column("trials") if isinstance(noise.trials, str) else float(noise.trials or 0.0)
         )
     if isinstance(noise.bins, list):
-        return Poisson(
-            np.column_stack([_column(run, data, kept, "low"), _column(run, data, kept, "bins")])
-        )
+        return Poisson(np.column_stack([rows.column("low"), rows.column("bins")]))
     return Poisson(noise.bins)
 
 
-def _error_of_x(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatArray | None:
+def _error_of_x(rows: RowsOfRun) -> float | FloatArray | None:
     """Standard deviations of the abscissas, None where they are exact."""
-    written = run.stated("u_x")[0]
-    if "u_x" in run.columns:
-        return _column(run, data, kept, "u_x")
+    written = rows.run.stated("u_x")[0]
+    if "u_x" in rows.run.columns:
+        return rows.column("u_x")
     if written is not None and not isinstance(written, int | float):
-        raise run.error("must be a number > 0 or a column", "u_x")
+        raise rows.run.error("must be a number > 0 or a column", "u_x")
     return None if written is None else float(written)
-
-
-def _size(run: RunOfCurve, data: Run, kept: NDArray[np.int64]) -> float | FloatArray | Prior | None:
-    """Standard deviations of y, or the prior of theirs; None where nothing is said."""
-    written = run.stated("u_y")[0]
-    if written is None:
-        return None
-    if "u_y" in run.columns:
-        return _column(run, data, kept, "u_y")
-    try:
-        read = read_value(
-            prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,
-            factor=1.0,
-            field="u_y",
-        )
-    except InputError as error:
-        raise run.error(error.rule, "u_y", value=error.value) from None
-    centre = read.value if isinstance(read, Quantity) else read.centre
-    if centre <= 0.0 or (not isinstance(read, Quantity) and read.low < 0.0):
-        raise run.error(
-            "must be > 0, and a prior of it must not reach below 0", "u_y", value=centre
-        )
-    if not isinstance(read, Quantity):
-        return read
-    if not read.exact:
-        return as_prior(read, low=0.0)
-    if run.curve.noise is None and read.value < PERFECT * float(
-        np.max(np.abs(data.columns[run.y][kept]))
-    ):
-        raise run.error(
-            "must be above the last digit that a number of the size of y has here",
-            "u_y",
-            value=read.value,
-        )
-    return read.value
 
 
 def _roughness(y: FloatArray) -> float:

@@ -20,11 +20,10 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
-from estim.common import InputError, Notation, Quantity, later, read_quantity
+from estim.common import Notation, Quantity, later, read_quantity
 from estim.propagation import Input, LinearResult, propagate_linear
+from estim.reading import KeyPath
 from model import Body, Part, assemble, bolt, disk, ring, rod
-
-Path = tuple[str | int, ...]
 
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit
@@ -94,25 +93,25 @@ class PartedBody:
 
 
 def parted_body(
-    source: CampaignFile, table: LevelTable, path: Path, radius: Input, *, name: str
+    source: CampaignFile, table: LevelTable, path: KeyPath, radius: Input, *, name: str
 ) -> PartedBody:
     """The body whose parts `table` (at `path`) lists, rolling on `radius`.  Raises InputError with
     its line.
     """
     listed = table.parts or []
     if not 1 <= len(listed) <= _MOST_PARTS:
-        raise source.places.error(
+        raise source.error(
             f"must list 1 to {_MOST_PARTS} parts", (*path, "parts"), value=len(listed)
         )
     for i, part in enumerate(listed):
         if part not in source.parts:
             known = ", ".join(source.parts) or "none defined"
-            raise source.places.error(
+            raise source.error(
                 f"must name parts ({known})", (*path, "parts", i), field="parts", value=part
             )
     for i, part in enumerate(table.particle or []):
         if part not in listed:
-            raise source.places.error(
+            raise source.error(
                 "must name some of the parts of this body",
                 (*path, "particle", i),
                 field="particle",
@@ -120,7 +119,7 @@ def parted_body(
             )
     parts = tuple((part, source.parts[part]) for part in listed)
     if all(entry.kind == "trailing" for _, entry in parts):
-        raise source.places.error("must hold a part that rotates", (*path, "parts"))
+        raise source.error("must hold a part that rotates", (*path, "parts"))
     inputs = {radius.name: radius}
     for part, entry in parts:
         inputs |= _inputs(source, part, entry)
@@ -133,7 +132,7 @@ def parted_body(
     point = len(off) == 1 and parts[off[0]][1].kind == "point"
     trailing = tuple(i for i, (_, entry) in enumerate(parts) if entry.kind == "trailing")
     if len({*off, *trailing}) == len(parts):
-        raise source.places.error(
+        raise source.error(
             "must leave a part for the disk: say which are the particle, particle = [...]",
             (*path, "parts"),
         )
@@ -160,7 +159,7 @@ def parted_body(
             "make no body of disk and particle (is the particle on the axle, the disk far out "
             "of balance?): say which are it, particle = [...]"
         )
-        raise source.places.error(rule, (*path, "parts"))
+        raise source.error(rule, (*path, "parts"))
     return body
 
 
@@ -179,7 +178,7 @@ def _require_metres(source: CampaignFile, inputs: Mapping[str, Input], radius: I
                 f"must be at most {_LARGEST:g} times the radius of the body, {radius.value:g} "
                 "m: is it in metres?"
             )
-            raise source.places.error(rule, ("parts", part, key), value=quantity.value)
+            raise source.error(rule, ("parts", part, key), value=quantity.value)
 
 
 def _off_axle(distance: Input | None) -> bool:
@@ -201,21 +200,17 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
     path = ("parts", name)
     for key in table.stated:
         if key not in POSSIBLE[table.kind]:
-            raise source.places.error(
-                f"does not go with a part of kind '{table.kind}'", (*path, key)
-            )
+            raise source.error(f"does not go with a part of kind '{table.kind}'", (*path, key))
     for key in sorted(NEEDED[table.kind] - set(table.stated)):
-        raise source.places.error(
+        raise source.error(
             f"is missing for a part of kind '{table.kind}'", path, field=f"parts.{name}.{key}"
         )
     inputs = {}
     for key in table.stated:
-        try:
+        with source.places.at((*path, key)):
             value = read_quantity(getattr(table, key), field=key)
-        except InputError as error:
-            raise source.places.error(error.rule, (*path, key), value=error.value) from None
         if key != "angle_deg" and (value.value < 0.0 or (value.value == 0.0 and key == "mass_kg")):
-            raise source.places.error(
+            raise source.error(
                 "must be > 0" if key == "mass_kg" else "must be >= 0",
                 (*path, key),
                 value=value.value,
@@ -223,7 +218,7 @@ def _inputs(source: CampaignFile, name: str, table: PartTable) -> dict[str, Inpu
         inputs[f"{name}.{key}"] = Input(f"{name}.{key}", value.value, value.u, unit=PART_UNITS[key])
     outer, inner = (inputs.get(f"{name}.{key}") for key in ("radius_m", "inner_radius_m"))
     if outer is not None and inner is not None and inner.value > outer.value:
-        raise source.places.error(
+        raise source.error(
             "must be at most 'radius_m'", (*path, "inner_radius_m"), value=inner.value
         )
     return inputs
@@ -252,7 +247,7 @@ def _part(name: str, table: PartTable, q: Mapping[str, Any], body_radius: Any) -
 
 
 def weighed(
-    source: CampaignFile, path: Path, radius: Input
+    source: CampaignFile, path: KeyPath, radius: Input
 ) -> tuple[Mapping[str, Quantity], FloatArray]:
     """What the parts listed at `path` give, by linear propagation: output -> value and standard
     uncertainty, and their correlations.
@@ -266,7 +261,7 @@ def weighed(
 
 @lru_cache(maxsize=64)
 def _weighed(
-    source: CampaignFile, path: Path, radius: str, value: float, u: float
+    source: CampaignFile, path: KeyPath, radius: str, value: float, u: float
 ) -> tuple[Mapping[str, Quantity], FloatArray]:
     table = source.shared
     if path[0] != "shared":
@@ -274,7 +269,7 @@ def _weighed(
     body = parted_body(source, table, path, Input(radius, value, u, unit="m"), name=str(path[-1]))
     linear = propagate_linear(body.values, list(body.inputs.values()))
     if notes := notes_of(linear, body.values):
-        raise source.places.error(
+        raise source.error(
             f"leave no linear uncertainty ({notes[0]}): state gamma, kappa and rho in their place",
             (*path, "parts"),
         )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import msgspec
 
 from estim.campaign.prior_table import Value
-from estim.reading import Places
+from estim.reading import KeyPath, Places
 
 _MOST_REPEATS, _MOST_READINGS = 100, 10_000
 _FACTORS = (0.01, 100.0)
@@ -130,6 +130,6 @@ def _check_change(change: ChangeTable, i: int, places: Places, *, own_curve: boo
         )
 
 
-def _whole(count: int, most: int, places: Places, path: tuple[str | int, ...]) -> None:
+def _whole(count: int, most: int, places: Places, path: KeyPath) -> None:
     if not 1 <= count <= most:
         raise places.error(f"must be a whole number from 1 to {most}", path, value=count)

@@ -8,12 +8,12 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.campaign.levels import Levels, Path
+from estim.campaign.levels import StatedNoise
 from estim.common import InputError
 from estim.problem import Observations, Prior, Scale
+from estim.reading import Run
 
 _SHARE = 0.1  # of the path
 _SDS = 5.0  # how far a quantity may lie above its centre
@@ -25,23 +25,24 @@ _TOO_SLOW = 1e-6  # of that energy
 _SPAN = 8.0
 
 
-def check_reading_error(
-    sigma: Scale, key: str, position: NDArray[np.float64], levels: Levels, path: Path
-) -> None:
-    """The stated standard deviation of a position against the path (n_row,), both in the same unit.
+def check_reading_error(sigma: Scale, run: Run, noise: StatedNoise) -> None:
+    """The stated standard deviation of a position against the path, both in the same unit.
 
     Raises InputError at its line where it is a tenth of the path or more: of such positions nothing
     can be learnt.
     """
-    reach = float(np.ptp(position))
+    reach = float(np.ptp(run.columns[run.coordinate]))
     if sigma.parameter is None and sigma.value >= _SHARE * reach > 0.0:
-        unit = "m" if key == "sigma_x_m" else "rad"
-        slip = "is it in mm?" if unit == "m" else "is it in degrees?"
+        key, unit, slip = (
+            ("sigma_x_m", "m", "is it in mm?")
+            if run.coordinate == "x_m"
+            else ("sigma_theta_rad", "rad", "is it in degrees?")
+        )
         rule = (
             f"must be well below the length of the run, {reach:.4g} {unit} ({slip} The key is "
             f"in {unit})"
         )
-        raise levels.error(rule, (*path, key), value=sigma.value)
+        raise noise.error(rule, key, value=sigma.value)
 
 
 def check_speeds(

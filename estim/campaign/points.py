@@ -15,8 +15,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign.blur import relative_blur
-from estim.campaign.campaign_file import NoiseTable, WindowTable
-from estim.campaign.levels import Levels, Path, noise_level, read_at
+from estim.campaign.campaign_file import NoiseTable
+from estim.campaign.levels import Levels, StatedNoise, read_at, stated_noise
 from estim.campaign.plausible import check_reading_error
 from estim.campaign.robust import shape_of
 from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
@@ -87,20 +87,37 @@ _UNITS = {
 }
 
 
+@dataclass(frozen=True, eq=False)
+class _Size:
+    """A standard deviation of a noise table, and its parameter where it is inferred."""
+
+    scale: Scale
+    parameter: Parameter | None = None
+
+    @property
+    def typical(self) -> float:
+        """As stated, or where its prior has its centre."""
+        return self.scale.value if self.parameter is None else self.parameter.prior.centre
+
+    @property
+    def stated(self) -> bool:
+        return self.typical > 0.0
+
+
 def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Observed:
     """The points of `run` with the noise that the campaign states for it, or with `noise` in its
     place.  Raises InputError.
     """
-    table, path, suffix = noise_level(levels)
-    table = noise or table
-    model = table.model or ("differentiated" if "t_s" in run.columns else "independent")
-    _check_keys(table, model, run, levels, path)
+    stated = stated_noise(levels)
+    stated = replace(stated, table=noise or stated.table)
+    model = stated.table.model or ("differentiated" if "t_s" in run.columns else "independent")
+    _check_keys(run, stated, model)
     make = {
         "differentiated": _differentiated,
         "independent": _independent,
         "positions": _positions,
     }[model]
-    observed = make(run, levels, table, path, suffix)
+    observed = make(run, stated)
     if not run.left_out:
         return observed
     return replace(
@@ -108,7 +125,7 @@ def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Obs
     )
 
 
-def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: Path) -> None:
+def _check_keys(run: Run, noise: StatedNoise, model: str) -> None:
     units = _UNITS[run.coordinate]
     keys = {"model", "scatter", units.position_sigma}
     if model == "independent":
@@ -119,8 +136,8 @@ def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: P
         keys |= {"exposure_s", "derivative" if model == "differentiated" else "robust"} | (
             {"encoder_step_rad"} if units.position == "rad" else set()
         )
-    for key in table.__struct_fields__:
-        if key not in keys and getattr(table, key) is not None:
+    for key in noise.table.__struct_fields__:
+        if key not in keys and getattr(noise.table, key) is not None:
             rule = (
                 f"does not go with {model} noise of a run in {units.position} (known: "
                 f"{', '.join(sorted(keys))})"
@@ -130,40 +147,22 @@ def _check_keys(table: NoiseTable, model: str, run: Run, levels: Levels, path: P
                     "requires model = 'positions' or 'independent': one bad frame affects "
                     "several differentiated speeds"
                 )
-            raise levels.error(rule, (*path, key))
+            raise noise.error(rule, key)
+    if model != "independent" and "t_s" not in run.columns:
+        raise noise.error("needs times: the run's file has no t_s column", "model", value=model)
 
 
-def _differentiated(
-    run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str
-) -> Observed:
-    units = _UNITS[run.coordinate]
-    _need_times(run, "differentiated", levels, path)
-    step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(
-        table,
-        units.position_sigma,
-        units.position,
-        levels,
-        path,
-        suffix,
-        phrase("standard deviation of one position reading"),
-    )
-    typical = _typical(sigma, parameter, step)
+def _differentiated(run: Run, noise: StatedNoise) -> Observed:
+    units, table = _UNITS[run.coordinate], noise.table
+    sigma, step = _reading(run, noise)
+    typical = math.hypot(sigma.typical, step / math.sqrt(12.0))
     if typical == 0.0:
         wanted = f"'{units.position_sigma}'" + (
             " or 'encoder_step_rad'" if units.position == "rad" else ""
         )
-        raise levels.error(f"needs {wanted} for differentiated noise", path, field="noise")
-    scatter, scatter_parameter = _scale(
-        table,
-        "scatter",
-        units.speed,
-        levels,
-        path,
-        suffix,
-        phrase("additional independent error of each speed"),
-    )
-    check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
+        raise noise.error(f"needs {wanted} for differentiated noise")
+    scatter = _scatter_of_speeds(run, noise)
+    check_reading_error(sigma.scale, run, noise)
     if "sigma_x_m" in run.columns:
         rule = (
             f"is not used: differentiated noise takes one '{units.position_sigma}' for all "
@@ -171,30 +170,34 @@ def _differentiated(
         )
         raise InputError(rule, field="sigma_x_m", file=run.file)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
-    blur = relative_blur(
-        table, run, np.full(run.n_row, 0.0 if parameter else typical), levels, path
-    )
+    blur = relative_blur(run, noise, np.full(run.n_row, 0.0 if sigma.parameter else typical))
     derivative, blank = _speeds(run, table)
     rows = derivative.rows
     selection = select(
         position[rows],
         derivative.value,
         t[rows],
-        window=_window(run, levels),
+        window=_window(run, noise.levels),
         sigma_position=typical,
     )
-    in_bands = scatter_parameter is None and (parameter is None or scatter.value == 0.0)
-    check_count(selection, run, levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
+    in_bands = scatter.parameter is None and (sigma.parameter is None or scatter.scale.value == 0.0)
+    check_count(selection, run, noise.levels, blank, most=MAX_OBS if in_bands else MAX_DENSE)
     selected = rows[selection.kept]
-    zero, zero_parameter = _stated_offset(levels, units)
+    zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
         x=position[selected],
         y=derivative.value[selection.kept],
         t=t[selected],
         noise=Differentiated(
-            sigma, scatter, step, derivative, selection.kept, blur, table.exposure_s or 0.0
+            sigma.scale,
+            scatter.scale,
+            step,
+            derivative,
+            selection.kept,
+            blur,
+            table.exposure_s or 0.0,
         ),
-        parameters=_some(zero_parameter, parameter, scatter_parameter),
+        parameters=_some(zero_parameter, sigma.parameter, scatter.parameter),
         arguments=zero,
         excluded=blank + selection.reasons,
         excluded_points=_others(position[rows], derivative.value, selection),
@@ -202,8 +205,8 @@ def _differentiated(
     )
 
 
-def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
-    units, rate = _UNITS[run.coordinate], run.rate
+def _independent(run: Run, noise: StatedNoise) -> Observed:
+    units, rate, table = _UNITS[run.coordinate], run.rate, noise.table
     t, position = run.columns.get("t_s"), run.columns[run.coordinate]
     rows, blank, gain = np.arange(run.n_row), tuple[Finding, ...](), math.inf
     if rate in run.columns:
@@ -218,81 +221,45 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
             f"needs measured speeds: the run's file has no {rate} column (or a 'derivative' to "
             "compute them)"
         )
-        raise levels.error(rule, (*path, "model"), value="independent")
-    sigma, parameter = _scale(
-        table,
-        units.speed_sigma,
-        units.speed,
-        levels,
-        path,
-        suffix,
-        phrase("standard deviation of one speed"),
+        raise noise.error(rule, "model", value="independent")
+    sigma = _size(noise, units.speed_sigma, units.speed, phrase("standard deviation of one speed"))
+    scatter = _scatter_of_speeds(run, noise)
+    sigma_x = _size(
+        noise, units.position_sigma, units.position, phrase("standard deviation of one position")
     )
-    scatter, scatter_parameter = _scale(
-        table,
-        "scatter",
-        units.speed,
-        levels,
-        path,
-        suffix,
-        phrase("additional independent error of each speed"),
-    )
-    sigma_x, x_parameter = _scale(
-        table,
-        units.position_sigma,
-        units.position,
-        levels,
-        path,
-        suffix,
-        phrase("standard deviation of one position"),
-    )
-    tails, tail_parameters = shape_of(table.robust, suffix)
-    typical_x = _typical(sigma_x, x_parameter, 0.0)
-    sigma_x, relative_x = _by_row(
-        run,
-        "sigma_x_m",
-        sigma_x,
-        typical_x > 0.0,
-        units.position,
-        levels,
-        (*path, units.position_sigma),
-    )
-    stated = run.columns.get("sigma_v_m_s")
-    known = _typical(sigma, parameter, 0.0) > 0.0
-    if not known and stated is None and scatter.parameter is None and scatter.value == 0.0:
-        raise levels.error(
-            f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise",
-            path,
-            field="noise",
+    tails, tail_parameters = shape_of(table.robust, noise.suffix)
+    scale_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, units.position_sigma, noise)
+    if not sigma.stated and "sigma_v_m_s" not in run.columns and scatter.scale == Scale():
+        raise noise.error(
+            f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise"
         )
-    sigma, relative = _by_row(
-        run, "sigma_v_m_s", sigma, known, units.position, levels, (*path, units.speed_sigma)
-    )
-    guard = typical_x if relative_x is None else float(np.median(relative_x))
+    scale, relative = _by_row(run, "sigma_v_m_s", sigma, units.speed_sigma, noise)
+    guard = sigma_x.typical if relative_x is None else float(np.median(relative_x))
     # of speeds made by differences the error of a position follows from that of a speed: the same
     # guard zones as `differentiated`
-    reading = guard or _typical(sigma, parameter, 0.0) / gain
+    reading = guard or sigma.typical / gain
     where, when = position[rows], None if t is None else t[rows]
-    selection = select(where, speed, when, window=_window(run, levels), sigma_position=reading)
-    check_count(selection, run, levels, blank)
+    selection = select(
+        where, speed, when, window=_window(run, noise.levels), sigma_position=reading
+    )
+    check_count(selection, run, noise.levels, blank)
     selected = selection.kept
     t_selected = None if when is None else when[selected]
-    zero, zero_parameter = _stated_offset(levels, units)
-    noise = Independent(
-        sigma=sigma,
-        scatter=scatter,
-        relative=np.ones(selected.size) if relative is None else relative[rows][selected],
-        sigma_x=sigma_x if guard > 0.0 else None,
-        relative_x=None if relative_x is None else relative_x[rows][selected],
-        tails=tails,
-    )
+    zero, zero_parameter = _stated_offset(noise.levels, units)
     return Observed(
         x=where[selected],
         y=speed[selected],
         t=t_selected,
-        noise=noise,
+        noise=Independent(
+            sigma=scale,
+            scatter=scatter.scale,
+            relative=np.ones(selected.size) if relative is None else relative[rows][selected],
+            sigma_x=scale_x if guard > 0.0 else None,
+            relative_x=None if relative_x is None else relative_x[rows][selected],
+            tails=tails,
+        ),
         parameters=_some(
-            zero_parameter, parameter, scatter_parameter, x_parameter, *tail_parameters
+            zero_parameter, sigma.parameter, scatter.parameter, sigma_x.parameter, *tail_parameters
         ),
         arguments=zero,
         excluded=blank + selection.reasons,
@@ -301,65 +268,39 @@ def _independent(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix
     )
 
 
-def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: str) -> Observed:
+def _positions(run: Run, noise: StatedNoise) -> Observed:
     """Every frame inside the window, on both ways.
 
     Unless the campaign says otherwise the moment of release is unknown, and the zero of the
     positions as good as one reading.
     """
-    units = _UNITS[run.coordinate]
-    _need_times(run, "positions", levels, path)
-    step = _encoder_step(table, levels, path)
-    sigma, parameter = _scale(
-        table,
-        units.position_sigma,
-        units.position,
-        levels,
-        path,
-        suffix,
-        phrase("standard deviation of one position reading"),
+    units, levels, table = _UNITS[run.coordinate], noise.levels, noise.table
+    sigma, step = _reading(run, noise)
+    scatter = _size(
+        noise, "scatter", units.position, phrase("additional independent error of each position")
     )
-    scatter, scatter_parameter = _scale(
-        table,
-        "scatter",
-        units.position,
-        levels,
-        path,
-        suffix,
-        phrase("additional independent error of each position"),
-    )
-    tails, tail_parameters = shape_of(table.robust, suffix)
-    check_reading_error(sigma, units.position_sigma, run.columns[run.coordinate], levels, path)
-    known = _typical(sigma, parameter, 0.0) > 0.0
+    tails, tail_parameters = shape_of(table.robust, noise.suffix)
+    check_reading_error(sigma.scale, run, noise)
     if (
-        not known
+        not sigma.stated
         and step == 0.0
         and "sigma_x_m" not in run.columns
-        and scatter.parameter is None
-        and scatter.value == 0.0
+        and scatter.scale == Scale()
     ):
-        raise levels.error(
-            f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise",
-            path,
-            field="noise",
+        raise noise.error(
+            f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise"
         )
-    sigma, relative = _by_row(
-        run, "sigma_x_m", sigma, known, units.position, levels, (*path, units.position_sigma)
-    )
-    rest = (
-        np.full(run.n_row, 0.0 if parameter else _typical(sigma, parameter, step))
-        if relative is None
-        else relative
-    )
-    blur = relative_blur(table, run, rest, levels, path)
+    scale, relative = _by_row(run, "sigma_x_m", sigma, units.position_sigma, noise)
+    typical = math.hypot(sigma.typical, step / math.sqrt(12.0))
+    rest = np.full(run.n_row, 0.0 if sigma.parameter else typical) if relative is None else relative
+    blur = relative_blur(run, noise, rest)
     t, position = run.columns["t_s"], run.columns[run.coordinate]
     selection = select(position, None, t, window=_window(run, levels), sigma_position=0.0)
     check_count(selection, run, levels)
     rows = selection.kept
     x, y = t[rows], position[rows]
     started = x[int(np.argmax(np.abs(y - y[0]) > 0.25 * np.ptp(y)))]
-    zero = _typical(sigma, parameter, step) if relative is None else float(np.median(relative))
-    zero = zero or scatter.value or (scatter_parameter.prior.centre if scatter_parameter else 0.0)
+    zero = (typical if relative is None else float(np.median(relative))) or scatter.typical
     if blur is not None:
         relative = blur if relative is None else blur * relative
     early = float(x[0] - 0.5 * (x[-1] - x[0]))
@@ -380,44 +321,39 @@ def _positions(run: Run, levels: Levels, table: NoiseTable, path: Path, suffix: 
         t=x,
         arguments=sources,
         noise=Independent(
-            sigma=sigma,
-            scatter=scatter,
+            sigma=scale,
+            scatter=scatter.scale,
             relative=np.ones(rows.size) if relative is None else relative[rows],
             encoder_step=step,
             tails=tails,
             exposure=table.exposure_s or 0.0,
         ),
         positions=True,
-        parameters=_some(*unknowns, parameter, scatter_parameter, *tail_parameters),
+        parameters=_some(*unknowns, sigma.parameter, scatter.parameter, *tail_parameters),
         excluded=selection.reasons,
         excluded_points=_others(t, position, selection),
         rows=Rows.of_points(x.size, x, run.lines[rows]),
     )
 
 
-def _need_times(run: Run, model: str, levels: Levels, path: Path) -> None:
-    if "t_s" not in run.columns:
-        raise levels.error(
-            "needs times: the run's file has no t_s column", (*path, "model"), value=model
-        )
-
-
 def _some(*parameters: Parameter | None) -> tuple[Parameter, ...]:
     return tuple(p for p in parameters if p is not None)
 
 
-def _encoder_step(table: NoiseTable, levels: Levels, path: Path) -> float:
-    step = table.encoder_step_rad
+def _reading(run: Run, noise: StatedNoise) -> tuple[_Size, float]:
+    """The standard deviation of one position as it is read, and the step of an encoder, 0 where
+    there is none.
+    """
+    units, step = _UNITS[run.coordinate], noise.table.encoder_step_rad
     if step is not None and not (step > 0.0 and math.isfinite(step)):
-        raise levels.error("must be > 0", (*path, "encoder_step_rad"), value=step)
-    return step or 0.0
+        raise noise.error("must be > 0", "encoder_step_rad", value=step)
+    meaning = phrase("standard deviation of one position reading")
+    return _size(noise, units.position_sigma, units.position, meaning), step or 0.0
 
 
-def _typical(sigma: Scale, parameter: Parameter | None, step: float) -> float:
-    """Standard deviation of a reading as stated, or where its prior has its centre."""
-    return math.hypot(
-        sigma.value if parameter is None else parameter.prior.centre, step / math.sqrt(12.0)
-    )
+def _scatter_of_speeds(run: Run, noise: StatedNoise) -> _Size:
+    meaning = phrase("additional independent error of each speed")
+    return _size(noise, "scatter", _UNITS[run.coordinate].speed, meaning)
 
 
 def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...]]:
@@ -433,18 +369,18 @@ def _speeds(run: Run, table: NoiseTable) -> tuple[Derivative, tuple[Finding, ...
 
 
 def _by_row(
-    run: Run, column: str, sigma: Scale, known: bool, unit: str, levels: Levels, path: Path
+    run: Run, column: str, size: _Size, key: str, noise: StatedNoise
 ) -> tuple[Scale, FloatArray | None]:
     """A standard deviation that may stand in a column, row by row (n_row,), instead of the noise
     table.
     """
     if column not in run.columns:
-        return sigma, None
-    if unit != "m":
-        rule = f"does not apply to a run in {unit}; start the column's name with _ to skip it"
+        return size.scale, None
+    if run.coordinate != "x_m":
+        rule = "does not apply to a run in rad; start the column's name with _ to skip it"
         raise InputError(rule, field=column, file=run.file)
-    if known:
-        raise levels.error(f"is stated twice: here and in the {column} column of {run.file}", path)
+    if size.stated:
+        raise noise.error(f"is stated twice: here and in the {column} column of {run.file}", key)
     return Scale(1.0), run.columns[column]
 
 
@@ -452,7 +388,7 @@ def _stated_offset(
     levels: Levels, units: _Units
 ) -> tuple[dict[str, str | float], Parameter | None]:
     """The zero of the positions for speeds: exact unless the campaign states it."""
-    if all(getattr(level.table, units.offset) is None for level in levels):
+    if levels.first(units.offset) is None:
         return {}, None
     source, parameter = _nuisance(levels, units.offset, _offset(units, 1.0))
     return {"offset": source}, parameter
@@ -471,52 +407,42 @@ def _offset(units: _Units, sd: float) -> Parameter:
 def _nuisance(levels: Levels, key: str, unknown: Parameter) -> tuple[str | float, Parameter | None]:
     """An argument of x(t) as the campaign states it, or `unknown` as one of this run."""
     parameter = replace(unknown, name=f"{unknown.name}[{levels.run.name}]")
-    for level in levels:
-        written = getattr(level.table, key)
-        if written is not None:
-            value = read_at(levels.source, written, (*level.path, key))
-            if isinstance(value, Quantity) and value.exact:
-                return value.value, None
-            stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
-            parameter = replace(unknown, name=unknown.name + level.suffix, prior=stated)
-            break
+    level = levels.first(key)
+    if level is not None:
+        value = levels.read(level, key)
+        if isinstance(value, Quantity) and value.exact:
+            return value.value, None
+        stated = as_prior(value, low=-math.inf) if isinstance(value, Quantity) else value
+        parameter = replace(unknown, name=unknown.name + level.suffix, prior=stated)
     return parameter.name, parameter
 
 
-def _scale(
-    table: NoiseTable, key: str, unit: str, levels: Levels, path: Path, suffix: str, meaning: str
-) -> tuple[Scale, Parameter | None]:
+def _size(noise: StatedNoise, key: str, unit: str, meaning: str) -> _Size:
     """A standard deviation of the noise table: fixed, or a parameter where it has an uncertainty or
     a prior.
     """
-    written = getattr(table, key)
+    written = getattr(noise.table, key)
     if written is None:
-        return Scale(0.0), None
-    value = read_at(levels.source, written, (*path, key))
+        return _Size(Scale())
+    value = read_at(noise.levels.source, written, (*noise.path, key))
     if isinstance(value, Quantity) and value.exact:
         if value.value <= 0.0:
-            raise levels.error("must be > 0", (*path, key), value=value.value)
-        return Scale(value.value), None
+            raise noise.error("must be > 0", key, value=value.value)
+        return _Size(Scale(value.value))
     prior = as_prior(value, low=0.0) if isinstance(value, Quantity) else value
     if prior.low < 0.0 and not isinstance(value, Quantity):
-        raise levels.error(
-            "is a standard deviation: its prior must not reach below 0", (*path, key)
-        )
+        raise noise.error("is a standard deviation: its prior must not reach below 0", key)
     name, symbol = _SCALES[key]
-    return Scale(parameter=name + suffix), Parameter(
-        name + suffix, unit, prior, meaning, Notation(symbol)
-    )
+    name += noise.suffix
+    return _Size(Scale(parameter=name), Parameter(name, unit, prior, meaning, Notation(symbol)))
 
 
 def _window(run: Run, levels: Levels) -> Window:
     """Limits of the most particular window table, in the run's own coordinate."""
-    for level in levels:
-        if level.table.window is not None:
-            return _read_window(level.table.window, run, levels, (*level.path, "window"))
-    return Window(-math.inf, math.inf, -math.inf, math.inf)
-
-
-def _read_window(table: WindowTable, run: Run, levels: Levels, path: Path) -> Window:
+    level = levels.first("window")
+    if level is None or level.table.window is None:
+        return Window(-math.inf, math.inf, -math.inf, math.inf)
+    table, path = level.table.window, (*level.path, "window")
     here, other = (("x_min_m", "x_max_m"), ("theta_min_rad", "theta_max_rad"))[
         :: 1 if run.coordinate == "x_m" else -1
     ]

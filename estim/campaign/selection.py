@@ -110,14 +110,12 @@ def check_count(
     count = selection.kept.size
     if _MIN_OBS <= count <= most:
         return
-    stated = next(
-        ((*level.path, "window") for level in levels if level.table.window is not None), None
-    )
+    stated = levels.first("window")
     if stated is not None:
         rule = (
             f"must leave between {_MIN_OBS} and {most} of the {run.n_row} rows of {run.file} to fit"
         )
-        raise levels.error(rule, stated, field="window", value=count)
+        raise levels.error(rule, (*stated.path, "window"), value=count)
     if count > most:
         raise InputError(
             f"must be at most {most}: state a window for run '{run.name}'",

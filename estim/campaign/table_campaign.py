@@ -18,7 +18,7 @@ from estim.campaign.campaign import Campaign
 from estim.campaign.campaign_file import Kind, campaign_file_of
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.loading import bound
-from estim.campaign.toml_text import toml_key, toml_string
+from estim.campaign.toml_text import toml_lines
 from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import (
@@ -35,6 +35,7 @@ from estim.reading import (
 
 _COMMAND_LINE = "command line"
 _ABSCISSAS = ("x", "t", "time")
+_DIALECT = ("columns", "delimiter", "decimal", "encoding", "skip_rows", "header")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
 
@@ -77,18 +78,10 @@ class Axis:
     unit: str
 
     @property
-    def text(self) -> str:
-        """The axis as TOML."""
-        parts = [("column", self.column), ("name", self.name), ("unit", self.unit)]
-        return (
-            "{"
-            + ", ".join(
-                f"{key} = {toml_string(value)}"
-                for key, value in parts
-                if value and (key == "column" or _WORD.fullmatch(value))
-            )
-            + "}"
-        )
+    def table(self) -> dict[str, str]:
+        """Its keys in a campaign."""
+        said = {key: word for key, word in vars(self).items() if _WORD.fullmatch(word)}
+        return {"column": self.column} | said
 
 
 def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
@@ -112,70 +105,35 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
         formula = formula.in_terms_of(variable)
     starts = _starts(formula, choices) if model is None else dict(choices.start)
     _check_parameters(formula, choices)
-    lines = [
-        f"title = {toml_string(choices.title or file.stem)}",
-        f'kind = "{choices.kind}"',
-        "",
-        "[curve]",
-    ]
-    lines += [
-        f"expression = {toml_string(formula.text)}"
-        if model is None
-        else f"model = {toml_string(model.text)}"
-    ]
-    lines += [f"x = {x.text}", f"y = {y.text}"]
-    lines += [
-        f"{key} = {_error_text(key, u)}" for key, u in (("u_y", u_y), ("u_x", u_x)) if u is not None
-    ]
-    if choices.window is not None:
-        ends = zip(("min", "max"), choices.window, strict=True)
-        lines.append(
-            "window = {"
-            + ", ".join(f"{name} = {end!r}" for name, end in ends if end is not None)
-            + "}"
-        )
-    lines += [
-        f"{key} = {value}"
-        for key in ("every", "deviation")
-        if (value := getattr(choices, key)) is not None
-    ]
-    lines += (["correlated = true"] if choices.correlated else []) + dialect_lines(choices.dialect)
-    named = [
-        _parameter_line(name, starts, choices)
+    window = choices.window and dict(zip(("min", "max"), choices.window, strict=True))
+    curve = {
+        "expression": formula.text if model is None else None,
+        "model": None if model is None else model.text,
+        "x": x.table,
+        "y": y.table,
+        "u_y": _error("u_y", u_y),
+        "u_x": _error("u_x", u_x),
+        "window": window,
+        "every": choices.every,
+        "deviation": choices.deviation,
+        "correlated": choices.correlated or None,
+        **{key: getattr(choices.dialect, key) for key in _DIALECT},
+    }
+    parameters = {
+        name: _parameter(name, starts, choices)
         for name in formula.names
         if model is None or name in stated
-    ]
-    lines += ["", "[curve.parameters]", *named] if named else []
-    lines += [
-        "",
-        "[[runs]]",
-        f"name = {toml_string(run_name(file))}",
-        f"file = {toml_string(name or file.name)}",
-    ]
-    lines += [] if choices.track is None else [f"track = {toml_string(choices.track)}"]
-    lines += [] if choices.release is None else [f"release = {_release_text(choices.release)}"]
-    return "\n".join(lines) + "\n"
-
-
-def dialect_lines(dialect: Dialect) -> list[str]:
-    """The keys of what is stated of a table."""
-    columns = (
-        []
-        if dialect.columns is None
-        else ["columns = [" + ", ".join(map(toml_string, dialect.columns)) + "]"]
-    )
-    words = [
-        f"{key} = {toml_string(value)}"
-        for key in ("delimiter", "decimal", "encoding")
-        if (value := getattr(dialect, key)) is not None
-    ]
-    skip = [] if dialect.skip_rows is None else [f"skip_rows = {dialect.skip_rows}"]
-    return (
-        columns
-        + words
-        + skip
-        + ([] if dialect.header is None else [f"header = {str(dialect.header).lower()}"])
-    )
+    }
+    run = {
+        "name": run_name(file),
+        "file": name or file.name,
+        "track": choices.track,
+        "release": None if choices.release is None else _release(choices.release),
+    }
+    lines = toml_lines({"title": choices.title or file.stem, "kind": choices.kind})
+    lines += ["", "[curve]", *toml_lines(curve)]
+    lines += ["", "[curve.parameters]", *toml_lines(parameters)] if parameters else []
+    return "\n".join([*lines, "", "[[runs]]", *toml_lines(run)]) + "\n"
 
 
 def run_name(file: Path) -> str:
@@ -345,23 +303,20 @@ def _starts(formula: Formula, choices: TableChoices) -> dict[str, str]:
     return {**(dict.fromkeys(free, "1.0") if straight else {}), **choices.start}
 
 
-def _parameter_line(name: str, starts: Mapping[str, str], choices: TableChoices) -> str:
+def _parameter(name: str, starts: Mapping[str, str], choices: TableChoices) -> object:
     if name in choices.value:
-        quantity = read_quantity(choices.value[name], field=f"--value {name}")
-        return (
-            f"{toml_key(name)} = {quantity.value!r}"
-            if quantity.exact
-            else f"{toml_key(name)} = {toml_string(choices.value[name].strip())}"
-        )
+        return _stated(choices.value[name], f"--value {name}")
     number, _, unit = starts.get(name, "").strip().partition(" ")
-    keys = [f"start = {_number(number, f'--start {name}')!r}"] if number else []
-    keys += [
-        f"{key} = {_number(given[name], f'--{key} {name}')!r}"
-        for key, given in (("low", choices.low), ("high", choices.high))
-        if name in given
-    ]
-    keys += [f"unit = {toml_string(unit.strip())}"] if unit.strip() else []
-    return f"{toml_key(name)} = {{{', '.join(keys)}}}"
+    numbers = {"start": number, "low": choices.low.get(name), "high": choices.high.get(name)}
+    return {key: _number(text, f"--{key} {name}") for key, text in numbers.items() if text} | (
+        {"unit": unit.strip()} if unit.strip() else {}
+    )
+
+
+def _stated(written: str, option: str) -> float | str:
+    """An exact number, or a number with its uncertainty as it is written."""
+    quantity = read_quantity(written, field=option)
+    return quantity.value if quantity.exact else written.strip()
 
 
 def _number(text: str, option: str) -> float:
@@ -375,22 +330,19 @@ def _number(text: str, option: str) -> float:
     return value
 
 
-def _error_text(key: str, written: str) -> str:
-    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a
-    column.
+def _error(key: str, written: str | None) -> object:
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column;
+    None where nothing is said.
     """
+    if written is None:
+        return None
     if not re.match(r"\s*[+-]?[.\d]", written):
-        return f"{{column = {toml_string(written)}}}"
-    quantity = read_quantity(written, field=f"--{key.replace('_', '-')}")
-    return repr(quantity.value) if quantity.exact else toml_string(written.strip())
+        return {"column": written}
+    return _stated(written, f"--{key.replace('_', '-')}")
 
 
-def _release_text(written: str) -> str:
-    return (
-        toml_string(written)
-        if written in ("first", "keep")
-        else repr(_number(written, "--release"))
-    )
+def _release(written: str) -> str | float:
+    return written if written in ("first", "keep") else _number(written, "--release")
 
 
 def pairs(given: Sequence[str], option: str) -> dict[str, str]:

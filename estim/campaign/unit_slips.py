@@ -5,16 +5,15 @@ as a candidate for what its curve lacks.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TypeVar
+from dataclasses import dataclass
+from functools import partial
 
 import msgspec
 
-from estim.campaign.campaign_file import CampaignFile, LevelTable, RunTable
+from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.common import phrase
 
 _KEYS = {"θ₀": ("theta0_deg", "theta0_rad"), "φ": ("phi_deg", "phi_rad")}
-_T = TypeVar("_T", LevelTable, RunTable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,12 +32,7 @@ def unit_slips(source: CampaignFile) -> Iterator[Slip]:
     """θ₀, φ or both in radians, where they are said in degrees."""
     for symbols in (("θ₀",), ("φ",), ("θ₀", "φ")):
         keys = dict(_KEYS[symbol] for symbol in symbols)
-        changed = replace(
-            source,
-            shared=_with_keys(source.shared, keys),
-            bodies={name: _with_keys(table, keys) for name, table in source.bodies.items()},
-            runs=tuple(_with_keys(run, keys) for run in source.runs),
-        )
+        changed = source.with_levels(partial(_with_keys, keys=keys))
         yield Slip(
             phrase(
                 "{symbols} given in radians, not degrees", symbols=phrase(" and ").join(symbols)
@@ -53,7 +47,7 @@ def unit_slips(source: CampaignFile) -> Iterator[Slip]:
         )
 
 
-def _with_keys(table: _T, keys: dict[str, str]) -> _T:
+def _with_keys(table: LevelTable, keys: dict[str, str]) -> LevelTable:
     """A table with what it says under one key under another."""
     renamed = {wrong: right for wrong, right in keys.items() if getattr(table, wrong) is not None}
     values = {right: getattr(table, wrong) for wrong, right in renamed.items()}

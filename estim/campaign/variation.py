@@ -6,8 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
-from typing import TypeVar
 
 import msgspec
 
@@ -27,8 +27,6 @@ from estim.reading import Run
 _SIZES = ("sigma_x_m", "sigma_theta_rad", "sigma_v_m_s", "sigma_omega_rad_s", "encoder_step_rad")
 _FAR = ("x_max_m", "theta_max_rad")
 _PLANNED = {"phi": "phi_deg", "theta0": "theta0_deg", "gamma": "gamma"}
-
-Table = TypeVar("Table", bound=LevelTable)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +54,10 @@ def planned_quantities(
             path = ("plan", "runs", index, key)
             value = read_at(source, written, path, factor=KINDS_OF_QUANTITIES[name].keys[key])
             if not isinstance(value, Quantity):
-                raise source.places.error('must be a number or "value +/- uncertainty"', path)
+                raise source.error('must be a number or "value +/- uncertainty"', path)
             kind = KINDS_OF_QUANTITIES[name]
             if not kind.low <= value.value <= kind.high:
-                raise source.places.error("lies outside what is possible", path, value=written)
+                raise source.error("lies outside what is possible", path, value=written)
             quantities[name] = value
     return quantities
 
@@ -90,16 +88,8 @@ def otherwise(campaign: Campaign, *, reading_error: float = 1.0, reach: float = 
     """The campaign with the errors of its readings, and the far ends of its windows, these factors
     as large.
     """
-    source = campaign.source
-    bodies = {name: _otherwise(body, reading_error, reach) for name, body in source.bodies.items()}
-    runs = tuple(_otherwise(run, reading_error, reach) for run in source.runs)
-    changed = replace(
-        source,
-        shared=_otherwise(source.shared, reading_error, reach),
-        bodies=MappingProxyType(bodies),
-        runs=runs,
-    )
-    return _of(changed, campaign.tables)
+    changed = partial(_otherwise, error=reading_error, reach=reach)
+    return _of(campaign.source.with_levels(changed), campaign.tables)
 
 
 def with_tables(campaign: Campaign, tables: Mapping[str, Run]) -> Campaign:
@@ -170,7 +160,7 @@ def _written(quantity: Quantity) -> Value:
     )
 
 
-def _otherwise(table: Table, error: float, reach: float) -> Table:
+def _otherwise(table: LevelTable, error: float, reach: float) -> LevelTable:
     changed: dict[str, object] = {}
     if table.noise is not None and error != 1.0:
         changed["noise"] = _scaled(table.noise, error)

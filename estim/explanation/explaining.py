@@ -79,11 +79,10 @@ class Outcome:
         return self.status.ok and not self.lacks_force
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Candidate(Cause):
     """One thing that may be missing, refit.
 
-    name, words, lines, remark, slip, posed : of its `Cause`.
     gain : see above.  numbers : what was found of it, beside white noise.
     outcome : of the campaign with it; None where that was not asked.
     p_order : probability of the residuals with it, by the worst of the tests of order; nan where
@@ -91,16 +90,10 @@ class Candidate:
     p_size : the same by chi-squared; nan where the size of the noise is inferred.
     """
 
-    name: str
-    words: str
-    lines: tuple[str, ...]
-    remark: str
-    gain: float
-    numbers: tuple[Estimated, ...]
-    slip: bool = False
+    gain: float = 0.0
+    numbers: tuple[Estimated, ...] = ()
     p_order: float = math.nan
     p_size: float = math.nan
-    posed: Callable[[], Problem] | None = None
     outcome: Outcome | None = None
 
     @property
@@ -204,16 +197,7 @@ def explain(
         fit = _with(cause, base)
         if fit is not None:
             gain = lowest - badness(fit) - 2.0 * cause.n_number - cause.searched
-            candidate = Candidate(
-                cause.name,
-                cause.words,
-                cause.lines,
-                cause.remark,
-                gain,
-                _numbers(cause, fit),
-                cause.slip,
-                posed=cause.posed,
-            )
+            candidate = Candidate(**vars(cause), gain=gain, numbers=_numbers(cause, fit))
             if (candidate.found or not cause.slip) and (
                 cause.name not in fits or candidate.gain > fits[cause.name][0].gain
             ):
@@ -230,7 +214,7 @@ def explain(
         for i, (entry, fit) in enumerate(ordered)
     ]
     names = tuple(run.name for run in plain.runs)
-    return Explanation(names, _tested(Candidate("", "", (), "", 0.0, ()), base, rng), tuple(tested))
+    return Explanation(names, _tested(Candidate("", "", plain, (), ()), base, rng), tuple(tested))
 
 
 def badness(fit: Fit) -> float:

@@ -71,7 +71,8 @@ class Predicted:
         return self.p >= P_NOT_BROUGHT_BACK
 
 
-_Statistic = Callable[[FloatArray], FloatArray]
+_Motion = tuple[FloatArray, FloatArray]
+"""Places and speeds, (n_set, n) or (1, n) each, in the order of the motion."""
 
 
 def predictive_checks(
@@ -134,125 +135,73 @@ def _again(
 def _of_run(
     run: Observations, points: Points, again: FloatArray, arguments: Mapping[str, ArrayLike]
 ) -> tuple[Predicted, ...]:
-    if run.positions:
-        order = np.argsort(points.x)
-        x, measured, again = points.x[order], points.y[order], again[:, order]
-        over = min(max(_LEAST_OVER, x.size // _SPEED_OVER), x.size)
-        slope, mean = _sliding(x, over)
-        statistics = _of_motion(
-            run,
-            mean @ measured,
-            slope @ measured,
-            again @ mean.T,
-            again @ slope.T,
-            arguments,
-            run.y_unit,
-        )
-        position = Notation("x").label(run.y_unit)
-        return (
-            _compared(
-                run,
-                "farthest",
-                phrase("farthest reading"),
-                position,
-                measured[None, :],
-                again,
-                lambda y: np.max(y, axis=1),
-            ),
-            *statistics,
-        )
     order = np.argsort(points.x, kind="stable")
-    return _of_motion(
+    x, measured, again = points.x[order], points.y[None, order], again[:, order]
+    if not run.positions:
+        return _of_motion(run, (x[None, :], measured), (x[None, :], again), arguments, run.x_unit)
+    over = min(max(_LEAST_OVER, x.size // _SPEED_OVER), x.size)
+    slope, mean = _sliding(x, over)
+    farthest = _compared(
         run,
-        points.x[order],
-        points.y[order],
-        np.broadcast_to(points.x[order], again.shape),
-        again[:, order],
-        arguments,
-        run.x_unit,
+        "farthest",
+        phrase("farthest reading"),
+        Notation("x").label(run.y_unit),
+        np.max(measured, axis=1),
+        np.max(again, axis=1),
     )
+    pairs = [(y @ mean.T, y @ slope.T) for y in (measured, again)]
+    return (farthest, *_of_motion(run, pairs[0], pairs[1], arguments, run.y_unit))
 
 
 def _of_motion(
     run: Observations,
-    x: FloatArray,
-    v: FloatArray,
-    xs: FloatArray,
-    vs: FloatArray,
+    measured: _Motion,
+    again: _Motion,
     arguments: Mapping[str, ArrayLike],
     unit: str,
 ) -> tuple[Predicted, ...]:
-    """Of a motion x, v (n,) and those again (n_set, n), in the order of the motion."""
+    x, v = (part[0] for part in measured)
     here, speed = Notation("x").label(unit), Notation("v").label(f"{unit}/s")
-    first, last = _ends(x.size)
-    statistics = [
-        _compared(
-            run,
-            "largest_speed",
-            phrase("largest speed"),
-            speed,
-            v[None, :],
-            vs,
-            lambda y: np.max(np.abs(y), axis=1),
-        )
-    ]
+    size = min(max(_LEAST, x.size // _PART), x.size)
+    first, last = slice(0, size), slice(x.size - size, x.size)
+
+    def compared(
+        name: str, words: str, label: Label, statistic: Callable[[_Motion], FloatArray]
+    ) -> Predicted:
+        return _compared(run, name, words, label, statistic(measured), statistic(again))
+
+    def place(motion: _Motion) -> FloatArray:
+        where, speeds = np.broadcast_arrays(*motion)
+        top = np.argmax(np.abs(speeds), axis=1)[:, None]
+        return np.take_along_axis(where, top, axis=1)[:, 0]
+
+    def energies(motion: _Motion) -> tuple[FloatArray, FloatArray]:
+        kinetic, potential = run.body.energies(*motion, arguments)
+        n_set = max(n_draws(arguments), motion[1].shape[0])
+        shape = n_set, x.size
+        return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
+
+    def lost(motion: _Motion) -> FloatArray:
+        total = np.add(*energies(motion))
+        return np.asarray(total[:, last].mean(axis=1) - total[:, first].mean(axis=1)) / scale
+
+    fastest = phrase("largest speed")
+    statistics = [compared("largest_speed", fastest, speed, lambda m: np.max(np.abs(m[1]), axis=1))]
     top = int(np.argmax(np.abs(v)))
-    if first.stop <= top < x.size - (last.stop - last.start):
-        observed = x[[top]]
-        again = np.take_along_axis(xs, np.argmax(np.abs(vs), axis=1)[:, None], axis=1)[:, 0]
-        statistics.append(
-            _predicted(
-                run, "its_place", phrase("position of the largest speed"), here, observed, again
-            )
-        )
+    if first.stop <= top < last.start:
+        words = phrase("position of the largest speed")
+        statistics.append(compared("its_place", words, here, place))
         if not run.positions and np.mean(v[last]) < _SLOWED * v[top]:
-            end = x[last]
+            end, words = x[last], phrase("turning point")
             statistics.append(
-                _compared(
-                    run,
-                    "turning_point",
-                    phrase("turning point"),
-                    here,
-                    v[None, last],
-                    vs[:, last],
-                    lambda y: _zero_of(end, y),
-                )
+                compared("turning_point", words, here, lambda m: _zero_of(end, m[1][:, last]))
             )
-    scale = np.max(_energy(run, x, v, arguments)[0], axis=1, keepdims=True)
-    lost = [
-        _change(run, *pair, arguments, first, last) / scale[:, 0] for pair in ((x, v), (xs, vs))
-    ]
+    scale = np.max(energies(measured)[0], axis=1)
     percent = Notation("ΔE/T", "%", 100.0).label("1")
     words = phrase(
         "energy at the end minus energy at the start, relative to the largest kinetic energy"
     )
-    return (*statistics, _predicted(run, "energy", words, percent, lost[0], lost[1]))
-
-
-def _ends(n: int) -> tuple[slice, slice]:
-    size = min(max(_LEAST, n // _PART), n)
-    return slice(0, size), slice(n - size, n)
-
-
-def _energy(
-    run: Observations, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
-) -> tuple[FloatArray, FloatArray]:
-    kinetic, potential = run.body.energies(x, v, arguments)
-    n_set = max(n_draws(arguments), *(np.atleast_2d(part).shape[0] for part in (x, v)))
-    shape = n_set, x.shape[-1]
-    return np.broadcast_to(kinetic, shape), np.broadcast_to(potential, shape)
-
-
-def _change(
-    run: Observations,
-    x: FloatArray,
-    v: FloatArray,
-    arguments: Mapping[str, ArrayLike],
-    first: slice,
-    last: slice,
-) -> FloatArray:
-    total = np.add(*_energy(run, x, v, arguments))
-    return np.asarray(total[:, last].mean(axis=1) - total[:, first].mean(axis=1))
+    return (*statistics, compared("energy", words, percent, lost))
 
 
 def _zero_of(x: FloatArray, v: FloatArray) -> FloatArray:
@@ -280,18 +229,6 @@ def _sliding(t: FloatArray, over: int) -> tuple[FloatArray, FloatArray]:
 
 
 def _compared(
-    run: Observations,
-    name: str,
-    words: str,
-    label: Label,
-    measured: FloatArray,
-    again: FloatArray,
-    statistic: _Statistic,
-) -> Predicted:
-    return _predicted(run, name, words, label, statistic(measured), statistic(again))
-
-
-def _predicted(
     run: Observations, name: str, words: str, label: Label, observed: FloatArray, again: FloatArray
 ) -> Predicted:
     above, same = np.mean(again > observed), np.mean(again == observed)

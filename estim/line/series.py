@@ -76,7 +76,7 @@ def _sd_of_sine(angle: FloatArray, u: FloatArray) -> FloatArray:
 def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
     """The series that the [line] table of a campaign names.  Raises InputError."""
     if source.line is None:
-        raise source.places.error(
+        raise source.error(
             "has no [line] table: it names the theta_min series", (), field="campaign"
         )
     line, folder = source.line, source.path.parent
@@ -95,7 +95,7 @@ def read_theta_min(source: CampaignFile) -> ThetaMinSeries:
         ("u_zero_theta_min_deg", line.u_zero_theta_min_deg),
     ):
         if not 0.0 <= value < 45.0:
-            raise source.places.error("must lie between 0 and 45", ("line", key), value=value)
+            raise source.error("must lie between 0 and 45", ("line", key), value=value)
     return ThetaMinSeries(
         body=line.body,
         file=table.file,
@@ -117,7 +117,7 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
     """
     column = table.columns.get(name)
     if column is not None and common is not None:
-        raise source.places.error(
+        raise source.error(
             f"is stated twice: here and as a column of {table.file}", ("line", name), value=common
         )
     if column is not None:
@@ -125,11 +125,9 @@ def _uncertainty(source: CampaignFile, table: Table, name: str, common: float | 
         table.require(name, column >= _LEAST, f"must be at least {_LEAST:g}")
         return column
     if common is None:
-        raise source.places.error(
+        raise source.error(
             f"is missing: say it here or as a column of {table.file}", ("line", name)
         )
     if not _LEAST <= common < 45.0:
-        raise source.places.error(
-            f"must lie between {_LEAST:g} and 45", ("line", name), value=common
-        )
+        raise source.error(f"must lie between {_LEAST:g} and 45", ("line", name), value=common)
     return np.full(table.lines.size, common)

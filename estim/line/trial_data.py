@@ -97,7 +97,7 @@ def read_trials(source: CampaignFile) -> Trials:
     """The trials that the [trials] table of a campaign names.  Raises InputError."""
     stated = source.trials
     if stated is None:
-        raise source.places.error(
+        raise source.error(
             "has no [trials] table: it names the trials of release", (), field="campaign"
         )
     path = Path(source.path.parent / stated.file)
@@ -112,7 +112,7 @@ def read_trials(source: CampaignFile) -> Trials:
     for key in keys:
         least = _LEAST if key == "u_theta_deg" else 0.0
         if not least <= getattr(stated, key) < 45.0:
-            raise source.places.error(
+            raise source.error(
                 f"must lie between {least:g} and 45", ("trials", key), value=getattr(stated, key)
             )
     tilts = by_tilt(

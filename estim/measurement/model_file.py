@@ -21,7 +21,7 @@ from estim.common import InputError, same_looks
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement.input_tables import InputTable, inputs_of
 from estim.propagation import Input, IntervalKind
-from estim.reading import TOML_BYTES, Places, parse_toml, read_text
+from estim.reading import TOML_BYTES, KeyPath, Places, parse_toml, read_text
 
 _MOST_INPUTS, _MOST_OUTPUTS = 60, 12
 _LEAST_DRAWS, _MOST_DRAWS = 10_000, 10_000_000
@@ -226,7 +226,7 @@ def _outputs(top: _TopTable, places: Places) -> tuple[Output, ...]:
     return tuple(outputs)
 
 
-def _check_name(name: str, path: Sequence[str], places: Places) -> None:
+def _check_name(name: str, path: KeyPath, places: Places) -> None:
     if (
         not name.isidentifier()
         or name.startswith("_")
@@ -315,7 +315,7 @@ def _correlations(
     """Stated correlations, and those of readings that were taken together (GUM 5.2.3, eq. 17)."""
     parts = {part.name: part for quantity in quantities for part in quantity.parts}
     pairs: dict[tuple[str, str], float] = {}
-    entries: list[tuple[list[str], float, tuple[str | int, ...]]] = []
+    entries: list[tuple[list[str], float, KeyPath]] = []
     entries += [
         (correlation.between, correlation.r, ("correlations", i))
         for i, correlation in enumerate(top.correlations)
@@ -377,7 +377,7 @@ def _together(quantity: Quantity, top: _TopTable) -> Quantity:
 
 
 def _of_readings(
-    top: _TopTable, group: Sequence[str], places: Places, path: tuple[str | int, ...]
+    top: _TopTable, group: Sequence[str], places: Places, path: KeyPath
 ) -> dict[tuple[str, str], float]:
     lists = []
     for name in group:

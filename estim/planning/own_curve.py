@@ -6,19 +6,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.calibration import curve_at
 from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
 from estim.planning.changes import Wish
 from estim.planning.rolling import Outlook
 from estim.problem import Observations, Problem, Scale
-from estim.reading import Run
 
 _BEYOND = 0.25  # of the range of x on either side: how far readings may lie outside
 _PLACES = 61
@@ -40,32 +39,22 @@ class CurveBasis:
         named, tables = self.fit.problem.named(self.fit.values), dict(self.campaign.tables)
         for run in self.fit.problem.runs:
             table = tables[run.name]
-            further = [readings for readings in wish.readings if readings.run == run.name]
-            rows = _every_so_often(table.columns[x_column], wish.frames)
-            rows = np.append(
-                rows,
-                [_nearest(table.columns[x_column], one.x) for one in further for _ in range(one.n)],
-            ).astype(int)
-            x = table.columns[x_column][rows].copy()
-            new = [one.x for one in further for _ in range(one.n)]
-            if new:
-                x[-len(new) :] = new
-            columns = {name: column[rows].copy() for name, column in table.columns.items()} | {
-                x_column: x,
-                y_column: _curve(run, x, named),
-            }
-            tables[run.name] = _sorted(table, columns, x_column)
+            at = table.columns[x_column]
+            new = [one.x for one in wish.readings if one.run == run.name for _ in range(one.n)]
+            near = [int(np.argmin(np.abs(at - x))) for x in new]
+            rows = np.append(_every_so_often(at, wish.frames), near).astype(int)
+            x = at[rows].copy()
+            x[rows.size - len(new) :] = new
+            columns = {name: column[rows].copy() for name, column in table.columns.items()}
+            columns |= {x_column: x, y_column: _curve(run, x, named)}
+            order = np.argsort(x, kind="stable")
+            arranged = {name: column[order] for name, column in columns.items()}
+            tables[run.name] = table.with_columns(arranged, lines=np.arange(order.size))
         campaign = with_tables(self.campaign, tables)
         problem = campaign.problem(self.names)
         self._require_places(problem, wish)
         problem, values = _errors_times(problem, self._values(problem), wish.error)
-        return Outlook(
-            problem,
-            values,
-            expected_information(problem, values, {}),
-            campaign,
-            MappingProxyType({}),
-        )
+        return Outlook(problem, values, expected_information(problem, values, {}), campaign, {})
 
     def _values(self, problem: Problem) -> FloatArray:
         fitted = dict(zip(self.fit.names, self.fit.values, strict=True))
@@ -99,21 +88,8 @@ def _every_so_often(x: FloatArray, times: float) -> FloatArray:
     return np.floor(np.arange(round(x.size * times)) / times).astype(int).clip(0, x.size - 1)
 
 
-def _nearest(x: FloatArray, place: float) -> int:
-    return int(np.argmin(np.abs(x - place)))
-
-
-def _sorted(table: Run, columns: Mapping[str, FloatArray], x_column: str) -> Run:
-    order = np.argsort(columns[x_column], kind="stable")
-    arranged = {name: column[order] for name, column in columns.items()}
-    for column in arranged.values():
-        column.setflags(write=False)
-    return replace(table, columns=MappingProxyType(arranged), lines=np.arange(order.size))
-
-
 def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:
-    with np.errstate(all="ignore"):
-        y = np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
+    y = curve_at(run, x, named)
     if not np.all(np.isfinite(y)):
         raise InputError(later("the curve is not finite there"), field="x")
     return y

@@ -180,7 +180,7 @@ def targets_of(
             )
             if place is None:
                 raise InputError(rule, field="--for", value=name, file=campaign.source.path)
-            raise campaign.source.places.error(rule, place, value=name)
+            raise campaign.source.error(rule, place, value=name)
         found += [p for p in named if p not in found]
     if found:
         return tuple(found)
@@ -246,13 +246,13 @@ def _asked_changes(campaign: Campaign, problem: Problem) -> list[Wish]:
             ]
             path = ("plan", "change", i, "u", key)
             if not hit:
-                raise campaign.source.places.error(
+                raise campaign.source.error(
                     "is not an unknown of these runs: it is exact here, or its key does not exist",
                     path,
                 )
             for p in hit:
                 if p.prior.measured and size * factor >= p.prior.sd:
-                    raise campaign.source.places.error(
+                    raise campaign.source.error(
                         f"is no better than what is stated of {p.name}", path, value=size
                     )
             new = {p.name: size * factor for p in hit}

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.calibration import follow, release_times
+from estim.calibration import curve_at, follow, release_times
 from estim.campaign import (
     Campaign,
     NewRun,
@@ -72,47 +72,29 @@ class RollingBasis:
         """
         changed = otherwise(self.campaign, reading_error=wish.error, reach=wish.reach)
         changed = with_runs(changed, wish.runs)
-        like = {run.name: run.like for run in wish.runs}
-        release = {
-            name: self.release[old]
-            for name in (*self.names, *like)
-            if (old := like.get(name, name)) in self.release
-        }
+        like = {name: name for name in self.names} | {run.name: run.like for run in wish.runs}
         tables = dict(changed.tables)
         remarks = list[str]()
         named = self.fit.problem.named(self.fit.values)
-        for run in self.fit.problem.runs:
-            tables[run.name] = _measured_again(
-                run, tables[run.name], named, release.get(run.name, 0.0), wish
-            )
-        measured = {run.name: run for run in self.fit.problem.runs}
-        for new in wish.runs:
-            posed = replace(
-                measured[new.like],
-                arguments=MappingProxyType(self._arguments(measured[new.like], new)),
-            )
-            table, remark = _measured_first(
-                posed, tables[new.name], named, release.get(new.name, 0.0), self.ramp
-            )
-            tables[new.name] = table
-            remarks += [remark] if remark else []
-        campaign = with_tables(changed, tables)
-        problem = with_own_gamma(self._posed(campaign, (*self.names, *like)), wish.runs)
-        values = self._values(problem, wish.runs)
-        sizes = {
-            name: self.sizes[old]
-            for name in (*self.names, *like)
-            if (old := like.get(name, name)) in self.sizes
+        measured = {
+            run.name: _Followed(run, tables[run.name], named, self.release.get(run.name, 0.0))
+            for run in self.fit.problem.runs
         }
+        for new in wish.runs:
+            run = measured[new.like].run
+            posed = replace(run, arguments=MappingProxyType(self._arguments(run, new)))
+            first = replace(measured[new.like], run=posed, table=tables[new.name])
+            tables[new.name], remark = first.first(self.ramp)
+            remarks += [remark] if remark else []
+        tables |= {name: run.again(wish) for name, run in measured.items()}
+        campaign = with_tables(changed, tables)
+        problem = with_own_gamma(self._posed(campaign, tuple(like)), wish.runs)
+        values = self._values(problem, wish.runs)
+        sizes = {name: self.sizes[old] for name, old in like.items() if old in self.sizes}
         information = expected_information(problem, values, sizes)
-        return Outlook(
-            problem,
-            values,
-            information,
-            campaign,
-            MappingProxyType(release),
-            tuple(dict.fromkeys(remarks)),
-        )
+        release = {name: self.release[old] for name, old in like.items() if old in self.release}
+        told = tuple(dict.fromkeys(remarks))
+        return Outlook(problem, values, information, campaign, release, told)
 
     def _posed(self, campaign: Campaign, names: Sequence[str]) -> Problem:
         problem = campaign.problem(names)
@@ -160,113 +142,124 @@ def rolling_basis(campaign: Campaign, names: Sequence[str], fit: Fit) -> Rolling
     )
 
 
-def _measured_again(
-    run: Observations, table: Run, named: Mapping[str, FloatArray], release: float, wish: Wish
-) -> Run:
-    """The table of a run without its errors, with other frames, or followed farther."""
-    where = "t_s" if run.noise.made_of_positions or run.positions else table.coordinate
-    places = _denser(table.columns[where], wish.frames)
-    if wish.reach > 1.0:
-        places = _farther(
-            run,
-            places,
-            named,
-            release,
-            wish.reach * float(np.max(table.columns[table.coordinate])),
-            where == "t_s",
-        )
-    return _table(run, table, places, where, named, release, wish.error)
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A run as it goes at the fit, without errors.
 
-
-def _measured_first(
-    run: Observations,
-    table: Run,
-    named: Mapping[str, FloatArray],
-    release: float,
-    ramp: Mapping[str, float],
-) -> tuple[Run, str]:
-    """The table of a new run, and what is worth saying of it.  Raises InputError where it cannot be
-    measured.
+    table : whose rows it is like.  named : the fitted values.  release : moment of release (s), of
+        differentiated runs.
     """
-    end = ramp[table.coordinate]
-    if not (run.noise.made_of_positions or run.positions):
-        return _speeds_first(run, table, named, end)
-    t = table.columns["t_s"]
-    dt = float(np.median(np.diff(t)))
-    t = t[t >= release] if run.noise.made_of_positions else t
-    for longer in _LONGER if run.noise.made_of_positions else _LONGER[:1]:
-        n = min(longer * table.lines.size, _MOST)
-        t = t[0] + dt * np.arange(n)
-        x = (
-            follow(run, t - release, named)
-            if run.noise.made_of_positions
-            else _curve(run, t, named)
+
+    run: Observations
+    table: Run
+    named: Mapping[str, FloatArray]
+    release: float
+
+    @property
+    def where(self) -> str:
+        """The column of what is chosen: times, or positions at which speeds are measured."""
+        in_time = self.run.noise.made_of_positions or self.run.positions
+        return "t_s" if in_time else self.table.coordinate
+
+    def at(self, places: FloatArray) -> FloatArray:
+        """Positions at times, or speeds at positions; nan where the body never comes."""
+        if self.run.noise.made_of_positions:
+            return follow(self.run, np.maximum(places - self.release, 0.0), self.named)
+        return curve_at(self.run, places, self.named)
+
+    def again(self, wish: Wish) -> Run:
+        """Its table with other frames, or followed farther."""
+        places = _denser(self.table.columns[self.where], wish.frames)
+        if wish.reach > 1.0:
+            end = wish.reach * float(np.max(self.table.columns[self.table.coordinate]))
+            places = self._farther(places, end)
+        return self._measured(places, wish.error)
+
+    def first(self, ramp: Mapping[str, float]) -> tuple[Run, str]:
+        """The table of a new run, and what is worth saying of it.  Raises InputError where it
+        cannot be measured.
+        """
+        end = ramp[self.table.coordinate]
+        if self.where != "t_s":
+            return self._speeds_first(end), ""
+        by_differences = self.run.noise.made_of_positions
+        t = self.table.columns["t_s"]
+        dt = float(np.median(np.diff(t)))
+        t = t[t >= self.release] if by_differences else t
+        for longer in _LONGER if by_differences else _LONGER[:1]:
+            n = min(longer * self.table.lines.size, _MOST)
+            t = t[0] + dt * np.arange(n)
+            x = self.at(t)
+            if np.max(x) > end or np.argmax(x) < n - 1:
+                break
+        begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
+        if not begun.size or x[begun[0]] < 0.0:
+            raise InputError(
+                later("does not start: the body rolls back, or stays where it is released"),
+                field="run",
+            )
+        out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
+        last = int(out[0]) if out.size else x.size
+        if by_differences:
+            last = min(last, int(np.argmax(x[:last])) + _BEYOND)
+        followed = phrase(
+            "followed to the end of the ramp, {end:.2g} {unit}",
+            end=end,
+            unit="m" if self.table.coordinate == "x_m" else "rad",
         )
-        if np.max(x) > end or np.argmax(x) < n - 1:
-            break
-    begun = np.flatnonzero(np.abs(x) > _BEGUN * end)
-    if not begun.size or x[begun[0]] < 0.0:
-        raise InputError(
-            later("does not start: the body rolls back, or stays where it is released"), field="run"
+        remark = followed if out.size and out[0] <= last else ""
+        return self._measured(t[:last]), remark
+
+    def _speeds_first(self, end: float) -> Run:
+        x = self.table.columns[self.where]
+        places = np.linspace(float(np.min(x)), end, x.size)
+        v = self.at(places)
+        if not np.isfinite(v[1]):
+            raise InputError(
+                later(
+                    "does not start, or turns back before the first position where speeds are "
+                    "measured"
+                ),
+                field="run",
+            )
+        turned = np.flatnonzero(~np.isfinite(v))
+        if turned.size:
+            places = np.linspace(places[0], places[turned[0] - 1], x.size)
+        return self._measured(places)
+
+    def _measured(self, places: FloatArray, error: float = 1.0) -> Run:
+        """Its table at `places`, with errors so many times as large."""
+        table, where, y = self.table, self.where, self.at(places)
+        columns = {where: places}
+        if where == "t_s":
+            columns[table.coordinate] = y
+        else:
+            columns[table.rate] = np.where(np.isfinite(y), y, 0.0)  # at rest
+        old = table.columns[where]
+        if where != "t_s" and "t_s" in table.columns:
+            columns["t_s"] = np.interp(places, old, table.columns["t_s"])
+        for name in ("sigma_x_m", "sigma_v_m_s"):
+            if name in table.columns:
+                nearest = np.argmin(np.abs(places[:, None] - old), axis=1)
+                columns[name] = error * table.columns[name][nearest]
+        return table.with_columns(columns, lines=np.arange(places.size))
+
+    def _farther(self, places: FloatArray, end: float) -> FloatArray:
+        """The places, and as many further ones as bring the body to `end`, or to its turning
+        point.
+        """
+        step = float(np.median(np.diff(places)))
+        longer = np.append(
+            places, places[-1] + step * np.arange(1, min(_LONGER[-1] * places.size, _MOST))
         )
-    out = np.flatnonzero(~(x <= end))  # a body that is gone has no place at all
-    last = int(out[0]) if out.size else x.size
-    if run.noise.made_of_positions:
-        last = min(last, int(np.argmax(x[:last])) + _BEYOND)
-    followed = phrase(
-        "followed to the end of the ramp, {end:.2g} {unit}",
-        end=end,
-        unit="m" if table.coordinate == "x_m" else "rad",
-    )
-    remark = followed if out.size and out[0] <= last else ""
-    return _table(run, table, t[:last], "t_s", named, release, 1.0), remark
-
-
-def _speeds_first(
-    run: Observations, table: Run, named: Mapping[str, FloatArray], end: float
-) -> tuple[Run, str]:
-    x = table.columns[table.coordinate]
-    places = np.linspace(float(np.min(x)), end, x.size)
-    v = _curve(run, places, named)
-    if not np.isfinite(v[1]):
-        raise InputError(
-            later(
-                "does not start, or turns back before the first position where speeds are measured"
-            ),
-            field="run",
-        )
-    turned = np.flatnonzero(~np.isfinite(v))
-    if turned.size:
-        places = np.linspace(places[0], places[turned[0] - 1], x.size)
-    return _table(run, table, places, table.coordinate, named, 0.0, 1.0), ""
-
-
-def _table(
-    run: Observations,
-    table: Run,
-    places: FloatArray,
-    where: str,
-    named: Mapping[str, FloatArray],
-    release: float,
-    error: float,
-) -> Run:
-    columns = {where: places}
-    if run.noise.made_of_positions:
-        columns[table.coordinate] = follow(run, np.maximum(places - release, 0.0), named)
-    elif run.positions:
-        columns[table.coordinate] = _curve(run, places, named)
-    else:
-        columns[table.rate] = _at_rest(_curve(run, places, named))
-    old = table.columns[where]
-    if where != "t_s" and "t_s" in table.columns:
-        columns["t_s"] = np.interp(places, old, table.columns["t_s"])
-    for name in ("sigma_x_m", "sigma_v_m_s"):
-        if name in table.columns:
-            nearest = np.argmin(np.abs(places[:, None] - old), axis=1)
-            columns[name] = error * table.columns[name][nearest]
-    for column in columns.values():
-        column.setflags(write=False)
-    return replace(table, columns=MappingProxyType(columns), lines=np.arange(places.size))
+        y = self.at(longer)
+        if self.where == "t_s":
+            x, moving = y, np.append(np.diff(y) > 0.0, False)
+        else:
+            x, moving = longer, np.isfinite(y)
+        further = (np.arange(longer.size) < places.size) | (moving & (x <= end))
+        stop = np.flatnonzero(~further)
+        return longer[: int(stop[0])] if stop.size else longer
 
 
 def _denser(places: FloatArray, frames: float) -> FloatArray:
@@ -276,40 +269,3 @@ def _denser(places: FloatArray, frames: float) -> FloatArray:
     return np.interp(
         np.linspace(0.0, n - 1.0, max(round((n - 1) * frames) + 1, 2)), np.arange(n), places
     )
-
-
-def _farther(
-    run: Observations,
-    places: FloatArray,
-    named: Mapping[str, FloatArray],
-    release: float,
-    end: float,
-    in_time: bool,
-) -> FloatArray:
-    """The places, and as many further ones as bring the body to `end`, or to its turning point."""
-    step = float(np.median(np.diff(places)))
-    longer = np.append(
-        places, places[-1] + step * np.arange(1, min(_LONGER[-1] * places.size, _MOST))
-    )
-    if not in_time:
-        x = longer
-        moving = np.isfinite(_curve(run, longer, named))
-    else:
-        x = (
-            follow(run, longer - release, named)
-            if run.noise.made_of_positions
-            else _curve(run, longer, named)
-        )
-        moving = np.append(np.diff(x) > 0.0, False)
-    further = (np.arange(longer.size) < places.size) | (moving & (x <= end))
-    stop = np.flatnonzero(~further)
-    return longer[: int(stop[0])] if stop.size else longer
-
-
-def _curve(run: Observations, x: FloatArray, named: Mapping[str, FloatArray]) -> FloatArray:
-    with np.errstate(invalid="ignore"):
-        return np.array(np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0])
-
-
-def _at_rest(v: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(v), v, 0.0)

@@ -31,7 +31,7 @@ from estim.reading.run import (
     run_of_table,
 )
 from estim.reading.table import Table
-from estim.reading.toml import Places, parse_toml
+from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (
     Choices,
     import_track,

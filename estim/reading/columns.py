@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -99,13 +97,12 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
     table = np.array(values)
     columns = {name: table[:, i].copy() for i, name in enumerate(needed)}
     at = np.array(numbers)
-    for array in (*columns.values(), at):
-        array.setflags(write=False)
+    at.setflags(write=False)
     return Table(
         file=layout.file,
         sha256=layout.sha256,
         header_line=layout.header_line or 0,
-        columns=MappingProxyType(columns),
+        columns={},
         lines=at,
         warnings=(*layout.warnings, *_copied(copies, table)),
         facts=(*layout.facts, *(_left_out(name, lines) for name, lines in left_out.items())),
@@ -115,7 +112,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         unread=tuple(
             name for name in numeric_columns(layout) if layout.names.index(name) not in places
         ),
-    )
+    ).with_columns(columns)
 
 
 @in_its_file
@@ -163,10 +160,7 @@ def read_known_columns(
         if ours in UNITS and same_unit(table.units[name] or UNITS[ours], UNITS[ours]) is False:
             rule = f"must be in {UNITS[ours]}, as its name says; nothing is converted"
             raise refused(rule, name, table.units[name])
-    return replace(
-        table,
-        columns=MappingProxyType({called[name]: column for name, column in table.columns.items()}),
-    )
+    return table.with_columns({called[name]: column for name, column in table.columns.items()})
 
 
 def _refused(row: Row, rule: str, field: str, value: object) -> InputError:

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -83,14 +82,8 @@ class Run(Table):
                 raise InputError(rule, field="leave_out_s", value=time)
         remaining = np.setdiff1d(np.arange(t.size), rows)
         columns = {name: column[remaining] for name, column in self.columns.items()}
-        for column in columns.values():
-            column.setflags(write=False)
-        return replace(
-            self,
-            columns=MappingProxyType(columns),
-            lines=self.lines[remaining],
-            left_out=t.size - remaining.size,
-        )
+        left_out = t.size - remaining.size
+        return self.with_columns(columns, lines=self.lines[remaining], left_out=left_out)
 
     @property
     def rate(self) -> str:

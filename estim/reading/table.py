@@ -9,7 +9,9 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,6 +78,12 @@ class Table:
     blank: tuple[int, ...] = ()
     imported: bool = False
     unread: tuple[str, ...] = ()
+
+    def with_columns(self, columns: Mapping[str, FloatArray], **changes: Any) -> Self:
+        """The table with these columns, which become read-only; changes : of its other fields."""
+        for column in columns.values():
+            column.setflags(write=False)
+        return replace(self, columns=MappingProxyType(dict(columns)), **changes)
 
     def require_unit(self, u: str, of: str) -> None:
         """Raises InputError where the header states one unit for the column `u` of uncertainties,

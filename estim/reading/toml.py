@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 from unicodedata import normalize
 
 from estim.common import InputError
+
+KeyPath = tuple[str | int, ...]
+"""Where something stands: keys of tables, and numbers in lists."""
 
 _MAX_LINE = 2000
 _MAX_DEPTH = 20
@@ -30,30 +34,29 @@ class Places:
     """Where each key of a TOML text stands: path of keys -> line."""
 
     file: str
-    lines: Mapping[tuple[str | int, ...], int]
+    lines: Mapping[KeyPath, int]
 
     def error(
-        self,
-        rule: str,
-        path: Sequence[str | int],
-        *,
-        field: str | None = None,
-        value: object = None,
+        self, rule: str, path: KeyPath, *, field: str | None = None, value: object = None
     ) -> InputError:
         """An InputError at the line of `path`, or of the first key in it where it has no line
         itself, or of the closest table above it.
         """
-        key = tuple(path)
+        key = path
         if key and key not in self.lines:
             key = next((inside for inside in self.lines if inside[: len(key)] == key), key)
         while key and key not in self.lines:
             key = key[:-1]
-        name = (
-            field
-            if field is not None
-            else next((part for part in reversed(path) if isinstance(part, str)), None)
-        )
+        name = field or next((part for part in reversed(path) if isinstance(part, str)), None)
         return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
+
+    @contextmanager
+    def at(self, path: KeyPath) -> Iterator[None]:
+        """While what stands at `path` is read: an error has its line."""
+        try:
+            yield
+        except InputError as error:
+            raise self.error(error.rule, path, value=error.value) from None
 
 
 def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:
@@ -106,16 +109,16 @@ def _depth(tree: object) -> int:
     return depth
 
 
-def locate_keys(text: str) -> dict[tuple[str | int, ...], int]:
+def locate_keys(text: str) -> dict[KeyPath, int]:
     """Line of each table and each `key = value` of a valid TOML text, by path; keys inside inline
     tables are not listed.
 
     The time grows in proportion to the text.
     """
-    lines: dict[tuple[str | int, ...], int] = {}
-    table: tuple[str | int, ...] = ()
+    lines: dict[KeyPath, int] = {}
+    table: KeyPath = ()
     # path of an array of tables -> index of its last one
-    counts: dict[tuple[str | int, ...], int] = {}
+    counts: dict[KeyPath, int] = {}
     for number, tokens in _statements(text):
         array, header = tokens[:2] == ["[", "["], tokens[0] == "["
         keys = [

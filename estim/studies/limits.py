@@ -16,7 +16,6 @@ from estim.arrays import FloatArray
 from estim.common import Label
 from estim.fitting import Fit, information
 from estim.pipeline import Analysis
-from estim.problem import Problem
 
 
 @dataclass(frozen=True)
@@ -87,28 +86,19 @@ def narrowing(
     """
     problem = joint.problem
     fits = [single_runs[0].fit, *first_runs, joint][-len(problem.runs) :]
-    rows = [
-        [float(np.sqrt(fit.cov[fit.names.index(name), fit.names.index(name)])) for name in names]
-        for fit in fits
-    ]
-    alone = [
-        [
-            float(np.sqrt(a.fit.cov[a.fit.names.index(name), a.fit.names.index(name)]))
-            for name in names
-        ]
-        for a in single_runs
-    ]
-    labels = tuple(problem.parameters[problem.names.index(name)].label for name in names)
+    shared = {p.name: p for p in problem.parameters if p.name in names}
+    priors = [shared[name].prior for name in names]
     return Narrowing(
         tuple(names),
-        labels,
+        tuple(shared[name].label for name in names),
         tuple(run.name for run in problem.runs),
-        np.array(rows),
-        np.array(alone),
-        _prior_sds(problem, names),
+        _sds(fits, names),
+        _sds([single.fit for single in single_runs], names),
+        np.array([prior.sd if prior.informative else np.nan for prior in priors]),
     )
 
 
-def _prior_sds(problem: Problem, names: Sequence[str]) -> FloatArray:
-    priors = {p.name: p.prior for p in problem.parameters}
-    return np.array([priors[name].sd if priors[name].informative else np.nan for name in names])
+def _sds(fits: Sequence[Fit], names: Sequence[str]) -> FloatArray:
+    """(n_fit, n_name) standard uncertainties, near a bound of a prior too."""
+    columns = [[fit.names.index(name) for name in names] for fit in fits]
+    return np.sqrt([np.diag(fit.cov)[at] for fit, at in zip(fits, columns, strict=True)])

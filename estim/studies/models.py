@@ -18,8 +18,7 @@ too narrow.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
@@ -27,15 +26,23 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.campaign import Campaign, CurveModel
-from estim.checks import LeaveOneOut, difference, leave_one_out
+from estim.checks import difference
 from estim.common import InputError, PieceStore, Stream, later, phrase, stream
 from estim.deviation import BadFrames, MixtureErrors, log_rescaled, log_restarted
 from estim.explanation import Predicted, predictive_checks
 from estim.fitting import Fit, fit_problem, fit_white, fit_without_force
 from estim.pipeline import Analysis, analyse_fit
 from estim.problem import Prior
-from estim.sampling import K_HAT_LIMIT, Progress, Target, adapt_proposal, certify, pareto_smoothed
-from estim.studies.refits import LOO_DRAWS, Refit, beside_the_best, same_points
+from estim.sampling import K_HAT_LIMIT, Target, adapt_proposal, certify, pareto_smoothed
+from estim.studies.refits import (
+    LOO_DRAWS,
+    ProgressOf,
+    Refit,
+    beside_the_best,
+    refit_of,
+    same_points,
+    shown,
+)
 
 APART = 3.0  # of log evidence
 # of elpd: less, or less than so many of its standard errors, decides nothing
@@ -131,7 +138,7 @@ def compare_models(
     seed: int,
     target: Target | None = None,
     chosen: Sequence[str] = (),
-    progress_of: Callable[[str], AbstractContextManager[Progress]] | None = None,
+    progress_of: ProgressOf | None = None,
     store: PieceStore | None = None,
 ) -> ModelComparison:
     """Every model of `runs`, fit jointly.  chosen : names of models, for those alone; empty for
@@ -153,31 +160,21 @@ def compare_models(
         raise InputError("must name two models or more", field="--model", value=", ".join(chosen))
     check_same_points(models)
     bad: Mapping[str, BadFrames] = {}
-    done: dict[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]] = {}
+    refits: dict[str, Refit] = {}
     # it shows the bad frames that all have
     for model in sorted(models, key=lambda model: not model.forced):
-        with nullcontext() if progress_of is None else progress_of(model.name) as progress:
+        with shown(progress_of, model.name) as progress:
             if progress is not None:
                 progress(0, phrase("fit"))
             with campaign.placing(model.problem):
                 fit = fit_model(model, bad=bad, rng=stream(seed, Stream.FIT))
-            bad = (
-                {force.run: force.bad for force in fit.forces if len(runs) == 1}
-                if model.forced
-                else bad
-            )
+            if model.forced and len(runs) == 1:
+                bad = {force.run: force.bad for force in fit.forces}
             kept = None if store is None else store.given(campaign.digests(runs), model.name)
             analysis = analyse_fit(fit, seed=seed, target=target, progress=progress, store=kept)
-            analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
-            loo = leave_one_out(fit.posterior, analysis.chain.thinned(LOO_DRAWS))
-            done[model.name] = (
-                analysis,
-                loo,
-                predictive_checks(
-                    fit.posterior, analysis.chain.thinned(LOO_DRAWS), rng=stream(seed, Stream.AGAIN)
-                ),
-            )
-    return _compared(models, done, seed)
+        analysis = replace(analysis, title=campaign.title, kind=campaign.kind)
+        refits[model.name] = refit_of(model.name, model.words, analysis)
+    return _compared(models, refits, seed)
 
 
 def fit_model(model: CurveModel, *, bad: Mapping[str, BadFrames], rng: np.random.Generator) -> Fit:
@@ -203,33 +200,29 @@ def check_same_points(models: Sequence[CurveModel]) -> None:
 
 
 def _compared(
-    models: Sequence[CurveModel],
-    done: Mapping[str, tuple[Analysis, LeaveOneOut, tuple[Predicted, ...]]],
-    seed: int,
+    models: Sequence[CurveModel], refits: Mapping[str, Refit], seed: int
 ) -> ModelComparison:
-    evidences = {model.name: _evidence(done[model.name][0], model) for model in models}
+    evidences = {model.name: _evidence(refits[model.name].analysis, model) for model in models}
     highest = max(
         (value for value, _, lack in evidences.values() if lack is None), default=math.nan
     )
     compared = []
     for i, model in enumerate(models):
-        analysis, loo, predicted = done[model.name]
-        value, u, lack = evidences[model.name]
+        refit = refits[model.name]
+        analysis, (value, u, lack) = refit.analysis, evidences[model.name]
+        draws, rng = analysis.chain.thinned(LOO_DRAWS), stream(seed, Stream.WIDTHS, i)
         compared.append(
             ComparedModel(
-                name=model.name,
-                words=model.words,
-                analysis=analysis,
-                loo=loo,
+                **vars(refit),
                 model=model,
                 log_evidence=value,
                 u_log_evidence=u,
                 lack=lack,
                 odds=highest - value,
-                widths=()
-                if lack is not None
-                else _widths(model, analysis, rng=stream(seed, Stream.WIDTHS, i)),
-                predicted=predicted,
+                widths=() if lack is not None else _widths(model, analysis, rng=rng),
+                predicted=predictive_checks(
+                    analysis.fit.posterior, draws, rng=stream(seed, Stream.AGAIN)
+                ),
             )
         )
     rows = beside_the_best(compared)

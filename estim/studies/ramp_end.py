@@ -41,16 +41,12 @@ def ramp_end_of(
             )
         return RampEnd(asked, "asked")
     levels = body_levels(source, body)
-    level = next((level for level in levels if level.table.ramp_length_m is not None), None)
+    level, of_start = levels.first("ramp_length_m"), levels.first("ramp_start_m")
     if level is None or level.table.ramp_length_m is None:
         return RampEnd(recorded, "recorded")
-    start = next(
-        (other.table.ramp_start_m for other in levels if other.table.ramp_start_m is not None), 0.0
-    )
-    length = level.table.ramp_length_m - start
+    start = 0.0 if of_start is None else of_start.table.ramp_start_m
+    length = level.table.ramp_length_m - (start or 0.0)
     if not (math.isfinite(length) and length > 0.0):
         rule = "must be more than 'ramp_start_m', where the release is"
-        raise source.places.error(
-            rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m
-        )
+        raise source.error(rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m)
     return RampEnd(length, "stated")

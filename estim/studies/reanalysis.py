@@ -7,8 +7,7 @@ of its verb.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,9 +28,7 @@ from estim.studies.published import (
     compare_published,
     read_published,
 )
-
-ProgressOf = Callable[[str], AbstractContextManager[Progress]]
-"""Given what is being sampled, a context in which its progress is shown."""
+from estim.studies.refits import ProgressOf
 
 _OF_BODY = ("gamma", "kappa")
 _COMMAND = "estim reanalyse"
@@ -137,29 +134,22 @@ class _TaskRunner:
                 target=self.target,
                 progress=progress,
             )
-        if kind == "run":
-            alone = analyse(
-                self.campaign,
-                [name],
-                seed=self.seed,
-                target=self.target,
-                progress=progress,
-                store=self.store,
-            )
-            # kept with it: the report asks for them, one run after the other
-            _ = alone.bands
-            return alone
-        return self._together(self.runs_of(name), progress)
-
-    def _together(self, runs: Sequence[str], progress: Progress | None) -> _JointResult:
-        joint = analyse(
+        together = analyse(
             self.campaign,
-            runs,
+            [name] if kind == "run" else self.runs_of(name),
             seed=self.seed,
             target=self.target,
             progress=progress,
             store=self.store,
         )
+        if kind == "run":
+            # kept with it: the report asks for them, one run after the other
+            _ = together.bands
+            return together
+        return self._joint_result(together)
+
+    def _joint_result(self, joint: Analysis) -> _JointResult:
+        runs = [run.name for run in joint.problem.runs]
         first_runs = (self._first(runs[:n], joint.fit) for n in range(2, len(runs)))
         return _JointResult(
             joint,
@@ -301,31 +291,22 @@ def _numbers_of(
     """
     numbers: list[tuple[str, str | None, Quantity, str]] = []
     for b in bodies:
-        draws = b.joint.chain.flat
         if b.gamma_masses is not None:
-            numbers.append(
-                (
-                    "gamma",
-                    b.body,
-                    b.gamma_masses,
-                    phrase(
-                        "{origin} in this campaign", origin=gamma_origin(campaign.source, b.body)
-                    ),
-                )
-            )
-        for i, (name, estimate) in enumerate(
-            zip(b.joint.problem.names, b.joint.estimates, strict=False)
+            origin = gamma_origin(campaign.source, b.body)
+            how = phrase("{origin} in this campaign", origin=origin)
+            numbers.append(("gamma", b.body, b.gamma_masses, how))
+        draws, n = b.joint.chain.flat, len(b.energies)
+        for parameter, column, estimate in zip(
+            b.joint.problem.parameters, draws.T, b.joint.estimates, strict=False
         ):
-            base = name.partition("[")[0]
+            base = parameter.name.partition("[")[0]
             # what the data leave as it was stated is no second opinion
             if base in ("gamma", "kappa", "radius") and estimate.measured:
-                value = Quantity(float(draws[:, i].mean()), float(draws[:, i].std(ddof=1)))
-                how = phrase("joint fit of {n} runs of {body}", n=len(b.energies), body=b.body)
-                if b.joint.problem.parameters[i].prior.informative:
+                value = Quantity(float(column.mean()), float(column.std(ddof=1)))
+                how = phrase("joint fit of {n} runs of {body}", n=n, body=b.body)
+                if parameter.prior.informative:
                     how = phrase(
-                        "joint fit of {n} runs of {body}, stated value as prior",
-                        n=len(b.energies),
-                        body=b.body,
+                        "joint fit of {n} runs of {body}, stated value as prior", n=n, body=b.body
                     )
                 numbers.append((base, b.body, value, how))
         if b.joint.diagnosis.ok and b.drift.determined:
@@ -340,15 +321,6 @@ def _numbers_of(
                 ("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most)
             )
     if line is not None and line.status == "ok":
-        numbers.append(
-            ("gamma_line", line.series.body, line.readings["york"].gamma, phrase("York line"))
-        )
-        numbers.append(
-            (
-                "gamma_line",
-                line.series.body,
-                line.readings["posterior"].gamma,
-                phrase("Bayesian line"),
-            )
-        )
+        for reading, how in (("york", phrase("York line")), ("posterior", phrase("Bayesian line"))):
+            numbers.append(("gamma_line", line.series.body, line.readings[reading].gamma, how))
     return numbers

@@ -1,5 +1,5 @@
-"""The same runs analysed under one assumption after another, side by side: models of a body
-(`models`), or of the noise (`comparison`).
+"""The same runs analysed under one assumption after another, side by side: models of the noise
+(`compare_noise`, for `estim fit --compare`), or of a body (`models`).
 
 Estimates and widths can be compared across all of them, leave-one-out predictive densities only
 between fits of the same points: speeds and positions are not the same data.
@@ -7,17 +7,23 @@ between fits of the same points: speeds and positions are not the same data.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from estim.checks import INFLUENTIAL, LeaveOneOut, difference
-from estim.pipeline import Analysis
+from estim.campaign import Campaign
+from estim.checks import INFLUENTIAL, LeaveOneOut, difference, leave_one_out
+from estim.common import PieceStore
+from estim.pipeline import Analysis, analyse
 from estim.problem import Problem
+from estim.sampling import Progress, Target
 
 LOO_DRAWS = 2000
+ProgressOf = Callable[[str], AbstractContextManager[Progress]]
+"""Given what is being sampled, a context in which its progress is shown."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,3 +81,47 @@ def same_points(a: Problem, b: Problem) -> bool:
         p.positions == q.positions and np.array_equal(p.x, q.x) and np.array_equal(p.y, q.y)
         for p, q in zip(a.runs, b.runs, strict=True)
     )
+
+
+def shown(progress_of: ProgressOf | None, name: str) -> AbstractContextManager[Progress | None]:
+    """The context in which the progress of `name` is shown, where it is."""
+    return nullcontext() if progress_of is None else progress_of(name)
+
+
+def refit_of(name: str, words: str, analysis: Analysis) -> Refit:
+    loo = leave_one_out(analysis.fit.posterior, analysis.chain.thinned(LOO_DRAWS))
+    return Refit(name=name, words=words, analysis=analysis, loo=loo)
+
+
+def compare_noise(
+    campaign: Campaign,
+    runs: Sequence[str],
+    *,
+    seed: int,
+    target: Target | None = None,
+    progress_of: ProgressOf | None = None,
+    store: PieceStore | None = None,
+) -> tuple[Refit, ...]:
+    """Every candidate's analysis of `runs` (jointly), in the order of `Campaign.noise_models`.
+
+    store : keeps the draws of each candidate (`analyse`).
+
+    Raises InputError where the runs cannot be fit jointly, or where the noise table of the first
+    one allows nothing to compare.
+    """
+    campaign.problem(runs)
+    refits: list[Refit] = []
+    for model in campaign.noise_models(runs[0]):
+        with shown(progress_of, model.name) as progress:
+            analysis = analyse(
+                campaign,
+                runs,
+                seed=seed,
+                target=target,
+                progress=progress,
+                noise=model.table,
+                store=store,
+                beside=[refit.analysis.fit for refit in refits],
+            )
+        refits.append(refit_of(model.name, model.words, analysis))
+    return beside_the_best(refits)

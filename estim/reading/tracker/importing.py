@@ -13,7 +13,6 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -164,19 +163,18 @@ def track_columns(imported: Imported, needed: Sequence[str]) -> Table:
                 quoted=f"a track has {listed(list(columns))}",
                 file=track.file,
             )
-        columns[name].setflags(write=False)
     along = bool({"x_m", "across_m"} & set(needed))
     of_axes = (*imported.source, *([imported.release] if rows[0] else []))
     return Table(
         file=track.file,
         sha256=track.sha256,
-        columns=MappingProxyType({name: columns[name] for name in needed}),
+        columns={},
         lines=track.lines[rows],
         warnings=imported.warnings if along else (*track.warnings, *missing_frames(imported.t)),
         facts=imported.facts if along else of_axes,
         units={name: _UNITS.get(name, "m") for name in needed},
         imported=True,
-    )
+    ).with_columns({name: columns[name] for name in needed})
 
 
 def read_release(text: str) -> Literal["first", "keep"] | float:
