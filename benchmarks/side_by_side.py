@@ -349,8 +349,8 @@ CPU milliseconds of one fit, one after the other on one core; in brackets: times
 """
 TAIL = """## Where the others are better
 
-- **Time.** lmfit's single descent is 10 to 27 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and up
-  to 130 times quicker than one without a start, which also searches for other optima (the table above). For thousands of fits use `fit_many`.
+- **Time.** lmfit's single descent is about 10 times quicker than a fit by estim from a start, which tests the residuals against simulated ones, and 10
+  to 60 times quicker than one without a start, which also searches for other optima (the table above). For thousands of fits use `fit_many`.
 - **lmfit** fits anything that has residuals: images, complex numbers, several independent variables, a cost function of your own, with a dozen
   minimisers. estim fits y = f(x).
 - **kafe2** draws several models and data sets in one figure, prints tables ready for a laboratory report, and takes covariance matrices of x as well
