@@ -20,7 +20,7 @@ from estim.sampling.ridges import ridge_proposal
 
 # density over proposal, root mean square at draws of the posterior, from which another is made
 _UNEVEN = 2.0
-_N_COMPONENT, _RIDGE_SHARE = 8, 0.3
+_N_COMPONENT, _RIDGE_SHARE = 8, 0.2
 
 
 def second_opinion(
@@ -65,8 +65,8 @@ def repaired(
     *,
     rng: np.random.Generator,
 ) -> Proposal:
-    """The `adapted` proposal, or a mixture of the `ridges`, which guard the tails, with one fitted
-    to `draws` (n_draw, n_par) of the posterior where it leaves out what they hold.
+    """The `adapted` proposal; where it leaves out what `draws` (n_draw, n_par) of the posterior
+    hold, a mixture of it with one fitted to them and with the `ridges`, which guard the tails.
 
     What counts is the density over the proposal, both normalised, at draws of the posterior, which
     come from elsewhere: its mean is the reciprocal of the effective share of the proposal's draws,
@@ -77,4 +77,4 @@ def repaired(
     ratio = np.exp(np.minimum(heights - adapted.log_density(draws), 300.0))
     if np.sqrt(np.mean(ratio**2)) < _UNEVEN:
         return adapted
-    return both(grown(draws, _N_COMPONENT, rng), ridges, _RIDGE_SHARE)
+    return both(both(adapted, grown(draws, _N_COMPONENT, rng)), ridges, _RIDGE_SHARE)
