@@ -588,6 +588,12 @@ MISTAKES = {
     ),
     "no noise": (NOISE + "\n", "", "[[runs]]", "'noise' is missing for run 'h4', for example "
         "noise = {sigma_x_m = 0.001}"),
+    "no sigma of positions": (
+        NOISE,
+        'noise = {model = "positions", robust = "mixture"}',
+        "noise",
+        "for position noise",
+    ),
     "no sigma": (NOISE, 'noise = {derivative = "central"}', "noise", "'noise' needs 'sigma_x_m' "
         "for differentiated noise"),
     "sigma of zero": (NOISE, "noise = {sigma_x_m = 0}", "noise", "'sigma_x_m' must be > 0: 0"),

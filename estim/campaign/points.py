@@ -103,6 +103,10 @@ class _Size:
     def stated(self) -> bool:
         return self.typical > 0.0
 
+    @property
+    def absent(self) -> bool:
+        return self.parameter is None and self.scale.value == 0.0
+
 
 def observe(run: Run, levels: Levels, *, noise: NoiseTable | None = None) -> Observed:
     """The points of `run` with the noise that the campaign states for it, or with `noise` in its
@@ -229,7 +233,7 @@ def _independent(run: Run, noise: StatedNoise) -> Observed:
     )
     tails, tail_parameters = shape_of(table.robust, noise.suffix)
     scale_x, relative_x = _by_row(run, "sigma_x_m", sigma_x, units.position_sigma, noise)
-    if not sigma.stated and "sigma_v_m_s" not in run.columns and scatter.scale == Scale():
+    if not sigma.stated and "sigma_v_m_s" not in run.columns and scatter.absent:
         raise noise.error(
             f"needs '{units.speed_sigma}', a sigma_v_m_s column or 'scatter' for independent noise"
         )
@@ -281,12 +285,7 @@ def _positions(run: Run, noise: StatedNoise) -> Observed:
     )
     tails, tail_parameters = shape_of(table.robust, noise.suffix)
     check_reading_error(sigma.scale, run, noise)
-    if (
-        not sigma.stated
-        and step == 0.0
-        and "sigma_x_m" not in run.columns
-        and scatter.scale == Scale()
-    ):
+    if not sigma.stated and step == 0.0 and "sigma_x_m" not in run.columns and scatter.absent:
         raise noise.error(
             f"needs '{units.position_sigma}', a sigma_x_m column or 'scatter' for position noise"
         )
