@@ -555,6 +555,20 @@ def test_counts_have_a_section_in_the_report(rng: np.random.Generator) -> None:
     assert np.mean(stats.poisson(3.0).cdf(high) - stats.poisson(3.0).cdf(low - 1.0)) > 0.9
 
 
+@pytest.mark.parametrize("n", [150, 300, 1000])
+@pytest.mark.parametrize("w", [1.0, 20.0, 60.0])
+def test_an_oscillation_is_integrated_over_any_number_of_bins(n: int, w: float) -> None:
+    """cos^2 has an integral in closed form; at w = 60 a bin of the widest holds 1.3 turns of it."""
+    edges = np.linspace(0.0, 10.0, n + 1)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    curve = counted_points(Poisson(edges), middles, np.ones(n), what="y").expected(
+        read_formula("a*cos(w*x)**2")
+    )
+    whole = 7.0 * (0.5 * edges + np.sin(2.0 * w * edges) / (4.0 * w))
+    found = curve.value(middles, {"a": 7.0, "w": w})[0]
+    assert found == pytest.approx(np.diff(whole), rel=1e-9, abs=1e-9)
+
+
 def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
     curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(
         read_formula("N/tau*exp(-x/tau)")

@@ -1,19 +1,18 @@
 """Expected numbers in bins: a user's curve as a density along x, integrated over each bin by
 Gauss-Legendre quadrature that refines itself.
 
-Ten nodes in every panel, four where there are many bins. A panel is halved while the highest
-Legendre coefficients of the density in it are felt, and while the density somewhere in it stands
-out above all its nodes by an area that is felt: at an event, at an end, at the value of a
-parameter, or at such a value plus or minus another one. So a feature far narrower than its bin is
-found where a parameter says its place, or events lie in it. What is still not settled after 60
-halvings is nan: a density whose integral is not known is none.
+Ten nodes in every panel.  A panel is halved while the highest Legendre coefficients of the density
+in it are felt, and while the density somewhere in it stands out above all its nodes by an area that
+is felt: at an event, at an end, at the value of a parameter, or at such a value plus or minus
+another one.  So a feature far narrower than its bin is found where a parameter says its place, or
+events lie in it.  What is still not settled after 60 halvings is nan: a density whose integral is
+not known is none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,8 +20,13 @@ from numpy.typing import ArrayLike, NDArray
 from estim.arrays import FloatArray
 from estim.problem import EXACT, Curve, LocalCurve, n_draws
 
+_AT, _WEIGHTS = np.polynomial.legendre.leggauss(10)
+# (2, node) the two highest Legendre coefficients of the polynomial through the nodes: (k + 1/2)
+# sum_i w_i P_k(x_i) f_i
+_HIGHEST = (
+    np.polynomial.legendre.legvander(_AT, 9)[:, 8:] * _WEIGHTS[:, None] * np.array([8.5, 9.5])
+).T
 _LEAST_PANELS = 16  # in all, before any is halved
-_MANY_BINS = 200
 _AT_ONCE = 300_000  # nodes and events of several draws at once, so that memory is bounded
 _HALVINGS = 60
 _MOST_PANELS = 400  # of one draw that are halved at once
@@ -53,10 +57,6 @@ class BinnedCurve:
     def precision(self) -> float:
         """Relative error of the derivatives."""
         return getattr(self.density, "precision", EXACT)
-
-    @property
-    def rule(self) -> _Rule:
-        return _gauss(10 if self.low.size < _MANY_BINS else 4)
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
         inside, _ = self._integrals(arguments)
@@ -142,9 +142,9 @@ class BinnedCurve:
         panels = self._panels(arguments, self._at_events(arguments))
         half = 0.5 * (panels.high - panels.low)[:, None]
         return (
-            self.rule.places(panels.low, panels.high).T.ravel(),
-            (half * self.rule.weights).ravel(),
-            np.repeat(panels.bins, self.rule.at.size),
+            _places(panels.low, panels.high).T.ravel(),
+            (half * _WEIGHTS).ravel(),
+            np.repeat(panels.bins, _AT.size),
         )
 
     def _integrals(
@@ -154,7 +154,7 @@ class BinnedCurve:
         (n_draw,); here : (n_draw, n_event) the density at the events, where it is known.
         """
         n_draw, n_bin = n_draws(arguments), self.low.size
-        rows = max(1, _AT_ONCE // (self.rule.at.size * n_bin + self.events.size))
+        rows = max(1, _AT_ONCE // (_AT.size * n_bin + self.events.size))
         if n_draw > rows:
             parts = [
                 self._integrals(
@@ -189,9 +189,9 @@ class BinnedCurve:
         bins = np.repeat(np.arange(self.low.size), each)
         low = edges[:, :-1].ravel()
         high = edges[:, 1:].ravel()
-        x = self.rule.places(low, high)
+        x = _places(low, high)
         values = np.broadcast_to(self.density.value(x.ravel(), arguments), (n_draw, x.size))
-        panels = self.rule.panels(
+        panels = _panels_of(
             np.repeat(np.arange(n_draw), low.size),
             np.tile(low, n_draw),
             np.tile(high, n_draw),
@@ -234,7 +234,7 @@ class BinnedCurve:
         middle = 0.5 * (panels.low + panels.high)
         draw, bins = np.tile(panels.draw, 2), np.tile(panels.bins, 2)
         low, high = np.concatenate([panels.low, middle]), np.concatenate([middle, panels.high])
-        x = self.rule.places(low, high)
+        x = _places(low, high)
         if n_draw == 1:
             values = np.broadcast_to(self.density.value(x.ravel(), arguments), (1, x.size)).reshape(
                 x.shape
@@ -245,7 +245,7 @@ class BinnedCurve:
                 for name, a in arguments.items()
             }
             values = np.broadcast_to(self.density.value(x.T, per_panel), x.T.shape).T
-        return self.rule.panels(draw, low, high, bins, values)
+        return _panels_of(draw, low, high, bins, values)
 
     def _marks(
         self, arguments: Mapping[str, ArrayLike], n_draw: int
@@ -329,44 +329,25 @@ class _Panels:
         return _Panels(*(part[kept] for part in vars(self).values()))
 
 
-@dataclass(frozen=True, eq=False)
-class _Rule:
-    """Gauss-Legendre quadrature: nodes between -1 and 1, their weights (n_node,), and what makes
-    values at the nodes (n_node, n) the two highest Legendre coefficients (2, n) of the polynomial
-    through them.
-    """
-
-    at: FloatArray
-    weights: FloatArray
-    coefficients: FloatArray
-
-    def places(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """(n_node, n_panel) the nodes in panels."""
-        return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * self.at[:, None])
-
-    def panels(
-        self,
-        draw: NDArray[np.int64],
-        low: FloatArray,
-        high: FloatArray,
-        bins: NDArray[np.int64],
-        values: FloatArray,
-    ) -> _Panels:
-        """values : (n_node, n_panel) at the nodes."""
-        width = high - low
-        with np.errstate(all="ignore"):
-            rough = width * np.sum(np.abs(self.coefficients @ values), axis=0)
-            integral = 0.5 * width * (self.weights @ values)
-            least, highest = np.min(values, axis=0), np.max(values, axis=0)
-        return _Panels(draw, bins, low, high, integral, rough, least, highest)
+def _places(low: FloatArray, high: FloatArray) -> FloatArray:
+    """(10, n_panel) the nodes."""
+    return np.asarray(0.5 * (low + high) + 0.5 * (high - low) * _AT[:, None])
 
 
-@cache
-def _gauss(n: int) -> _Rule:
-    at, weights = np.polynomial.legendre.leggauss(n)
-    # (k + 1/2) sum_i w_i P_k(x_i) f_i
-    polynomials = np.polynomial.legendre.legvander(at, n - 1)[:, n - 2 :]
-    return _Rule(at, weights, (polynomials * weights[:, None] * [n - 1.5, n - 0.5]).T)
+def _panels_of(
+    draw: NDArray[np.int64],
+    low: FloatArray,
+    high: FloatArray,
+    bins: NDArray[np.int64],
+    values: FloatArray,
+) -> _Panels:
+    """values : (10, n_panel) at the nodes."""
+    width = high - low
+    with np.errstate(all="ignore"):
+        rough = width * np.sum(np.abs(_HIGHEST @ values), axis=0)
+        integral = 0.5 * width * (_WEIGHTS @ values)
+        least, highest = np.min(values, axis=0), np.max(values, axis=0)
+    return _Panels(draw, bins, low, high, integral, rough, least, highest)
 
 
 def _joined(several: list[_Panels]) -> _Panels:
