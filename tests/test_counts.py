@@ -569,6 +569,23 @@ def test_an_oscillation_is_integrated_over_any_number_of_bins(n: int, w: float) 
     assert found == pytest.approx(np.diff(whole), rel=1e-9, abs=1e-9)
 
 
+def test_a_draw_without_an_integral_neither_grows_nor_takes_one_beside_it_away() -> None:
+    """1/x^2 from 0 has none, and an oscillation far finer than the panels is given up."""
+    curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(
+        read_formula("a*cos(w*x)**2 + b/x**2")
+    )
+    draws = {
+        "a": np.array([[7.0], [7.0], [7.0]]),
+        "w": np.array([[1.0], [1e7], [1.0]]),
+        "b": np.array([[0.0], [0.0], [1.0]]),
+    }
+    found = curve.value(MIDDLES, draws)
+    whole = 7.0 * (0.5 * EDGES + np.sin(2.0 * EDGES) / 4.0)
+    assert found[0] == pytest.approx(np.diff(whole), rel=1e-9)
+    assert np.isnan(found[1]).any()
+    assert not np.isfinite(found[2, 0])
+
+
 def test_a_binned_curve_is_integrated_and_knows_its_derivatives() -> None:
     curve = counted_points(Poisson(EDGES), MIDDLES, np.ones(20), what="y").expected(
         read_formula("N/tau*exp(-x/tau)")

@@ -223,8 +223,11 @@ class BinnedCurve:
                 done[-1].draw, np.abs(done[-1].integral), minlength=n_draw
             )
             panels = panels.where(coarse)
-            panels.integral[many[panels.draw]] = np.nan
-            if not panels.draw.size or np.all(many[panels.draw]):
+            hopeless = many[panels.draw]
+            panels.integral[hopeless] = np.nan
+            done.append(panels.where(hopeless))
+            panels = panels.where(~hopeless)
+            if not panels.draw.size:
                 break
             panels = self._halved(panels, arguments, n_draw)
         panels.integral[:] = np.nan
