@@ -13,6 +13,8 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     try:
+        if name == "__version__":
+            return import_module("estim.versions").version("estim")
         homes = _homes()
         if name != "__all__" and name not in homes:
             raise AttributeError(f"module 'estim' has no attribute {name!r}")

@@ -52,3 +52,5 @@ from estim.sampling.chain import Target as Target
 from estim.sampling.chain import sample_posterior as sample_posterior
 from estim.studies.energy import energy_along as energy_along
 from estim.studies.paper_band import propagated_bands as propagated_bands
+
+__version__: str

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,9 +71,9 @@ def png(draw: Callable[[], Figure], finish: Callable[[Figure], object] | None = 
         return as_png(figure)
 
 
-def show_literally(figure: Figure) -> None:
-    """Marks every text of a finished figure as no mathematics but where `estim.common.labels` made
-    it so.  To be done once.
+def show_literally(figure: Artist) -> None:
+    """Marks every text of a finished figure, or of one of its axes, as no mathematics but where
+    `estim.common.labels` made it so.  To be done once.
     """
     for text in texts_of(figure):
         text.set_text(mathtext(text.get_text()))
@@ -97,12 +97,19 @@ def as_png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def handed_out(figure: Figure | None, draw: Callable[[Figure], None], height: float) -> Figure:
-    """What a user gets: `draw` on the user's own figure in the user's style, or on a new one, which
-    a notebook shows by itself.
+def handed_out(
+    figure: Figure | None, draw: Callable[[Figure], None], height: float, ax: Axes | None = None
+) -> Figure:
+    """What a user gets: `draw` on the user's own figure, or on its axes `ax`, in the user's style,
+    or on a new one, which a notebook shows by itself.
     """
     from matplotlib import style
 
+    if ax is not None:
+        figure = cast("Figure", ax.get_figure())
+        draw(figure)
+        show_literally(ax)
+        return figure
     if figure is None:
         with style.context("default"):
             figure = _notebook_figure()(

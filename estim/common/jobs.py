@@ -9,7 +9,6 @@ what is missing is done again, once, by half as many.
 from __future__ import annotations
 
 import copyreg
-import io
 import os
 import pickle
 import signal
@@ -134,7 +133,12 @@ def _by_workers(
         stack.enter_context(_environment_of_workers())
         with _interrupts_held():  # a process of multiprocessing's own is started here
             pool = stack.enter_context(
-                ProcessPoolExecutor(jobs, get_context("spawn"), _start, (_pickled(task),))
+                ProcessPoolExecutor(
+                    jobs,
+                    get_context("spawn"),
+                    _start,
+                    (pickle.dumps(task, pickle.HIGHEST_PROTOCOL),),
+                )
             )
         try:
             for n, result in _through(pool, _call, numbers):
@@ -187,19 +191,12 @@ def _environment_of_workers() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _pickled(thing: object) -> bytes:
-    """`thing` as bytes; read-only mappings, which pickle does not know, included."""
-    buffer = io.BytesIO()
-    pickler = pickle.Pickler(buffer, protocol=pickle.HIGHEST_PROTOCOL)
-    pickler.dispatch_table = copyreg.dispatch_table | {
-        MappingProxyType: lambda mapping: (_read_only, (dict(mapping),))
-    }
-    pickler.dump(thing)
-    return buffer.getvalue()
-
-
 def _read_only(mapping: dict[Any, Any]) -> MappingProxyType[Any, Any]:
     return MappingProxyType(mapping)
+
+
+# results hold read-only mappings, which neither pickle nor copy knows
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
 def _start(task: bytes) -> None:
@@ -230,4 +227,4 @@ def _end_with_parent() -> None:
 
 def _call(n: Any) -> bytes:
     assert _task is not None
-    return _pickled(_task(n))
+    return pickle.dumps(_task(n), pickle.HIGHEST_PROTOCOL)

@@ -5,7 +5,7 @@ region of two parameters.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -77,11 +77,11 @@ class Region:
             and _refined(self, np.array([a]), np.array([b]))[0, 0] <= self.levels[probability]
         )
 
-    def plot(self, figure: Figure | None = None) -> Figure:
-        """The regions with the ellipses of the linear theory, in a new figure or in the user's own
-        (which may be one of pyplot's).
+    def plot(self, figure: Figure | None = None, *, ax: Axes | None = None) -> Figure:
+        """The regions with the ellipses of the linear theory, in a new figure, in the user's own
+        (which may be one of pyplot's), or in its axes `ax`.
         """
-        return handed_out(figure, lambda own: _draw_region(own.subplots(), self), 4.6)
+        return handed_out(figure, lambda own: _draw_region(ax or own.subplots(), self), 4.6, ax)
 
     def _repr_png_(self) -> bytes:
         from estim.drawing import as_png
@@ -123,8 +123,10 @@ def curve_figure(
     sd_x: FloatArray,
     title: str,
     figure: Figure | None,
+    ax: Axes | None = None,
 ) -> Figure:
-    """Points with their errors, the curve with its bands, and the residuals in the unit of y.
+    """Points with their errors, the curve with its bands, and the residuals in the unit of y; on
+    axes of the user's own without the residuals.
 
     at_points : (n_obs,) the fitted curve at the points.
     curve, inner : along x, with 95 % and 68 % intervals.
@@ -132,15 +134,17 @@ def curve_figure(
     """
 
     def draw(own: Figure) -> None:
-        upper, lower = own.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
+        upper, lower = ax, None
+        if upper is None:
+            upper, lower = own.subplots(2, 1, sharex=True, height_ratios=(3, 1.2))
         counts = run.noise.counted
         _draw_curve(upper, curve, inner)
         bars = run.n_obs <= MANY and counts is None
-        errors = {
+        errors: dict[str, Any] = {
             "yerr": sd if bars and np.any(sd > 0.0) else None,
             "xerr": sd_x if bars and np.any(sd_x > 0.0) else None,
         }
-        style = {
+        style: dict[str, Any] = {
             "fmt": "o",
             "color": INK,
             "ms": 3.5 if run.n_obs <= MANY else 1.8,
@@ -155,6 +159,19 @@ def curve_figure(
             else phrase("data")
         )
         upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
+        upper.set(ylabel=run.y_label)
+        (lower or upper).set(xlabel=run.x_label)
+        upper.set_title(title, fontsize=10, pad=20)
+        upper.legend(
+            fontsize=8,
+            frameon=False,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=4,
+            borderaxespad=0.1,
+        )
+        if lower is None:
+            return
         if counts is not None:
             scatter = np.sqrt(counts.law.variance(at_points, counts.trials))
             at = run.x if counts.bins is None else counts.bins.ravel()
@@ -173,20 +190,10 @@ def curve_figure(
         lower.errorbar(run.x, run.y - at_points, yerr=errors["yerr"], **style, zorder=5)
         if lower.get_legend_handles_labels()[0]:
             lower.legend(fontsize=7.5, frameon=False, loc="best")
-        upper.set(ylabel=run.y_label)
-        lower.set(xlabel=run.x_label, ylabel=phrase("residual") + bracketed(run.y_unit))
-        upper.set_title(title, fontsize=10, pad=20)
-        upper.legend(
-            fontsize=8,
-            frameon=False,
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=4,
-            borderaxespad=0.1,
-        )
+        lower.set(ylabel=phrase("residual") + bracketed(run.y_unit))
         own.align_ylabels([upper, lower])
 
-    return handed_out(figure, draw, 5.0)
+    return handed_out(figure, draw, 5.0, ax)
 
 
 def _draw_curve(ax: Axes, curve: Prediction, inner: Prediction) -> None:

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,12 +32,23 @@ from estim.curve_fitting.figures import Prediction, Region, curve_figure, region
 from estim.curves import refuse_quantities
 from estim.deviation import FoundDeviation
 from estim.distributions import student_quantile
-from estim.fitting import FEW, Ends, Fit, LinearDerived, contour, linear_derived, shown_value
+from estim.fitting import (
+    FEW,
+    Ends,
+    Fit,
+    LinearDerived,
+    contour,
+    linear_derived,
+    profile_intervals,
+    shown_value,
+)
 from estim.given_numbers import real_numbers
 from estim.problem import Observations, Problem
 from estim.words import advice, advice_for, tell
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # of which a reason says what to do as well
@@ -144,6 +155,24 @@ class CurveFit:
                 )
         return quantities
 
+    def __call__(self, x: ArrayLike, *, data: str | None = None) -> FloatArray:
+        """The fitted curve at x, shaped as x.  data : as in `predict`."""
+        refuse_quantities(x=x)
+        return self.predict(np.ravel(x), data=data).value.reshape(np.shape(x))
+
+    @cached_property
+    def residuals(self) -> FloatArray:
+        """(n_obs,) y - f, unit of y, in the order of the points as they were given, data sets below
+        each other; of single events, of their cells.
+        """
+        parts = []
+        for run in self.problem.runs:
+            off = run.y - np.broadcast_to(run.points.value(self.values), (1, run.n_obs))[0]
+            if run.order is not None:
+                off[run.order] = off.copy()
+            parts.append(off)
+        return np.concatenate(parts)
+
     def predict(
         self, x: ArrayLike, *, probability: float = 0.95, data: str | None = None
     ) -> Prediction:
@@ -173,12 +202,15 @@ class CurveFit:
         half = float(student_quantile(0.5 + 0.5 * probability, np.array(self._dof))) * u
         return Prediction(places, value, u, value - half, value + half)
 
-    def plot(self, figure: Figure | None = None, *, data: str | None = None) -> Figure:
+    def plot(
+        self, figure: Figure | None = None, *, ax: Axes | None = None, data: str | None = None
+    ) -> Figure:
         """Points with their errors, the curve with its 68 % and 95 % bands, and the residuals in
         the unit of y.
 
         figure : to draw in, as from `matplotlib.pyplot.figure`; a new one if None, which a notebook
             shows and `savefig` writes.
+        ax : axes of a figure of the user's own to draw points and curve in, without residuals.
         data : name of the data set, where several were fit together.  A curve whose status is not
             ok has no band.
         """
@@ -204,6 +236,7 @@ class CurveFit:
                 ]
             ),
             figure=figure,
+            ax=ax,
         )
 
     def contour(self, a: str, b: str, *, probabilities: tuple[float, ...] = (0.68, 0.95)) -> Region:
@@ -214,17 +247,7 @@ class CurveFit:
         status is not ok or the curve may lack something (`deviation`, `correlated`): then no region
         would hold what it says.
         """
-        if not self.status.ok:
-            raise InputError(
-                f"needs a fit with status ok, not {self.status}: its region would not have "
-                "its nominal coverage",
-                field="contour",
-            )
-        if self.deviation is not None:
-            raise InputError(
-                "is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve",
-                field="contour",
-            )
+        self._require_profiles("contour")
         profile = contour(self.held, a, b, probabilities, dof=self._dof)
         at = [self.names.index(name) for name in (a, b)]
         known = {p.name: p.label for p in self.problem.parameters}
@@ -234,6 +257,107 @@ class CurveFit:
             cov=self.cov[np.ix_(at, at)],
             labels=(known[a], known[b]),
         )
+
+    def profile_interval(self, name: str, *, probability: float = 0.95) -> tuple[float, float]:
+        """Where the parameter `name` lies with that probability, by the profile of the likelihood
+        and priors: every other parameter is fitted anew for each of its values.
+
+        An end is a limit, or infinite, where nothing closes that side.  Raises InputError for an
+        unknown name, and where `contour` does.
+        """
+        self._require_profiles("profile_interval")
+        (interval,) = profile_intervals(
+            self.held, names=[name], probabilities=(probability,), dof=self._dof
+        )
+        return interval.low[probability], interval.high[probability]
+
+    def _require_profiles(self, field: str) -> None:
+        """Raises InputError where a region of the profile would not hold what it says."""
+        if not self.status.ok:
+            rule = f"needs a fit with status ok, not {self.status}: its region would not have its "
+            raise InputError(f"{rule}nominal coverage", field=field)
+        if self.deviation is not None:
+            rule = "is not available with 'deviation' or 'correlated': use fit.cov, or sample_curve"
+            raise InputError(rule, field=field)
+
+    def ufloats(self) -> dict[str, Any]:
+        """Name -> `ufloat` of the package uncertainties, correlated as the parameters are, so that
+        what is computed from several of them has the right uncertainty.
+
+        Raises InputError where the status is not ok or a parameter has no standard deviation.
+        """
+        from uncertainties import correlated_values
+
+        if not self.status.ok or not all(map(math.isfinite, self.sds.values())):
+            missing = [name for name, sd in self.sds.items() if not math.isfinite(sd)]
+            what = f"{', '.join(missing)} has none" if self.status.ok else f"status {self.status}"
+            raise InputError(
+                f"need a standard deviation of every parameter ({what})", field="ufloats"
+            )
+        numbers = correlated_values([self.values[name] for name in self.names], self.cov)
+        return dict(zip(self.names, numbers, strict=True))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The result as numbers, texts, lists and mappings, which `json.dumps` takes: a number that
+        there is not is None.
+        """
+        units = {p.name: p.unit for p in self.problem.parameters}
+        parameters = {
+            name: {
+                "value": self.values[name],
+                "sd": _number(self.sds[name]),
+                "unit": units[name],
+                "intervals": {
+                    f"{p:g}": list(map(_number, ends)) for p, ends in self.intervals[name].items()
+                },
+            }
+            for name in self.names
+        }
+        derived = {
+            name: {"value": found.value, "sd": _number(found.sd), "unit": found.unit}
+            for name, found in self.derived.items()
+        }
+        return {
+            "curve": self.called,
+            "status": str(self.status),
+            "reasons": list(self.reasons),
+            "notes": list(self.notes),
+            "parameters": parameters,
+            "derived": derived,
+            "fixed": dict(self.fixed),
+            "covariance": [list(map(_number, row)) for row in self.cov.tolist()],
+            "chi2": self.chi2,
+            "dof": self.dof,
+            "p_value": _number(self.p_value),
+            "sigma": self.sigma,
+            "n_obs": self.problem.n_obs,
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """The parameters as a table of pandas, a row each: value, sd, ends of the intervals, unit.
+
+        Raises InputError where pandas is missing.
+        """
+        try:
+            from pandas import DataFrame
+        except ImportError:
+            rule = "needs pandas: pip install 'estim[pandas]'"
+            raise InputError(rule, field="to_frame") from None
+        units = {p.name: p.unit for p in self.problem.parameters}
+        rows = {
+            name: {"value": self.values[name], "sd": self.sds[name]}
+            | {
+                f"{side} {100 * p:.0f} %": end
+                for p, ends in self.intervals[name].items()
+                for side, end in zip(("low", "high"), ends, strict=True)
+            }
+            | {"unit": units[name]}
+            for name in self.names
+        }
+        frame = DataFrame.from_dict(rows, orient="index")
+        frame.index.name = "parameter"
+        frame.attrs.update(curve=self.called, status=str(self.status), reasons=list(self.reasons))
+        return frame
 
     @property
     def aic(self) -> float:
@@ -421,6 +545,10 @@ class CurveFit:
             f"{phrase('residual sd = {sd:.4g} (estimated: u_y was not given)', sd=self.sigma)}, "
             f"dof = {self.dof}; {self.message}"
         )
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _derived_words(found: LinearDerived) -> str:

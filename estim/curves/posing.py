@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, phrase, read_quantity
@@ -68,6 +68,7 @@ class CurveProblem:
     fixed : argument of the curve -> its exact value.
     text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
+    order : (n_obs,) where each point stood among those given; None of single events.
     """
 
     text: str
@@ -81,6 +82,7 @@ class CurveProblem:
     stated: bool
     axes: AxisNames
     fixed: Mapping[str, float]
+    order: NDArray[np.int64] | None
     lacks: Discrepancy | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
@@ -166,6 +168,7 @@ class CurveProblem:
             motion=None,
             words=plain_words() if self.counted is None else self.counted.words,
             sought=self.sought,
+            order=self.order,
         )
 
 
@@ -238,6 +241,8 @@ def pose_curve(
         deviation=deviation or None,
         correlated=None if correlated is False else correlated,
     )
+    events = counted is not None and counted.events.size > 0
+    given = None if events else np.argsort(column(x, "x"), kind="stable")
     if counted is not None:
         x, y = counted.x, counted.y
     points = {"x": column(x, "x"), "y": column(y, "y")}
@@ -325,6 +330,7 @@ def pose_curve(
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
+        order=given,
         lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),

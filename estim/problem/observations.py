@@ -124,6 +124,8 @@ class Observations:
     sought : what a user wants computed from the parameters.
     motion : the body whose motion was measured; None for a plain curve.
     words : how the measured numbers are spoken of.
+    order : (n_obs,) where each point stood among those that were given; None where that is not
+        known.
     """
 
     name: str
@@ -149,6 +151,7 @@ class Observations:
     complete: Finding | None = None
     lacks: Discrepancy | None = None
     sought: tuple[DerivedQuantity, ...] = ()
+    order: NDArray[np.int64] | None = None
 
     @property
     def stated(self) -> bool:
