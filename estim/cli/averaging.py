@@ -52,12 +52,10 @@ def mean(
     folder = out or Path("out") / file.stem
     reserve_output(folder, "result.json")
     found = mean_of_table(file, y=y, u_y=u_y, group=group, dialect=dialect_of(dialect))
-    write_report(folder, mean_report(found, figures=figures))
+    write_report(folder, mean_report(found, seed=seed, figures=figures))
     say(found.told)
     for line in str(found.mean).splitlines()[1:-1]:
         say(line)
-    reason = phrase(
-        "Quote {name}: {reason}.", name=found.mean.recommended, reason=found.mean.reason
-    )
-    conclude(phrase("mean"), found.mean.status, [mean_statement(found), reason], found.facts)
+    quoted = found.mean.shown().notes
+    conclude(phrase("mean"), found.mean.status, [mean_statement(found), *quoted], found.facts)
     report_at(folder / "report.md", ())

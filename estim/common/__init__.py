@@ -64,6 +64,7 @@ from estim.common.ownership import REPORT_FILES, remove_own, replace_own, requir
 from estim.common.quantity import (
     EXTREME,
     Quantity,
+    difference,
     e_n,
     extreme,
     format_p,

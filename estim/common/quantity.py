@@ -272,9 +272,15 @@ def signed(text: str) -> str:
     return re.sub(r"(?<!e)-", "−", re.sub(r"(?<![\w.])[+-](?=0(\.0+)?(?![\d.e]))", "", text))
 
 
-def e_n(a: Quantity, b: Quantity) -> float:
-    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1
-    means agreement.
+def difference(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> Quantity:
+    """a - b with u^2 = u_a^2 + u_b^2 - 2 r u_a u_b (GUM 5.2.2)."""
+    square = (a.u - b.u) ** 2 + 2.0 * (1.0 - correlation) * a.u * b.u
+    return Quantity(a.value - b.value, math.sqrt(square))
+
+
+def e_n(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> float:
+    """E_n = (a - b)/U with the expanded uncertainty U = 2 u(a - b) (ISO 13528); |E_n| <= 1 means
+    agreement.
     """
-    combined = math.hypot(2.0 * a.u, 2.0 * b.u)
-    return (a.value - b.value) / combined if combined > 0.0 else math.nan
+    apart = difference(a, b, correlation=correlation)
+    return apart.value / (2.0 * apart.u) if apart.u > 0.0 else math.nan

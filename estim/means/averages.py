@@ -123,7 +123,9 @@ class Mean(Tabled):
 
     @property
     def status(self) -> Status:
-        """ok: the recommended mean holds with and without a dark uncertainty; `reason` says which."""
+        """ok: the recommended mean may be quoted; `reason` says whether the dark uncertainty is
+        needed.
+        """
         return Status.OK
 
     def shown(self) -> Shown:

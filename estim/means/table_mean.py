@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from estim.arrays import FloatArray
 from estim.common import InputError, listed, read_number
 from estim.means.averages import Mean, mean
 from estim.reading import (
@@ -60,14 +61,16 @@ def mean_of_table(
         raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
     name = y or bare[0]
     u = u_y or (None if group else uncertainty_of(name, layout))
-    size = None
-    try:
-        size = None if u is None else read_number(u)
-    except ValueError:
-        pass
-    column = name_and_unit(u)[0] if u and size is None and u not in layout.names else u
-    table = table_of(layout, [name, *([column] if column and size is None else [])], 2)
-    if column and size is None:
+    errors: FloatArray | float | None = None
+    column = ""
+    if u is not None:
+        try:
+            errors = read_number(u)
+        except ValueError:
+            column = u if u in layout.names else name_and_unit(u)[0]
+    table = table_of(layout, [name, *filter(None, (column,))], 2)
+    if column:
+        errors = table.columns[column]
         table.require_unit(column, name)
         table.require(column, table.columns[column] > 0.0, "must be > 0")
     groups = None
@@ -78,7 +81,6 @@ def mean_of_table(
             raise InputError(rule, field="--group", value=group, file=layout.file)
         cells = {row.number: row.cells[places[0]] for row in layout.rows}
         groups = [cells[int(line)] for line in table.lines]
-    errors = table.columns[column] if column and size is None else size
     try:
         found = mean(table.columns[name], errors, groups=groups)
     except InputError as error:

@@ -86,8 +86,8 @@ def mean_statement(found: TableMean) -> str:
         )
     size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
     return phrase(
-        "{name} = {value} with standard uncertainty u = {u}, {percent} interval {ends}, with a dark "
-        "uncertainty of {tau}.",
+        "{name} = {value} with standard uncertainty u = {u}, {percent} interval {ends}, with a "
+        "dark uncertainty of {tau}.",
         name=name,
         value=rounded(best.value, size, 2) + unit,
         u=rounded(best.u, best.u, 2, beside=best.value) + unit,
@@ -97,7 +97,7 @@ def mean_statement(found: TableMean) -> str:
     )
 
 
-def mean_report(found: TableMean, *, figures: FigureChoice = "main") -> dict[str, bytes]:
+def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") -> dict[str, bytes]:
     """`report.md`, `result.json` and `figures/mean.png`."""
     mean, groups = found.mean, found.mean.groups
     shown = mean.shown()
@@ -131,13 +131,13 @@ def mean_report(found: TableMean, *, figures: FigureChoice = "main") -> dict[str
             groups.p_value,
         ),
         mean.probability,
-        provenance_of(found.path, found.sha256, {str(found.path): found.sha256}, 0),
+        provenance_of(found.path, found.sha256, {str(found.path): found.sha256}, seed),
     )
     text = partial(
         render,
         "mean.md.j2",
         result=result,
-        unit=behind(found.unit),
+        unit=found.unit,
         averages=table(shown.head, shown.rows),
         facts=(found.told, *found.facts),
     )
