@@ -2,5 +2,4 @@
 groups.  Read `averages` first.
 """
 
-from estim.means.averages import Average, Groups, Mean, mean
 from estim.means.table_mean import TableMean, mean_of_table

@@ -46,7 +46,7 @@ from estim.propagation import check_probability
 
 CONSISTENT = 0.05  # least p of chi^2 (Cox 2002, Metrologia 39, 589)
 _CLOSE = 0.999  # p of values that scatter too little
-_MOST = 10_000
+_MOST = 1000
 
 
 class Average(NamedTuple):
@@ -160,7 +160,7 @@ def mean(
 ) -> Mean:
     """The mean of values (n,), n >= 2, of one quantity.
 
-    values : numbers, or quantities in text, ["9.81(2)", "9.78(1)"].
+    values : numbers, at most 1000, or quantities in text, ["9.81(2)", "9.78(1)"].
     u : (n,) or one standard uncertainty, > 0, of independent errors; None for readings.
     groups : (n,) the group of each reading, two groups or more.
     probability : of the intervals.

@@ -13,7 +13,7 @@ from scipy import optimize
 from estim.arrays import FloatArray
 from estim.distributions import normal_below
 
-_PLACES = 2000  # of tau, evenly in log(tau)
+_PLACES = 2000  # of tau, evenly in log(tau): enough for a thousand values
 
 
 def weighted(x: FloatArray, u: FloatArray, tau: float = 0.0) -> tuple[float, float, float]:
@@ -78,14 +78,12 @@ def hierarchical(x: FloatArray, u: FloatArray) -> Hierarchical:
     """
     low, high = 1e-5 * u.min(), 1e6 * (np.ptp(x) + u.max())
     tau = np.exp(np.linspace(np.log(low), np.log(high), _PLACES))
-    found = np.empty((3, _PLACES))
-    for i, t in enumerate(tau):
-        w = 1.0 / (u**2 + t**2)
-        mean, sd, chi2 = weighted(x, u, t)
-        # the last 2 log(t): of the prior, and of the steps in log(tau)
-        log_p = (
-            0.5 * np.log(w).sum() + np.log(sd) - 0.5 * chi2 + 0.5 * np.log(w @ w) + 2 * np.log(t)
-        )
-        found[:, i] = mean, sd, log_p
-    p = np.exp(found[2] - found[2].max())
-    return Hierarchical(tau, p / p.sum(), found[0], found[1])
+    w = 1.0 / (u**2 + tau[:, None] ** 2)
+    total = w.sum(axis=1)
+    mean = w @ x / total
+    chi2 = np.sum(w * (x - mean[:, None]) ** 2, axis=1)
+    # the second term: the prior's tau, and that of steps in log(tau)
+    log_prior = 0.5 * np.log(np.sum(w**2, axis=1)) + 2.0 * np.log(tau)
+    log_p = log_prior + 0.5 * np.log(w).sum(axis=1) - 0.5 * np.log(total) - 0.5 * chi2
+    p = np.exp(log_p - log_p.max())
+    return Hierarchical(tau, p / p.sum(), mean, total**-0.5)
