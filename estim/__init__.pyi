@@ -30,6 +30,8 @@ from estim.line.regression import fit_line as fit_line
 from estim.line.regression import inverse_prediction as inverse_prediction
 from estim.line.regression import prediction_band as prediction_band
 from estim.line.series import read_theta_min as read_theta_min
+from estim.means.averages import Mean as Mean
+from estim.means.averages import mean as mean
 from estim.pipeline import Analysis as Analysis
 from estim.pipeline import analyse as analyse
 from estim.pipeline import sample_curve as sample_curve

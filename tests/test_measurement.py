@@ -31,6 +31,7 @@ from scipy import integrate, optimize, special, stats
 
 from estim.cli.commands import cli
 from estim.cli.terminal import exit_code
+from estim.common import rounded
 from estim.common.errors import InputError
 from estim.measurement.input_tables import InputTable
 from estim.measurement.model_file import _OutputTable, _TopTable, read_model
@@ -39,7 +40,6 @@ from estim.measurement.region import ellipse
 from estim.propagation import propagate_linear, propagate_monte_carlo
 from estim.propagation.scores import Distribution
 from estim.reports.measurement import measurement_report
-from estim.reports.rendering import rounded
 
 GUM = Path(__file__).resolve().parents[1] / "data" / "gum"
 FILES = sorted(path.stem for path in GUM.glob("*.toml"))

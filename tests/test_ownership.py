@@ -42,6 +42,7 @@ COMMANDS = {
     "fit of a table": ["points.csv", "--formula", "a + b*x"],
     "fit --compare": ["data/replica/campaign.toml", "--run", "light-01", "--compare"],
     "propagate": ["model.toml"],
+    "mean": ["points.csv", "--y", "y"],
     "body": ["data/wheel/campaign.toml"],
     "batch": ["data/wheel"],
 }

@@ -12,12 +12,14 @@ Published values and where they are printed:
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
 from scipy import stats
 from uncertainties import correlated_values_norm, correlation_matrix, umath
 
+import estim
 from estim.common.errors import InputError
 from estim.propagation.copula import copula_matrix, draw_inputs, standard_score
 from estim.propagation.evaluation import gradient
@@ -1218,3 +1220,55 @@ def test_bad_choices_for_monte_carlo_give_one_line(call, message):
         call()
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_formula_in_text_is_the_same_function() -> None:
+    stated = {"L": "0.85(1) m", "T": [1.851, 1.849, 1.855], "pi2": math.pi**2}
+    by_text = estim.propagate_linear("4*pi2*L/T**2", stated)
+    inputs = [
+        Input("L", 0.85, 0.01, unit="m"),
+        Input.from_readings("T", [1.851, 1.849, 1.855]),
+        Input("pi2", math.pi**2, 0.0),
+    ]
+    by_hand = estim.propagate_linear(lambda q: 4.0 * q["pi2"] * q["L"] / q["T"] ** 2, inputs)
+    assert by_text.value == pytest.approx(float(by_hand.value), rel=1e-14)
+    assert by_text.u == pytest.approx(float(by_hand.u), rel=1e-9)
+    assert by_text.inputs[0].unit == "m"
+    assert by_text.expanded == pytest.approx(float(by_hand.high - by_hand.value), rel=1e-9)
+    drawn = [
+        estim.propagate_monte_carlo(f, i, rng=np.random.default_rng(3), n_draw=10_000).draws
+        for f, i in (
+            ("4*pi2*L/T**2", stated),
+            (lambda q: 4 * q["pi2"] * q["L"] / q["T"] ** 2, inputs),
+        )
+    ]
+    np.testing.assert_allclose(drawn[0], drawn[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("formula", "inputs", "message"),
+    [
+        ("a*b", {"a": "1.0(1)"}, "'function' names no input: b"),
+        ("a", {"a": "1.0(1)", "b": 2.0}, "'b' is not in the formula: a"),
+        ("a", {"a": "1.0(1) hurz"}, "'a' must be a number"),
+        ("a.real", {"a": "1.0(1)"}, "'function' must not reach into"),
+    ],
+)
+def test_formula_in_text_says_what_is_wrong(formula, inputs, message) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        estim.propagate_linear(formula, inputs)
+
+
+def test_print_shows_results_of_propagation() -> None:
+    stated = {"V": Input("V", 4.999, 0.0032, dof=4), "I": Input("I", 0.019661, 9.5e-6, dof=4)}
+    linear = estim.propagate_linear("V/I", stated, correlation={("V", "I"): -0.36})
+    sampled = estim.propagate_monte_carlo(
+        "V/I", stated, rng=np.random.default_rng(1), n_draw=20_000
+    )
+    assert "254.26  0.24  4    2.78  0.66" in str(linear)
+    assert "| y | 254.26 | 0.24 | 4 | 2.78 | 0.66 |" in linear._repr_markdown_()
+    assert "r(V, I)  −0.36" in str(estim.budget(linear))
+    assert "20000 draws" in str(sampled)
+    assert "[253." in str(sampled)
+    curve = estim.propagate_linear(lambda q: q["V"] * np.arange(20.0), [stated["V"]])
+    assert len(str(curve).splitlines()) < 20

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from estim.cli.averaging import mean
 from estim.cli.batching import batch
 from estim.cli.bodies import body
 from estim.cli.calibrating import calibrate
@@ -87,6 +88,7 @@ if TYPE_CHECKING:
         compare_models,
         import_file,
         line,
+        mean,
         map_motions,
         new_campaign,
         plan_next,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from estim.cli.options import OUT, PATH, report_options
+from estim.cli.options import OUT, report_options
 from estim.cli.terminal import (
     conclude,
     exit_unless,
@@ -20,19 +20,27 @@ from estim.common import FigureChoice, Stream, phrase, stream
 
 
 @click.command()
-@click.argument("file", type=PATH)
+@click.argument("file", metavar="FILE|FORMULA")
+@click.argument("values", metavar="[NAME=VALUE]...", nargs=-1)
 @OUT
 @report_options
-def propagate(file: Path, out: Path | None, seed: int, figures: FigureChoice) -> None:
-    """Uncertainty of a measurement model FILE: the GUM and Monte Carlo side by side, with a budget
-    (docs/propagation.md).
+def propagate(
+    file: str, values: tuple[str, ...], out: Path | None, seed: int, figures: FigureChoice
+) -> None:
+    """Uncertainty of a measurement model FILE, or of a FORMULA: the GUM and Monte Carlo side by
+    side, with a budget (docs/propagation.md).
+
+    A formula goes with the values of its inputs: estim propagate "g = 4*pi**2*L/T**2"
+    L="0.85(1) m" T="1.851(3) s".
     """
+    from estim.campaign import pairs
+    from estim.measurement import model_of_formula, read_model
     from estim.measurement import propagate as propagate_model
-    from estim.measurement import read_model
     from estim.reports.measurement import measurement_lines, measurement_report
 
-    folder = out or Path("out") / file.stem
-    model = read_model(file)
+    given = pairs(values, "NAME")
+    model = model_of_formula(file, given) if given else read_model(Path(file))
+    folder = out or Path("out") / (model.outputs[0].name if given else Path(file).stem)
     reserve_output(folder, "result.json")
     with pieces("Monte Carlo", phrase("draw")) as progress:
         propagation = propagate_model(

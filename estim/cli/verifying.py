@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import math
 import os
 import sys
 import tempfile
@@ -24,14 +25,26 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
+    Quantity,
     behind,
+    difference,
+    e_n,
     format_rounded,
     json_of,
     names_in,
     read_file,
+    read_with_unit,
+    rounded,
     spoken,
 )
-from estim.verification import Difference, Verdict, compare_results, differences, draws_are_same
+from estim.verification import (
+    Difference,
+    Verdict,
+    compare_results,
+    differences,
+    draws_are_same,
+    only_estimate,
+)
 
 _LARGEST = 2**28
 _TOLD = 12  # differences of one kind that are told one by one
@@ -356,16 +369,30 @@ def _same_picture(before: bytes, now: bytes) -> bool:
 
 
 @click.command()
-@click.argument("first", type=PATH)
-@click.argument("second", type=PATH)
-def diff(first: Path, second: Path) -> None:
+@click.argument("first", metavar="FIRST|VALUE")
+@click.argument("second", metavar="SECOND|VALUE")
+@click.option(
+    "--r",
+    type=click.FloatRange(-1.0, 1.0),
+    help="Correlation of the errors of two values.  [default: 0]",
+)
+def diff(first: str, second: str, r: float | None) -> None:
     """What differs between the results of two analyses, FIRST and SECOND (folders, or files
-    result.json).
+    result.json), or between two values, "9.81(2)" and "9.79(3)".
 
-    It lists inputs, settings and versions, then the shift of each estimate in standard deviations
-    of the first.
+    Of two analyses it lists inputs, settings and versions, then the shift of each estimate in
+    standard deviations of the first.  Of two values, one of which may be the result that has only
+    one, it tells the difference, its uncertainty and E_n (ISO 13528).
     """
-    pair = compare_results(_result(first), _result(second))
+    one, other = (_given_result(text) for text in (first, second))
+    if one is None or other is None:
+        a = read_with_unit(first, field="first") if one is None else only_estimate(one)
+        b = read_with_unit(second, field="second") if other is None else only_estimate(other)
+        _say_difference(a, b, r or 0.0)
+        return
+    if r is not None:
+        raise InputError("is for two values, not for two analyses", field="--r", value=r)
+    pair = compare_results(one, other)
     for line in pair.inputs:
         say(line)
     if pair.same:
@@ -393,6 +420,31 @@ def diff(first: Path, second: Path) -> None:
     for what, names in (("the first alone has", pair.lost), ("the second alone has", pair.gained)):
         if names:
             say(f"{what}: {_listed(names)}")
+
+
+def _given_result(text: str) -> dict[str, Any] | None:
+    """None for a value: what no file is called, and begins with a number."""
+    value = not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit()
+    return None if value else _result(Path(text))
+
+
+def _say_difference(a: tuple[Quantity, str], b: tuple[Quantity, str], r: float) -> None:
+    """Raises InputError where the units differ, and where nothing is uncertain."""
+    (first, unit), (second, other) = a, b
+    if unit != other:
+        raise InputError(f"must be in {unit}, as the first", field="second", value=other)
+    apart, score = difference(first, second, correlation=r), e_n(first, second, correlation=r)
+    if math.isnan(score):
+        rule = "has no uncertainty, so that nothing tells whether the values agree"
+        raise InputError(rule, field="difference", value=apart.value)
+    u, expanded = (
+        rounded(size, apart.u, 2, beside=apart.value) + behind(unit)
+        for size in (apart.u, 2.0 * apart.u)
+    )
+    shown = rounded(apart.value, apart.u, 2) + behind(unit)
+    say(f"difference: {shown}, u = {u}, U = k u = {expanded} with k = 2")
+    told = "agree" if abs(score) <= 1.0 else "do not agree"
+    say(f"E_n = {score:.2f}: the two values {told} (|E_n| <= 1)")
 
 
 def _listed(names: Sequence[str]) -> str:

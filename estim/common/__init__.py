@@ -64,15 +64,25 @@ from estim.common.ownership import REPORT_FILES, remove_own, replace_own, requir
 from estim.common.quantity import (
     EXTREME,
     Quantity,
+    difference,
     e_n,
     extreme,
     format_p,
     format_quantity,
     format_rounded,
+    interval,
     p_digits,
     percentage,
+    rounded,
 )
-from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
+from estim.common.quantity import (
+    read_number,
+    read_quantity,
+    read_with_unit,
+    signed,
+    significant,
+    with_unit,
+)
 from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
     held,
@@ -84,3 +94,4 @@ from estim.common.storage import (
     write_whole,
 )
 from estim.common.streams import Stream, stream
+from estim.common.tabled import Shown, Tabled

@@ -34,6 +34,7 @@ FIGURES = (
     "energy",
     "force",
     "line",
+    "mean",
     "map",
     "narrowing",
     "overview",

@@ -99,6 +99,18 @@ def read_quantity(source: str | float, *, field: str) -> Quantity:
     return quantity
 
 
+def read_with_unit(source: str | float, *, field: str) -> tuple[Quantity, str]:
+    """The quantity in `source` and the unit behind it, "0.85(1) m"; "1" where there is none.
+
+    Raises InputError as `read_quantity` does, and where what stands behind is no unit.
+    """
+    match = _WITH_UNIT.fullmatch(source.strip()) if isinstance(source, str) else None
+    unit = (match[2] or "").strip() if match else ""
+    if match is None or not is_unit(unit):
+        return read_quantity(source, field=field), "1"
+    return read_quantity(match[1], field=field), unit
+
+
 def _number_words(text: str) -> str:
     """How a plain number would be written in place of `text`."""
     match = _WITH_UNIT.fullmatch(text)
@@ -170,6 +182,34 @@ def format_rounded(value: float, u: float) -> str:
     return signed(f"{value:.{decimals}f}")
 
 
+def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:
+    """`value` to the decimal place of the last of `digits` significant digits of `u`; without a
+    usable u to six significant digits.
+
+    beside : the larger number next to which it stands, whose notation it shares.
+    """
+    if not math.isfinite(value):
+        return "n/a"
+    if not (math.isfinite(u) and u > 0.0):
+        return signed(f"{value:.6g}")
+    place = math.floor(math.log10(u) + 1e-12) - (digits - 1)
+    if round(u / 10.0**place) >= 10**digits:
+        place += 1
+    beside = abs(beside) if math.isfinite(beside) else 0.0
+    exponent = math.floor(math.log10(max(abs(value), u, beside)))
+    if -4 <= exponent < 9 and place > -9:
+        return signed(f"{value:.{max(0, -place)}f}")
+    return signed(f"{value / 10.0**exponent:.{max(0, exponent - place)}f}e{exponent:+03d}")
+
+
+def interval(low: float, high: float, u: float, digits: int) -> str:
+    """Both ends by `rounded`, or "n/a"."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return "n/a"
+    larger = max(abs(low), abs(high))
+    return f"[{rounded(low, u, digits, beside=larger)}, {rounded(high, u, digits, beside=larger)}]"
+
+
 def format_p(p: float, least: float = 0.0) -> str:
     """'p = 0.030', or 'p < 1e-6': smaller probabilities have no meaning for errors that are only
     nearly normal.
@@ -232,9 +272,15 @@ def signed(text: str) -> str:
     return re.sub(r"(?<!e)-", "−", re.sub(r"(?<![\w.])[+-](?=0(\.0+)?(?![\d.e]))", "", text))
 
 
-def e_n(a: Quantity, b: Quantity) -> float:
-    """E_n = (a - b)/sqrt(U_a^2 + U_b^2) with expanded uncertainties U = 2 u (ISO 13528); |E_n| <= 1
-    means agreement.
+def difference(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> Quantity:
+    """a - b with u^2 = u_a^2 + u_b^2 - 2 r u_a u_b (GUM 5.2.2)."""
+    square = (a.u - b.u) ** 2 + 2.0 * (1.0 - correlation) * a.u * b.u
+    return Quantity(a.value - b.value, math.sqrt(square))
+
+
+def e_n(a: Quantity, b: Quantity, *, correlation: float = 0.0) -> float:
+    """E_n = (a - b)/U with the expanded uncertainty U = 2 u(a - b) (ISO 13528); |E_n| <= 1 means
+    agreement.
     """
-    combined = math.hypot(2.0 * a.u, 2.0 * b.u)
-    return (a.value - b.value) / combined if combined > 0.0 else math.nan
+    apart = difference(a, b, correlation=correlation)
+    return apart.value / (2.0 * apart.u) if apart.u > 0.0 else math.nan

@@ -41,7 +41,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.checks import P_POOR_FIT
-from estim.common import InputError, Markdown, format_p, format_quantity, markdown, phrase, table
+from estim.common import InputError, Shown, Tabled, format_p, format_quantity, phrase
 from estim.distributions import chi2_quantile, chi2_tail, student_quantile
 from estim.given_numbers import real_number, real_numbers
 from estim.line.angle import (
@@ -69,7 +69,7 @@ class StandardError(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class LineFit:
+class LineFit(Tabled):
     """The best line, its standard errors by every convention, and what can be said of the fit."""
 
     intercept: float  # unit of y; nan for a vertical line
@@ -86,29 +86,22 @@ class LineFit:
     message: str  # what went wrong, a sentence; "" if nothing
     data: LineData  # the points
 
-    def _repr_markdown_(self) -> str:
-        """What a notebook shows: the line by every convention, the recommended one in bold, and
-        what to know before using it.
-        """
+    def shown(self) -> Shown:
+        """The line by every convention, and what to know before using it."""
         rows = [
-            (
-                Markdown(f"**{name}**") if name == self.recommended else name,
-                *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)),
-            )
+            (name, *map(format_quantity, (self.intercept, self.slope), (u.u_intercept, u.u_slope)))
             for name, u in self.standard_errors.items()
         ]
         fit = phrase("S = {chi2:.4g}, {dof} degrees of freedom", chi2=self.chi2, dof=self.dof)
         fit += "" if math.isnan(self.p_value) else f", {format_p(self.p_value)}"
-        head = (phrase("convention"), phrase("intercept"), phrase("slope"))
-        parts = (
+        quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+        return Shown(
             phrase("Line, method {method}: {fit}", method=self.method, fit=fit),
-            markdown(self.message),
-            table(head, rows),
+            (phrase("convention"), phrase("intercept"), phrase("slope")),
+            rows,
+            [*filter(None, (self.message,)), quoted],
+            self.recommended,
         )
-        quoted = phrase(
-            "Quote **{name}**: {reason}.", name=self.recommended, reason=markdown(self.reason)
-        )
-        return "\n\n".join(part for part in (*parts, quoted) if part)
 
 
 def fit_line(

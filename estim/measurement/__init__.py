@@ -4,6 +4,6 @@ regions of two outputs.
 Read `model_file` first, then `propagating`.
 """
 
-from estim.measurement.model_file import read_model
+from estim.measurement.model_file import model_of_formula, read_model
 from estim.measurement.propagating import Propagation, propagate
 from estim.measurement.region import Region, ellipse

@@ -7,6 +7,7 @@ with its line.
 from __future__ import annotations
 
 import difflib
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -17,13 +18,14 @@ import msgspec
 import numpy as np
 
 from estim.campaign import checked
-from estim.common import InputError, same_looks
+from estim.common import InputError, read_with_unit, same_looks
 from estim.curves import RESERVED, Formula, evaluate, read_formula, unit_that_follows
 from estim.measurement.input_tables import InputTable, inputs_of
 from estim.propagation import Input, IntervalKind
 from estim.reading import TOML_BYTES, KeyPath, Places, parse_toml, read_text
 
 _MOST_INPUTS, _MOST_OUTPUTS = 60, 12
+_NO_FILE = "command line"
 _LEAST_DRAWS, _MOST_DRAWS = 10_000, 10_000_000
 
 
@@ -40,7 +42,7 @@ class _CorrelationTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True,
 
 
 class _TopTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    title: str
+    title: str = ""
     source: str = ""
     measurand: dict[str, Any]
     inputs: dict[str, Any]
@@ -131,7 +133,29 @@ def read_model(path: Path) -> MeasurementModel:
     rule and value.
     """
     text, digest = read_text(path, limit=TOML_BYTES)
-    tree, places = parse_toml(text, str(path))
+    return _model_of(*parse_toml(text, str(path)), path, digest)
+
+
+def model_of_formula(formula: str, given: Mapping[str, str]) -> MeasurementModel:
+    """The model "g = 4*pi**2*L/T**2", or without a name, of the inputs {"L": "0.85(1) m"}.
+
+    Raises InputError with field, rule and value.
+    """
+    name, mark, text = (part.strip() for part in formula.rpartition("="))
+    inputs = {}
+    for key, stated in given.items():
+        quantity, unit = read_with_unit(stated, field=key)
+        inputs[key] = {"value": quantity.value, "unit": unit} | (
+            {} if quantity.exact else {"u": quantity.u}
+        )
+    tree = {"measurand": {"formula": text, **({"name": name} if mark else {})}, "inputs": inputs}
+    digest = hashlib.sha256(repr((formula, given)).encode()).hexdigest()
+    return _model_of(tree, Places(_NO_FILE, {}), Path(_NO_FILE), digest, title=formula)
+
+
+def _model_of(
+    tree: dict[str, Any], places: Places, path: Path, digest: str, title: str = ""
+) -> MeasurementModel:
     top = checked(tree, _TopTable, places, ())
     _check_choices(top, places)
     quantities = tuple(_quantity(name, table, places) for name, table in top.inputs.items())
@@ -148,7 +172,7 @@ def read_model(path: Path) -> MeasurementModel:
     return MeasurementModel(
         path,
         digest,
-        top.title,
+        top.title or title or path.stem,
         top.source,
         outputs,
         quantities,

@@ -1,11 +1,11 @@
 """Propagation of uncertainty by the GUM and its Supplement 1: inputs, linear, Monte Carlo, budgets,
 and which of them to believe.
 
-Read `linear` first.  Stands alone on `common`.
+Read `linear` first.  Of the rest it needs `common`, and the formulas of `curves`.
 """
 
 from estim.propagation.inputs import Input
-from estim.propagation.linear import LinearResult, propagate_linear
+from estim.propagation.linear import LinearResult, check_probability, propagate_linear
 from estim.propagation.monte_carlo import (
     MOST_VALUES,
     BatchProgress,

@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
 from estim.common import InputError
+from estim.curves import evaluate, read_formula
 from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
 
@@ -37,6 +38,27 @@ _SETTLED = 4
 _N_COLUMN = 5
 _LARGEST = 1e150  # its square is a number still, as is that of its inverse
 _EPSILON = float(np.finfo(float).eps)
+
+
+def callable_of(
+    function: MeasurementFunction | str, inputs: Sequence[Input]
+) -> MeasurementFunction:
+    """`function`, or what a formula in text says of the inputs that it names.
+
+    Raises InputError where the text is no formula of just these inputs.
+    """
+    if not isinstance(function, str):
+        return function
+    formula = read_formula(function, field="function")
+    known = [quantity.name for quantity in inputs]
+    named = (*formula.names, *(("x",) if formula.uses_x else ()))
+    for name in named:
+        if name not in known:
+            raise InputError("names no input", field="function", value=name)
+    for name in known:
+        if name not in named:
+            raise InputError("is not in the formula", field=name, value=function)
+    return lambda q: evaluate(formula.tree, q)
 
 
 def evaluate_point(function: MeasurementFunction, point: Mapping[str, float]) -> FloatArray:

@@ -39,14 +39,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, read_with_unit
 from estim.given_numbers import real_number, real_numbers
 from estim.propagation.scores import BOUNDED, POSITIVE, SHAPED, Distribution, half_width_in_u
 
@@ -139,6 +139,18 @@ class Input:
             raise InputError("must be a text", field=f"{self.name}.unit", value=self.unit)
 
     @classmethod
+    def of(cls, name: str, stated: Input | str | float | ArrayLike) -> Input:
+        """The quantity that is stated as text, "0.85(1) m", as an exact number, by readings (one
+        dimension, `from_readings`), or as an Input, whatever its name.
+        """
+        if isinstance(stated, Input):
+            return replace(stated, name=name)
+        if isinstance(stated, (str, float, int)):
+            quantity, unit = read_with_unit(stated, field=name)
+            return cls(name, quantity.value, quantity.u, unit=unit)
+        return cls.from_readings(name, stated)
+
+    @classmethod
     def from_half_width(
         cls,
         name: str,
@@ -226,9 +238,16 @@ class Input:
         )
 
 
-def check_inputs(inputs: Sequence[Input]) -> tuple[Input, ...]:
+StatedInputs = Sequence[Input] | Mapping[str, Input | str | float | ArrayLike]
+
+
+def check_inputs(inputs: StatedInputs) -> tuple[Input, ...]:
     """`inputs` as a tuple, not empty, each name once."""
-    checked = tuple(inputs)
+    checked = (
+        tuple(Input.of(name, stated) for name, stated in inputs.items())
+        if isinstance(inputs, Mapping)
+        else tuple(inputs)
+    )
     if not checked:
         raise InputError("must hold at least one Input", field="inputs")
     for position, quantity in enumerate(checked):

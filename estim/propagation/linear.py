@@ -29,10 +29,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, phrase
+from estim.common import InputError, Shown, Tabled, phrase, rounded
 from estim.distributions import student_quantile
-from estim.propagation.evaluation import Gradient, MeasurementFunction, check_size, gradient
-from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
+from estim.propagation.evaluation import (
+    Gradient,
+    MeasurementFunction,
+    callable_of,
+    check_size,
+    gradient,
+)
+from estim.propagation.inputs import (
+    Correlation,
+    Input,
+    StatedInputs,
+    check_inputs,
+    correlation_matrix,
+)
 
 # numerical error of a derivative times u(x), as a part of u(y), from which on it is reported
 _INACCURATE = 1e-3
@@ -42,7 +54,7 @@ _KINK = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class LinearResult:
+class LinearResult(Tabled):
     """First-order propagation.  Arrays are read-only; "()" below stands for () or (n_out,).
 
     inputs : in the order given.   correlation : (n_in, n_in).
@@ -68,6 +80,25 @@ class LinearResult:
     probability: float
     sensitivity_error: FloatArray
     notes: tuple[str, ...]
+
+    @property
+    def expanded(self) -> FloatArray:
+        """() expanded uncertainty k u, for `probability`."""
+        return self.k * self.u
+
+    def shown(self) -> Shown:
+        """Each output with its standard and its expanded uncertainty."""
+        columns = (self.value, self.u, self.dof, self.k, self.expanded)
+        rows = [
+            (name, *expanded_cells(*numbers))
+            for name, *numbers in zip(
+                output_names(self.value), *(column.reshape(-1) for column in columns), strict=True
+            )
+        ]
+        title = phrase(
+            "Linear propagation (GUM), {percent} %", percent=f"{100 * self.probability:g}"
+        )
+        return Shown(title, ("", *EXPANDED), rows, self.notes)
 
     def as_ufloat(self) -> Any:
         """The same result for the package `uncertainties`: a ufloat, or an object array (n_out,) of
@@ -100,9 +131,30 @@ class LinearResult:
         return outputs[0] if self.value.ndim == 0 else outputs
 
 
+EXPANDED = ("value", "u", "dof", "k", "U = k u")
+
+
+def expanded_cells(
+    value: float, u: float, dof: float, k: float, expanded: float
+) -> tuple[str, ...]:
+    """A value and its uncertainties under the heads `EXPANDED`, all to two digits of u."""
+    return (
+        rounded(value, u, 2),
+        rounded(u, u, 2, beside=value),
+        f"{dof:.3g}".replace("inf", "∞"),
+        f"{k:.2f}",
+        rounded(expanded, expanded, 2, beside=value),
+    )
+
+
+def output_names(value: FloatArray) -> list[str]:
+    """How the outputs () or (n_out,) are called where they have no names: y, or y0, y1 ..."""
+    return ["y"] if value.ndim == 0 else [f"y{i}" for i in range(value.size)]
+
+
 def propagate_linear(
-    function: MeasurementFunction,
-    inputs: Sequence[Input],
+    function: MeasurementFunction | str,
+    inputs: StatedInputs,
     *,
     correlation: Correlation | None = None,
     probability: float = 0.95,
@@ -120,6 +172,9 @@ def propagate_linear(
     smallest is taken and a note says so.  k is taken at the fractional dof; GUM G.4.1 rounds down
     to use a table.
 
+    function : or a formula in text, "4*pi**2*L/T**2".
+    inputs : in a row, or name -> what is stated, {"L": "0.85(1) m", "T": [1.84, 1.86, 1.85]}: a
+        quantity in text, an exact number, readings, or an Input.
     correlation : of the inputs; None, a matrix (n_in, n_in), or pairs {("V", "I"): -0.36}.
     probability : of the coverage interval.  Raises InputError for inputs, a correlation or a
         function that break a rule.  A derivative that does not exist is NaN and a note.
@@ -127,7 +182,7 @@ def propagate_linear(
     checked = check_inputs(inputs)
     matrix = correlation_matrix(checked, correlation)
     check_probability(probability)
-    slopes = gradient(function, checked)
+    slopes = gradient(callable_of(function, checked), checked)
     shape = slopes.value.shape
     components = uncertainty_components(checked, slopes.derivative)
     check_size(slopes.value, components)

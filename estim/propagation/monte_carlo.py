@@ -23,16 +23,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, later, phrase
+from estim.common import InputError, Shown, Tabled, interval, later, phrase, rounded
 from estim.propagation.copula import copula_matrix, draw_inputs
 from estim.propagation.evaluation import (
     MeasurementFunction,
+    callable_of,
     check_draws,
     evaluate_draws,
     evaluate_point,
 )
-from estim.propagation.inputs import Correlation, Input, check_inputs, correlation_matrix
-from estim.propagation.linear import check_probability, frozen, how_many
+from estim.propagation.inputs import (
+    Correlation,
+    Input,
+    StatedInputs,
+    check_inputs,
+    correlation_matrix,
+)
+from estim.propagation.linear import check_probability, frozen, how_many, output_names
 from estim.propagation.tail_index import NO_MEAN, NO_VARIANCE, tail_index
 
 IntervalKind = Literal["symmetric", "shortest"]
@@ -66,7 +73,7 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class MonteCarloResult:
+class MonteCarloResult(Tabled):
     """Propagation of distributions.  Arrays are read-only; "()" below stands for () or (n_out,).
 
     inputs, correlation : as for `LinearResult`.
@@ -113,6 +120,22 @@ class MonteCarloResult:
         """Number of draws, those without a value included."""
         return len(self.draws)
 
+    def shown(self) -> Shown:
+        """Each output with its standard uncertainty and both its intervals."""
+        ends = (self.symmetric, self.shortest)
+        columns = (self.mean, self.u, *(a for one in ends for a in (one.low, one.high)))
+        rows = []
+        for name, mean, u, *bounds in zip(
+            output_names(self.mean), *(column.reshape(-1) for column in columns), strict=True
+        ):
+            size = u if math.isfinite(u) else 0.25 * (bounds[1] - bounds[0])
+            cells = (interval(pair[0], pair[1], size, 2) for pair in (bounds[:2], bounds[2:]))
+            rows.append((name, rounded(mean, size, 2), rounded(u, u, 2, beside=mean), *cells))
+        title = phrase("Monte Carlo (JCGM 101), {n} draws", n=self.n_draw)
+        percent = f"{100.0 * self.probability:g} %"
+        heads = (f"{percent}, {phrase(word)}" for word in ("symmetric", "shortest"))
+        return Shown(title, ("", phrase("mean"), "u", *heads), rows, self.notes)
+
     def covariance(self) -> FloatArray:
         """Covariance of the outputs over the draws, () or (n_out, n_out); NaN where some draws
         leave one undefined or u does not exist.
@@ -149,8 +172,8 @@ class MonteCarloResult:
 
 
 def propagate_monte_carlo(
-    function: MeasurementFunction,
-    inputs: Sequence[Input],
+    function: MeasurementFunction | str,
+    inputs: StatedInputs,
     *,
     rng: np.random.Generator,
     n_draw: int | None = None,
@@ -172,10 +195,12 @@ def propagate_monte_carlo(
     (default 10^7, for a curve at most 2e7/n_out) it ends and says "not stabilised"; where these are
     less than ten blocks, the blocks are smaller.
 
+    function, inputs : as for `propagate_linear`.
     progress : called as progress(draws made, most draws) after each block.
     Raises InputError for inputs, a correlation, choices or a function that break a rule.
     """
     checked = check_inputs(inputs)
+    function = callable_of(function, checked)
     matrix = correlation_matrix(checked, correlation)
     check_probability(probability)
     _check_choices(n_draw, max_draw, n_digits, watched, probability)

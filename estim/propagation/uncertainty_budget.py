@@ -14,10 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, Shown, Tabled, percentage, phrase, signed, significant
 from estim.given_numbers import real_numbers
 from estim.propagation.inputs import Input
-from estim.propagation.linear import LinearResult, frozen, uncertainty_components
+from estim.propagation.linear import (
+    EXPANDED,
+    LinearResult,
+    expanded_cells,
+    frozen,
+    uncertainty_components,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +52,7 @@ class CorrelationRow:
 
 
 @dataclass(frozen=True, eq=False)
-class Budget:
+class Budget(Tabled):
     """Uncertainty budget of one output.
 
     value, u, dof, k, low, high, probability : as in `LinearResult`.
@@ -67,6 +73,37 @@ class Budget:
     pairs: tuple[CorrelationRow, ...]
     correlation_share: float
     notes: tuple[str, ...]
+
+    @property
+    def expanded(self) -> float:
+        """Expanded uncertainty k u, for `probability`."""
+        return self.k * self.u
+
+    def shown(self) -> Shown:
+        """Inputs with their sensitivities, contributions and shares, the largest first."""
+        cells = expanded_cells(self.value, self.u, self.dof, self.k, self.expanded)
+        head = (phrase("input"), phrase("value"), "u", "c", "|c| u", phrase("share"))
+        rows = [
+            (
+                row.input.name,
+                signed(f"{row.input.value:.10g}"),
+                *(significant(n, 3) for n in (row.input.u, row.sensitivity, row.contribution)),
+                percentage(row.share / 100.0),
+            )
+            for row in self.rows
+        ] + [
+            (
+                f"r({', '.join(p.names)})",
+                signed(f"{p.correlation:.4g}"),
+                "",
+                "",
+                "",
+                percentage(p.share / 100.0),
+            )
+            for p in self.pairs
+        ]
+        title = ", ".join(f"{name}: {cell}" for name, cell in zip(EXPANDED, cells, strict=True))
+        return Shown(title, head, rows, self.notes)
 
 
 def budget(linear: LinearResult, *, output: int | None = None) -> Budget:

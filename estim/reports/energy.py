@@ -15,6 +15,7 @@ from estim.common import (
     as_json,
     format_p,
     gravest,
+    interval,
     percentage,
     phrase,
     significant,
@@ -23,7 +24,7 @@ from estim.common import (
 from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
-from estim.reports.rendering import interval, render, shown
+from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
 

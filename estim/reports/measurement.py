@@ -13,14 +13,24 @@ import numpy as np
 from scipy import special
 
 from estim.arrays import FloatArray
-from estim.common import FigureChoice, as_json, behind, bracketed, gravest, later, phrase
+from estim.common import (
+    FigureChoice,
+    as_json,
+    behind,
+    bracketed,
+    gravest,
+    interval,
+    later,
+    phrase,
+    rounded,
+)
 from estim.distributions import student_quantile
 from estim.drawing import BLUE, GREEN, INK, ORANGE, PALE, Axes, Figure, grid, legend_below
 from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import page
-from estim.reports.rendering import interval, render, rounded
+from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
 MEASUREMENT_SCHEMA = "estim-propagation/1"
@@ -287,26 +297,7 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
                 name=output.name,
                 value=rounded(value, 0.0, 2) + unit,
             )
-        expanded = f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}"
-        law = (
-            phrase("the normal distribution")
-            if dof > 1e6
-            else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
-        )
-        return phrase(
-            "{what}: {name} = ({value}){unit}, where the number after ± is the expanded "
-            "uncertainty U = k u, with the standard "
-            "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
-            "coverage probability of {percent}.",
-            what=what,
-            name=output.name,
-            value=expanded,
-            unit=unit,
-            u=rounded(u, u, 2, beside=value) + unit,
-            k=k,
-            law=law,
-            percent=percent,
-        )
+        return expanded_statement(what, output.name, unit, value, u, k, dof, linear.probability)
     if quoted == "Monte Carlo":
         low, high = (float(end[i]) for end in (propagation.interval.low, propagation.interval.high))
         scale = float(drawn.u[i]) if math.isfinite(drawn.u[i]) else 0.25 * (high - low)
@@ -332,6 +323,38 @@ def statement(propagation: Propagation, i: int, quoted: str) -> str:
             n=drawn.n_draw,
         )
     return ""
+
+
+def expanded_statement(
+    what: str,
+    name: str,
+    unit: str,
+    value: float,
+    u: float,
+    k: float,
+    dof: float,
+    probability: float,
+) -> str:
+    """A value with its expanded uncertainty, told as GUM 7.2.4 asks."""
+    law = (
+        phrase("the normal distribution")
+        if dof > 1e6
+        else phrase("the t distribution with {dof:.3g} effective degrees of freedom", dof=dof)
+    )
+    return phrase(
+        "{what}: {name} = ({value}){unit}, where the number after ± is the expanded "
+        "uncertainty U = k u, with the standard "
+        "uncertainty u = {u} and the coverage factor k = {k:.2f} from {law} for a "
+        "coverage probability of {percent}.",
+        what=what,
+        name=name,
+        value=f"{rounded(value, k * u, 2)} ± {rounded(k * u, k * u, 2, beside=value)}",
+        unit=unit,
+        u=rounded(u, u, 2, beside=value) + unit,
+        k=k,
+        law=law,
+        percent=f"{100.0 * probability:g} %",
+    )
 
 
 def measurement_report(

@@ -16,15 +16,17 @@ from estim.common import (
     Status,
     as_json,
     format_quantity,
+    interval,
     later,
     one_line,
     phrase,
+    rounded,
 )
 from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
 from estim.line import CONVENTIONS, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
-from estim.reports.rendering import interval, render, rounded
+from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
 
+from estim.common import InputError, Quantity, listed
 from estim.verification.comparing import different_values, estimate_in
 
 _LAYERS = ("parameters", "derived", "outputs")  # keys that say nothing in a name
@@ -70,6 +71,25 @@ def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> Resu
         if _root(where) not in _TOLD and not _within(where, told)
     ]
     return ResultPair(tuple(_inputs(first, second)), tuple(both), tuple(others), lost, gained)
+
+
+def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str]:
+    """The one estimate of a decoded `result.json`, the recommended one of a mean, and its unit.
+
+    Raises InputError where it has several, or none.
+    """
+    averages, best = record.get("averages"), record.get("recommended")
+    node = {"mean": averages.get(best)} if isinstance(averages, dict) else _table(record, "outputs")
+    node = node or record
+    estimates = [one for name in node for one in _estimates(name, name, "", node[name])]
+    names = {one.name.partition(".")[0] for one in estimates}
+    if len(names) != 1:
+        raise InputError(
+            "must have one estimate, to be compared with a value",
+            field="result",
+            quoted=listed(sorted(names)),
+        )
+    return Quantity(*estimates[0].value), estimates[0].unit or "1"
 
 
 def _root(where: str) -> str:

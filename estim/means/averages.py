@@ -1,0 +1,325 @@
+"""The mean of several values of one quantity, and which of its uncertainties to quote.
+
+What to use when:
+
+- values with standard uncertainties, `mean(values, u)`: where they are consistent (chi^2), the
+  weighted mean.  Where they scatter more than their uncertainties say, the hierarchical mean: it
+  has a dark uncertainty tau, which is inferred with the mean.  "Birge" (the scale factor of the
+  Particle Data Group), "DerSimonian-Laird" and "Mandel-Paule" stand beside them.
+- readings without uncertainties, `mean(values)`: s/sqrt(n), Student's t (GUM 4.2).
+- readings in groups, days for instance, `mean(values, groups=days)`: the readings of one group
+  share an error, and the means of the groups count (GUM H.5).
+
+The weighted mean is quoted where chi^2 does not contradict it, so it relies on the stated
+uncertainties: a dark uncertainty of the size of u is often not seen in a few values.  Where one is
+plausible beforehand, quote the hierarchical mean, whose interval holds whatever tau is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import special
+
+from estim.arrays import FloatArray
+from estim.common import (
+    InputError,
+    Shown,
+    Status,
+    Tabled,
+    format_p,
+    interval,
+    phrase,
+    read_quantity,
+    rounded,
+    significant,
+)
+from estim.distributions import chi2_tail, student_quantile
+from estim.given_numbers import real_numbers
+from estim.means.dark_uncertainty import der_simonian_laird, hierarchical, mandel_paule, weighted
+from estim.propagation import check_probability
+
+CONSISTENT = 0.05  # least p of chi^2 (Cox 2002, Metrologia 39, 589)
+_CLOSE = 0.999  # p of values that scatter too little
+_MOST = 1000
+
+
+class Average(NamedTuple):
+    """One mean.  tau : dark uncertainty, the median of its posterior for "hierarchical".  k : of
+    value -/+ k u, by Student's t; nan where the ends are quantiles.
+    """
+
+    value: float
+    u: float
+    tau: float
+    dof: float
+    k: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class Groups:
+    """One-way analysis of variance (GUM H.5).
+
+    names, means, sizes : (n_group,).
+    s_within, s_between : standard deviations of readings in a group, and of groups beside that; 0
+        where the groups scatter no more than their readings.
+    F : mean square between over that within, with dof_between and dof_within.  p_value : P(F or
+        more) without a scatter of groups.
+    """
+
+    names: tuple[str, ...]
+    means: FloatArray
+    sizes: NDArray[np.int64]
+    s_within: float
+    s_between: float
+    F: float
+    dof_between: int
+    dof_within: int
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Mean(Tabled):
+    """The mean of several values, by every method.
+
+    data, u_data : (n,) values and their standard uncertainties, None for readings.
+    averages : method -> its mean.  recommended : the one to quote.  reason : why, a sentence.
+    chi2, dof, p_value : of the weighted mean; nan for readings.  birge : sqrt(chi2/dof).
+    tau_interval : of the dark uncertainty, for `probability`; nan for readings.
+    groups : None without groups.
+    """
+
+    data: FloatArray
+    u_data: FloatArray | None
+    averages: Mapping[str, Average]
+    recommended: str
+    reason: str
+    chi2: float
+    dof: int
+    p_value: float
+    tau_interval: tuple[float, float]
+    groups: Groups | None
+    probability: float
+
+    @property
+    def best(self) -> Average:
+        return self.averages[self.recommended]
+
+    @property
+    def birge(self) -> float:
+        return math.sqrt(self.chi2 / self.dof)
+
+    @property
+    def consistent(self) -> bool:
+        """Whether chi^2 does not contradict the stated uncertainties."""
+        return not self.p_value < CONSISTENT
+
+    @property
+    def status(self) -> Status:
+        """ok: the recommended mean may be quoted; `reason` says whether the dark uncertainty is
+        needed.
+        """
+        return Status.OK
+
+    def shown(self) -> Shown:
+        percent = f"{100.0 * self.probability:g} %"
+        head = (phrase("method"), phrase("value"), "u", "tau", "dof", "k", percent)
+        rows = [(name, *cells(average)) for name, average in self.averages.items()]
+        title = phrase("Mean of {n} values: {status}", n=self.data.size, status=self.status)
+        quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
+        return Shown(title, head, rows, (quoted,), self.recommended)
+
+
+def cells(average: Average) -> tuple[str, ...]:
+    """An average for a table: value, u, tau, dof, k and the interval."""
+    value, u, tau, dof, k, low, high = average
+    size = u if math.isfinite(u) else 0.25 * (high - low)
+    return (
+        rounded(value, size, 2),
+        rounded(u, u, 2, beside=value),
+        significant(tau, 2),
+        "" if math.isnan(k) else f"{dof:.3g}".replace("inf", "∞"),
+        "" if math.isnan(k) else f"{k:.2f}",
+        interval(low, high, size, 2),
+    )
+
+
+def mean(
+    values: ArrayLike | Sequence[str],
+    u: ArrayLike | None = None,
+    *,
+    groups: Sequence[object] | None = None,
+    probability: float = 0.95,
+) -> Mean:
+    """The mean of values (n,), n >= 2, of one quantity.
+
+    values : numbers, at most 1000, or quantities in text, ["9.81(2)", "9.78(1)"].
+    u : (n,) or one standard uncertainty, > 0, of independent errors; None for readings.
+    groups : (n,) the group of each reading, two groups or more.
+    probability : of the intervals.
+
+    "weighted": weights 1/u^2.  "Birge": the same, u times sqrt(chi^2/(n - 1)) where that exceeds 1
+    (Birge 1932, Phys. Rev. 40, 207).  "DerSimonian-Laird", "Mandel-Paule": weights
+    1/(u^2 + tau^2).  The intervals of these three have Student's t with n - 1 degrees of freedom
+    (Follmann and Proschan 1999, Biometrics 55, 732).  "hierarchical": the posterior, see
+    `estim.means.dark_uncertainty`.
+
+    Raises InputError.
+    """
+    check_probability(probability)
+    if u is None and isinstance(values, Sequence) and any(isinstance(v, str) for v in values):
+        quantities = [read_quantity(v, field="values") for v in values]
+        values, u = [q.value for q in quantities], [q.u for q in quantities]
+    x = real_numbers(values, "values")
+    if x.ndim != 1 or not 2 <= x.size <= _MOST or not np.all(np.isfinite(x)):
+        raise InputError(f"must be 2 to {_MOST} finite numbers", field="values", value=values)
+    if u is not None and groups is not None:
+        raise InputError("are for readings without uncertainties", field="groups")
+    if u is not None:
+        errors = real_numbers(u, "u")
+        if errors.shape not in ((), x.shape) or not np.all((errors > 0.0) & np.isfinite(errors)):
+            raise InputError("must be > 0, one or as many as values", field="u", value=u)
+        return _of_values(x, np.broadcast_to(errors, x.shape), probability)
+    if np.ptp(x) == 0.0:
+        rule = "are all the same, so that their scatter tells no uncertainty: state u"
+        raise InputError(rule, field="values", value=float(x[0]))
+    return _of_readings(x, probability) if groups is None else _of_groups(x, groups, probability)
+
+
+def _average(value: float, u: float, tau: float, dof: float, probability: float) -> Average:
+    k = float(student_quantile(0.5 * (1.0 + probability), dof))
+    return Average(value, u, tau, dof, k, value - k * u, value + k * u)
+
+
+def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
+    dof = x.size - 1
+    value, u_value, chi2 = weighted(x, u)
+    p_value = float(chi2_tail(chi2, dof))
+    scale = max(1.0, math.sqrt(chi2 / dof))
+    averages = {
+        "weighted": _average(value, u_value, 0.0, math.inf, probability),
+        "Birge": _average(value, scale * u_value, 0.0, dof, probability),
+    }
+    for name, tau in (
+        ("DerSimonian-Laird", der_simonian_laird(x, u)),
+        ("Mandel-Paule", mandel_paule(x, u)),
+    ):
+        averages[name] = _average(*weighted(x, u, tau)[:2], tau, dof, probability)
+    posterior = hierarchical(x - value, u)
+    middle = float(posterior.p @ posterior.mean)
+    variance = float(posterior.p @ (posterior.sd**2 + (posterior.mean - middle) ** 2))
+    tails = (0.5 * (1.0 - probability), 0.5 * (1.0 + probability))
+    averages["hierarchical"] = Average(
+        value + middle,
+        math.sqrt(variance) if x.size >= 4 else math.nan,
+        posterior.tau_quantile(0.5),
+        math.nan,
+        math.nan,
+        *(value + posterior.quantile(p) for p in tails),
+    )
+    test = phrase(
+        "chi2 = {chi2:.3g} with {dof} degrees of freedom, {p}",
+        chi2=chi2,
+        dof=dof,
+        p=format_p(p_value),
+    )
+    needed = p_value < CONSISTENT
+    reason = (
+        phrase(
+            "the values scatter more than their uncertainties say ({test}), so a dark uncertainty "
+            "tau is needed",
+            test=test,
+        )
+        if needed
+        else phrase(
+            "the values scatter less than their uncertainties say ({test}): either these are too "
+            "large, or the values are not independent",
+            test=test,
+        )
+        if p_value > _CLOSE
+        else phrase("the values are consistent ({test})", test=test)
+    )
+    ends = (posterior.tau_quantile(tails[0]), posterior.tau_quantile(tails[1]))
+    best = "hierarchical" if needed else "weighted"
+    return Mean(x, u, averages, best, reason, chi2, dof, p_value, ends, None, probability)
+
+
+def _of_readings(x: FloatArray, probability: float) -> Mean:
+    u = float(x.std(ddof=1)) / math.sqrt(x.size)
+    averages = {"readings": _average(float(x.mean()), u, 0.0, x.size - 1, probability)}
+    reason = phrase("the scatter of the readings alone tells the uncertainty (GUM 4.2)")
+    return _unweighted(x, averages, "readings", reason, None, probability)
+
+
+def _unweighted(
+    x: FloatArray,
+    averages: Mapping[str, Average],
+    best: str,
+    reason: str,
+    groups: Groups | None,
+    probability: float,
+) -> Mean:
+    none = (math.nan, math.nan)
+    return Mean(
+        x, None, averages, best, reason, math.nan, x.size - 1, math.nan, none, groups, probability
+    )
+
+
+def _of_groups(x: FloatArray, groups: Sequence[object], probability: float) -> Mean:
+    """u of the mean of the group means is s(means)/sqrt(n_group), with n_group - 1 degrees of
+    freedom (GUM H.5.2.5); also for groups of different sizes its square has the right expectation.
+
+    s_between^2 = (MS_between - MS_within)/n0, n0 = (n - sum n_j^2/n)/(n_group - 1), the size of
+    equal groups (Searle, Casella and McCulloch 1992, Variance Components, 3.6).
+    """
+    labels = [str(label) for label in groups]
+    names = tuple(dict.fromkeys(labels))
+    if len(labels) != x.size:
+        raise InputError("must have one for each value", field="groups", value=len(labels))
+    if not 2 <= len(names) < x.size:
+        rule = "must be two or more, with more readings than groups"
+        raise InputError(rule, field="groups", value=len(names))
+    at = np.array([names.index(label) for label in labels])
+    sizes = np.bincount(at)
+    means = np.bincount(at, x - x[0]) / sizes + x[0]
+    between, within = len(names) - 1, x.size - len(names)
+    square_between = float(sizes @ (means - x.mean()) ** 2) / between
+    square_within = float(np.sum((x - means[at]) ** 2)) / within
+    if not square_within > 0.0:
+        rule = "must hold readings that scatter: those of each group are all the same"
+        raise InputError(rule, field="groups", value=names[0])
+    ratio = square_between / square_within
+    n0 = (x.size - float(sizes @ sizes) / x.size) / between
+    found = Groups(
+        names,
+        means,
+        sizes,
+        math.sqrt(square_within),
+        math.sqrt(max(square_between - square_within, 0.0) / n0),
+        ratio,
+        between,
+        within,
+        float(special.fdtrc(between, within, ratio)),
+    )
+    u = float(means.std(ddof=1)) / math.sqrt(len(names))
+    averages = {
+        "groups": _average(float(means.mean()), u, 0.0, between, probability),
+        "readings": _of_readings(x, probability).best,
+    }
+    reason = phrase(
+        "readings of one group may share an error (F = {ratio:.3g} with {between} and {within} "
+        "degrees of freedom, {p}), so only the means of the {n} groups count",
+        ratio=ratio,
+        between=between,
+        within=within,
+        p=format_p(found.p_value),
+        n=len(names),
+    )
+    return _unweighted(x, averages, "groups", reason, found, probability)

@@ -1,0 +1,99 @@
+"""The mean of a column of a table, and which column is what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from estim.arrays import FloatArray
+from estim.common import InputError, listed, read_number
+from estim.means.averages import Mean, mean
+from estim.reading import (
+    PLAIN,
+    Dialect,
+    columns_sentence,
+    name_and_unit,
+    read_layout,
+    table_of,
+    uncertainty_of,
+    value_columns,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TableMean:
+    """The mean of the column `name`.  labels : of the values, their groups or lines.  told : which
+    columns are what.  facts : how the table was read; both in words.
+    """
+
+    path: Path
+    sha256: str
+    name: str
+    unit: str
+    mean: Mean
+    labels: tuple[str, ...]
+    told: str
+    facts: tuple[str, ...]
+
+
+def mean_of_table(
+    path: Path,
+    *,
+    y: str | None = None,
+    u_y: str | None = None,
+    group: str | None = None,
+    dialect: Dialect = PLAIN,
+) -> TableMean:
+    """The mean of the values in column `y` of the table at `path`.
+
+    y : None for the only column of values.  u_y : column or number; None for "u_NAME" if there, not
+        beside groups.  group : column that tells the group of a reading, in any words.
+    Raises InputError with file, line, column, rule and value.
+    """
+    layout = read_layout(path, dialect, needed=[name for name in (y, u_y, group) if name])
+    bare = [
+        name_and_unit(name)[0]
+        for name in value_columns(layout, (u_y,))
+        if group not in (name, name_and_unit(name)[0])
+    ]
+    if y is None and len(bare) != 1:
+        rule = "must be named by --y"
+        raise InputError(rule, field="column", quoted=f"there are {listed(bare)}", file=layout.file)
+    name = y or bare[0]
+    u = u_y or (None if group else uncertainty_of(name, layout))
+    errors: FloatArray | float | None = None
+    column = ""
+    if u is not None:
+        try:
+            errors = read_number(u)
+        except ValueError:
+            column = u if u in layout.names else name_and_unit(u)[0]
+    table = table_of(layout, [name, *filter(None, (column,))], 2)
+    if column:
+        errors = table.columns[column]
+        table.require_unit(column, name)
+        table.require(column, table.columns[column] > 0.0, "must be > 0")
+    groups = None
+    if group is not None:
+        places = [i for i, n in enumerate(layout.names) if group in (n, name_and_unit(n)[0])]
+        if len(places) != 1:
+            rule = f"must be one of {listed(layout.names)}"
+            raise InputError(rule, field="--group", value=group, file=layout.file)
+        cells = {row.number: row.cells[places[0]] for row in layout.rows}
+        groups = [cells[int(line)] for line in table.lines]
+    try:
+        found = mean(table.columns[name], errors, groups=groups)
+    except InputError as error:
+        raise error.at(path) from None
+    used = [(k, n, table.units[n]) for k, n in (("y", name), ("u_y", column)) if n in table.columns]
+    labels = groups or [str(line) for line in table.lines]
+    return TableMean(
+        path,
+        table.sha256,
+        name_and_unit(name)[0],
+        table.units[name] or "1",
+        found,
+        tuple(labels),
+        columns_sentence([*used, *([("group", group, "")] if group else [])], table.unread),
+        (*table.facts, *table.warnings),
+    )

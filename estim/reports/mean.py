@@ -1,0 +1,176 @@
+"""Report, figure and `result.json` of a mean."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import msgspec
+import numpy as np
+
+from estim.common import (
+    FigureChoice,
+    as_json,
+    behind,
+    bracketed,
+    interval,
+    phrase,
+    rounded,
+    significant,
+    table,
+)
+from estim.drawing import BLUE, INK, ORANGE, Figure, legend_below, name_ticks, new_figure
+from estim.means import TableMean
+from estim.reports.measurement import expanded_statement
+from estim.reports.pages import page
+from estim.reports.rendering import render
+from estim.reports.result import Provenance, provenance_of
+
+MEAN_SCHEMA = "estim-mean/1"
+_MOST_NAMED = 40
+
+
+class AverageRecord(msgspec.Struct, frozen=True):
+    """One mean; k and dof are null where the interval is one of quantiles."""
+
+    value: float
+    u: float
+    unit: str
+    tau: float
+    dof: float
+    k: float
+    low: float
+    high: float
+
+
+class GroupsRecord(msgspec.Struct, frozen=True):
+    """One-way analysis of variance."""
+
+    means: dict[str, float]
+    s_within: float
+    s_between: float
+    F: float
+    dof_between: int
+    dof_within: int
+    p_value: float
+
+
+class MeanResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+    """Everything of `estim mean`; chi2, its probability and tau are null for readings."""
+
+    schema_: str
+    status: str
+    column: str
+    n: int
+    recommended: str
+    reason: str
+    statement: str
+    averages: dict[str, AverageRecord]
+    chi2: float
+    dof: int
+    p_value: float
+    birge: float
+    consistent: bool
+    tau_interval: tuple[float, float]
+    groups: GroupsRecord | None
+    probability: float
+    provenance: Provenance
+
+
+def mean_statement(found: TableMean) -> str:
+    """The recommended mean as a sentence for a paper."""
+    best, unit, name = found.mean.best, behind(found.unit), found.name
+    if not math.isnan(best.k):
+        return expanded_statement(
+            phrase("mean"), name, unit, best.value, best.u, best.k, best.dof, found.mean.probability
+        )
+    size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
+    return phrase(
+        "{name} = {value} with standard uncertainty u = {u}, {percent} interval {ends}, with a "
+        "dark uncertainty of {tau}.",
+        name=name,
+        value=rounded(best.value, size, 2) + unit,
+        u=rounded(best.u, best.u, 2, beside=best.value) + unit,
+        percent=f"{100.0 * found.mean.probability:g} %",
+        ends=interval(best.low, best.high, size, 2) + unit,
+        tau=significant(best.tau, 2) + unit,
+    )
+
+
+def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") -> dict[str, bytes]:
+    """`report.md`, `result.json` and `figures/mean.png`."""
+    mean, groups = found.mean, found.mean.groups
+    shown = mean.shown()
+    result = MeanResult(
+        MEAN_SCHEMA,
+        mean.status,
+        found.name,
+        mean.data.size,
+        mean.recommended,
+        mean.reason,
+        mean_statement(found),
+        {
+            name: AverageRecord(a.value, a.u, found.unit, *a[2:])
+            for name, a in mean.averages.items()
+        },
+        mean.chi2,
+        mean.dof,
+        mean.p_value,
+        mean.birge,
+        mean.consistent,
+        mean.tau_interval,
+        None
+        if groups is None
+        else GroupsRecord(
+            dict(zip(groups.names, groups.means.tolist(), strict=True)),
+            groups.s_within,
+            groups.s_between,
+            groups.F,
+            groups.dof_between,
+            groups.dof_within,
+            groups.p_value,
+        ),
+        mean.probability,
+        provenance_of(found.path, found.sha256, {str(found.path): found.sha256}, seed),
+    )
+    text = partial(
+        render,
+        "mean.md.j2",
+        result=result,
+        unit=found.unit,
+        averages=table(shown.head, shown.rows),
+        facts=(found.told, *found.facts),
+    )
+    return page({"figures/mean.png": partial(mean_figure, found)}, text, wanted=figures) | {
+        "result.json": as_json(result)
+    }
+
+
+def mean_figure(found: TableMean) -> Figure:
+    """The values with their standard uncertainties, and the interval of each mean that counts."""
+    mean = found.mean
+    figure = new_figure(3.8)
+    ax = figure.subplots()
+    places = np.arange(1.0, mean.data.size + 1.0)
+    if mean.groups is not None:
+        places = 1.0 + np.array([mean.groups.names.index(label) for label in found.labels])
+    others = "weighted" if mean.u_data is not None else "readings"
+    with_tau = "hierarchical" if mean.u_data is not None else mean.recommended
+    for name, colour in dict.fromkeys(((others, BLUE), (with_tau, ORANGE))):
+        a = mean.averages[name]
+        label = f"{name}, {100.0 * mean.probability:g} %"
+        if name == mean.recommended:
+            label += f" ({phrase('recommended')})"
+        ax.axhspan(a.low, a.high, color=colour, alpha=0.2, lw=0, label=label)
+        ax.axhline(a.value, color=colour, lw=1.2)
+    words = "readings" if mean.u_data is None else phrase("values, ± 1 standard uncertainty")
+    ax.errorbar(places, mean.data, mean.u_data, fmt="o", color=INK, ms=4, lw=1, label=phrase(words))
+    if mean.groups is not None and len(mean.groups.names) <= _MOST_NAMED:
+        name_ticks(ax.xaxis, np.unique(places), mean.groups.names)
+    ax.set(
+        ylabel=found.name + bracketed(found.unit),
+        xlabel=phrase("number of the value") if mean.groups is None else phrase("group"),
+    )
+    ax.ticklabel_format(axis="y", useOffset=False)
+    legend_below(figure, ncols=3)
+    return figure

@@ -1,0 +1,249 @@
+"""The mean of several values, against published analyses and code that shares nothing with it.
+
+- Charged kaon mass: the six measurements of the Review of Particle Physics (PDG 2022).
+- BCG trials: log relative risks and variances as printed in the documentation of the R package
+  metafor (Colditz et al. 1994); DerSimonian-Laird tau^2 0.3088, mean -0.7141, u 0.1787; and
+  Paule-Mandel tau^2 0.3181.  Computed there from the counts; here from the four printed digits.
+- GUM H.5, table H.9: ten days of five readings; the readings are made with the printed means and
+  standard deviations of the days.
+"""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from command_runner import runner
+from scipy import integrate, stats
+
+import estim
+from estim.cli.commands import cli
+from estim.common.errors import InputError
+from estim.common.quantity import Quantity, difference, e_n
+
+KAON = [493.696, 493.636, 493.640, 493.670, 493.657, 493.691]
+U_KAON = [0.007, 0.011, 0.054, 0.029, 0.020, 0.040]
+BCG = [-0.8893, -1.5854, -1.3481, -1.4416, -0.2175, -0.7861, -1.6209]
+BCG += [0.0120, -0.4694, -1.3713, -0.3394, 0.4459, -0.0173]
+V_BCG = [0.3256, 0.1946, 0.4154, 0.0200, 0.0512, 0.0069, 0.2230]
+V_BCG += [0.0040, 0.0564, 0.0730, 0.0124, 0.5325, 0.0714]
+DAY_MEANS = [172, 116, 13, 144, 106, 31, 60, 125, 163, 41]  # 10 V + these in uV
+DAY_SDS = [60, 77, 111, 101, 67, 93, 80, 73, 88, 86]  # uV
+
+
+def zener():
+    """Readings (50,) in V and their days."""
+    pattern = np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+    pattern /= pattern.std(ddof=1)
+    readings = 10.0 + 1e-6 * (np.array(DAY_MEANS)[:, None] + np.outer(DAY_SDS, pattern))
+    return readings.ravel(), np.repeat(np.arange(10), 5)
+
+
+def test_bcg_trials_of_metafor():
+    found = estim.mean(BCG, np.sqrt(V_BCG))
+    laird, paule = found.averages["DerSimonian-Laird"], found.averages["Mandel-Paule"]
+    assert laird.tau**2 == pytest.approx(0.3088, abs=0.0006)  # 152.23 from counts, 151.81 here
+    assert (laird.value, laird.u) == pytest.approx((-0.7141, 0.1787), abs=1e-4)
+    assert paule.tau**2 == pytest.approx(0.3181, abs=1e-4)
+    assert found.chi2 == pytest.approx(152.2330, abs=0.5)
+    assert found.recommended == "hierarchical"
+    assert not found.consistent
+
+
+def test_weighted_mean_of_the_kaon_mass():
+    found = estim.mean(KAON, U_KAON)
+    w = 1.0 / np.array(U_KAON) ** 2
+    value = np.average(KAON, weights=w)
+    assert found.averages["weighted"].value == pytest.approx(value, abs=1e-10)
+    assert round(found.averages["weighted"].value, 3) == 493.677  # as the PDG has it
+    assert found.chi2 == pytest.approx(float(np.sum(w * (KAON - value) ** 2)), rel=1e-9)
+    assert found.p_value == pytest.approx(stats.chi2.sf(found.chi2, 5), rel=1e-9)
+    birge = found.averages["Birge"]
+    assert birge.u == pytest.approx(found.birge * found.averages["weighted"].u)
+    assert birge.k == pytest.approx(stats.t.ppf(0.975, 5))
+    paule = found.averages["Mandel-Paule"]
+    v = 1.0 / (np.array(U_KAON) ** 2 + paule.tau**2)
+    assert np.sum(v * (np.array(KAON) - paule.value) ** 2) == pytest.approx(5.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(("x", "u"), [(KAON, U_KAON), (BCG[:4], np.sqrt(V_BCG[:4]))])
+def test_hierarchical_mean_is_the_integral_of_the_posterior(x, u):
+    """By quadrature in mu and tau, of the density as it is written down."""
+    x, u = np.asarray(x), np.asarray(u)
+    best = estim.mean(x, u).averages["hierarchical"]
+    scale = float(np.ptp(x))
+
+    def density(mu, tau):
+        prior = tau * math.sqrt(np.sum(1.0 / (u**2 + tau**2) ** 2)) * scale
+        return prior * float(np.prod(stats.norm.pdf(x, mu, np.hypot(u, tau)))) * scale ** len(x)
+
+    grid_mu = x.mean() + scale * np.sinh(np.linspace(-5.0, 5.0, 1001)) / 5.0
+    grid_tau = scale * np.geomspace(1e-4, 1e3, 801)
+    var = u**2 + grid_tau[:, None] ** 2
+    prior = grid_tau * np.sqrt(np.sum(1.0 / var**2, axis=1))
+    ends = [
+        prior * np.prod(stats.norm.pdf(x, mu, np.sqrt(var)), axis=1) * scale ** len(x)
+        for mu in grid_mu
+    ]
+    assert ends[500][400] * scale == pytest.approx(density(grid_mu[500], grid_tau[400]), rel=1e-9)
+    of_mu = integrate.trapezoid(np.array(ends), grid_tau, axis=1)
+    below = integrate.cumulative_trapezoid(of_mu, grid_mu, initial=0.0)
+    low, high = np.interp([0.025, 0.975], below / below[-1], grid_mu)
+    assert (best.low, best.high) == pytest.approx((low, high), abs=2e-3 * scale)
+    mean = integrate.trapezoid(grid_mu * of_mu, grid_mu) / below[-1]
+    assert best.value == pytest.approx(mean, abs=1e-3 * scale)
+
+
+def test_consistent_values_have_the_weighted_mean_and_text_is_read():
+    found = estim.mean(["9.81(2)", "9.79(2)", "9.80(1)"])
+    assert found.recommended == "weighted"
+    assert found.best.value == pytest.approx(9.80)
+    assert found.averages["Mandel-Paule"].tau == 0.0
+    assert math.isnan(found.averages["hierarchical"].u)  # fewer than four values
+    assert found.averages["hierarchical"].low < found.best.low
+    assert "the values are consistent" in str(found)
+    assert "| **weighted** |" in found._repr_markdown_()
+    shifted = estim.mean([1e6 * v + 5.0 for v in (9.81, 9.79, 9.80)], [2e4, 2e4, 1e4])
+    for name, average in found.averages.items():
+        assert shifted.averages[name].low == pytest.approx(1e6 * average.low + 5.0, rel=1e-7)
+
+
+def test_values_that_scatter_too_little_are_told():
+    assert "scatter less" in estim.mean([1.0, 1.001, 0.999, 1.0, 1.0], 0.1).reason
+
+
+def test_analysis_of_variance_of_gum_h5():
+    readings, days = zener()
+    found = estim.mean(readings, groups=days)
+    groups = found.groups
+    assert found.best.value == pytest.approx(10.000097, abs=5e-7)
+    assert groups.s_within == pytest.approx(85e-6, abs=0.5e-6)  # s_b
+    assert math.sqrt(5.0) * groups.means.std(ddof=1) == pytest.approx(128e-6, abs=0.5e-6)  # s_a
+    assert pytest.approx(2.25, abs=0.02) == groups.F  # of the rounded numbers
+    assert groups.s_between == pytest.approx(43e-6, abs=0.5e-6)
+    assert (groups.dof_between, groups.dof_within) == (9, 40)
+    assert found.best.u == pytest.approx(18e-6, abs=0.5e-6)
+    assert found.averages["readings"].u == pytest.approx(13e-6, abs=0.5e-6)
+    assert (found.best.dof, found.averages["readings"].dof) == (9, 49)
+    one_way = stats.f_oneway(*readings.reshape(10, 5))
+    assert (groups.F, groups.p_value) == pytest.approx((one_way.statistic, one_way.pvalue))
+
+
+def test_readings_are_a_type_a_evaluation():
+    readings = [5.007, 4.994, 5.005, 4.990, 4.999]  # GUM H.2, table H.2: V
+    found = estim.mean(readings).best
+    assert (found.value, found.u) == pytest.approx((4.9990, 0.0032), abs=5e-5)
+    interval = stats.t.interval(0.95, 4, np.mean(readings), stats.sem(readings))
+    assert (found.low, found.high) == pytest.approx(interval)
+
+
+@pytest.mark.parametrize(
+    ("values", "choices", "field"),
+    [
+        ([1.0], {"u": 0.1}, "values"),
+        ([1.0, math.nan], {"u": 0.1}, "values"),
+        ([1.0, 2.0], {"u": [0.1, 0.0]}, "u"),
+        ([1.0, 2.0], {"u": [0.1, 0.1, 0.1]}, "u"),
+        ([1.0, 1.0], {}, "values"),
+        (["1.0(1)", "2"], {}, "u"),
+        ([1.0, 2.0], {"u": 0.1, "groups": "ab"}, "groups"),
+        ([1.0, 2.0, 3.0], {"groups": "ab"}, "groups"),
+        ([1.0, 2.0, 3.0], {"groups": "abc"}, "groups"),
+        ([1.0, 1.0, 3.0, 3.0], {"groups": "aabb"}, "groups"),
+        ([1.0, 2.0], {"u": 0.1, "probability": 1.0}, "probability"),
+    ],
+)
+def test_what_is_no_mean_is_refused(values, choices, field):
+    with pytest.raises(InputError) as caught:
+        estim.mean(values, **choices)
+    assert caught.value.field == field
+
+
+def test_the_command_writes_what_python_says(tmp_path):
+    file = tmp_path / "kaon.csv"
+    rows = [f"{x},{u}" for x, u in zip(KAON, U_KAON, strict=True)]
+    file.write_text("\n".join(["m [MeV],u_m", *rows]))
+    done = runner().invoke(cli, ["mean", str(file), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert "493.667 MeV" in done.output
+    record = json.loads((tmp_path / "out/result.json").read_text())
+    assert record["averages"]["hierarchical"]["low"] == estim.mean(KAON, U_KAON).best.low
+    assert not record["consistent"]
+    assert (tmp_path / "out/figures/mean.png").read_bytes()[:4] == b"\x89PNG"
+    told = runner().invoke(cli, ["diff", str(tmp_path / "out"), "493.677(13) MeV"])
+    assert "E_n = -0.24: the two values agree" in told.output
+    stated = runner().invoke(
+        cli, ["mean", str(file), "--u-y", "0.1", "--out", str(tmp_path / "b"), "--figures", "none"]
+    )
+    assert "Quote weighted" in stated.output
+
+
+def test_the_command_reads_groups_in_words(tmp_path):
+    readings, days = zener()
+    file = tmp_path / "zener.csv"
+    lines = [f"day {d},{x!r}" for x, d in zip(readings.tolist(), days, strict=True)]
+    file.write_text("\n".join(["day,U [V]", *lines]))
+    choices = ["--group", "day", "--out", str(tmp_path / "out"), "--figures", "none"]
+    done = runner().invoke(cli, ["mean", str(file), *choices])
+    assert "(10.000097 ± 0.000041) V" in done.output
+    assert "Analysis of variance" in (tmp_path / "out/report.md").read_text()
+
+
+def test_two_values_are_compared_with_their_correlation():
+    a, b = Quantity(9.81, 0.02), Quantity(9.79, 0.02)
+    assert difference(a, b).u == pytest.approx(0.02 * math.sqrt(2.0))
+    assert difference(a, b, correlation=1.0).u == 0.0
+    assert e_n(a, b, correlation=0.9) == pytest.approx(0.02 / (2.0 * math.sqrt(0.2) * 0.02))
+    done = runner().invoke(cli, ["diff", "9.81(2) m/s²", "9.79(2) m/s²", "--r", "0.9"])
+    assert "difference: 0.0200 m/s², u = 0.0089 m/s²" in done.output
+    assert "E_n = 1.12: the two values do not agree" in done.output
+
+
+def test_a_formula_at_the_command_line(tmp_path):
+    words = ["propagate", "g = 4*pi**2*L/T**2", "L=0.85(1) m", "T=1.851(3) s"]
+    done = runner().invoke(cli, [*words, "--out", str(tmp_path), "--figures", "none"])
+    assert "g = (9.79 ± 0.23) m/s²" in done.output
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["title"] == "g = 4*pi**2*L/T**2"
+    g = 4.0 * math.pi**2 * 0.85 / 1.851**2
+    u = g * math.hypot(0.01 / 0.85, 2.0 * 0.003 / 1.851)
+    assert (record["outputs"]["g"]["gum"]["value"], record["outputs"]["g"]["gum"]["u"]) == (
+        pytest.approx((g, u), rel=1e-8)
+    )
+
+
+@pytest.mark.statistics
+@pytest.mark.parametrize("n", [2, 4, 8])
+@pytest.mark.parametrize("tau", [0.0, 1.0, 10.0])
+def test_hierarchical_interval_holds_whatever_the_dark_uncertainty(n, tau):
+    """1000 data sets; the weighted mean, which knows of no tau, must fail where there is one."""
+    rng = np.random.default_rng(int(100 * n + tau))
+    holds = np.zeros(2)
+    for _ in range(1000):
+        u = rng.uniform(0.5, 2.0, n)
+        found = estim.mean(rng.normal(0.0, np.hypot(u, tau)), u).averages
+        for i, name in enumerate(("hierarchical", "weighted")):
+            holds[i] += found[name].low < 0.0 < found[name].high
+    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 1000)  # standard errors
+    assert holds[0] / 1000 > 0.95 - allowed
+    if tau:
+        assert holds[1] / 1000 < 0.95 - allowed
+    else:
+        assert abs(holds[1] / 1000 - 0.95) < allowed
+    if tau == 10.0 and n > 2:  # not by being endless
+        assert holds[0] / 1000 < 0.95 + allowed
+
+
+@pytest.mark.statistics
+def test_mean_of_groups_holds_and_that_of_all_readings_does_not():
+    rng = np.random.default_rng(5)
+    holds = np.zeros(2)
+    days = np.repeat(np.arange(6), [3, 5, 2, 4, 6, 4])
+    for _ in range(1000):
+        x = rng.normal(0.0, 1.0, days.size) + rng.normal(0.0, 1.0, 6)[days]
+        found = estim.mean(x, groups=days).averages
+        for i, name in enumerate(("groups", "readings")):
+            holds[i] += found[name].low < 0.0 < found[name].high
+    allowed = 4.0 * math.sqrt(0.05 * 0.95 / 1000)
+    assert abs(holds[0] / 1000 - 0.95) < allowed
+    assert holds[1] / 1000 < 0.95 - allowed
