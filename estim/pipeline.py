@@ -85,7 +85,7 @@ from estim.sampling import (
 )
 from estim.words import advice_for
 
-_BAND_DRAWS = 2000
+_BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
 _ROLLING_DRAWS = 400
