@@ -16,22 +16,22 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import solve_triangular
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Deviation, Family
 from estim.deviation.linearised import Linearised
 from estim.deviation.precision import Precision
-from estim.deviation.terms import Terms, Weight, terms_of
+from estim.deviation.terms import Terms, Weight, side_by_side, terms_of
 from estim.problem import Root, beside
 
 # what the directions left out of a basis may add to the variances, relative to the noise and summed
-_ROUGHNESS = 1e-3
+_ROUGHNESS = 0.03
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
 _AT_ONCE = 100  # draws at once of the density of each point
-_CHUNK = 1000  # draws at once: what they need stays in the processor's cache
+_CHUNK = 250  # draws at once: what they need stays in the processor's cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,24 +55,8 @@ class Mixture:
         """The bases of all families side by side (n_obs, n_dir), and their terms as those of
         one.
         """
-        families, terms = self.deviation.families, self.terms
-        gain = np.hstack(
-            [
-                block_diag(*(own.gain[:, :-2] for own in terms)),
-                np.vstack([own.gain[:, -2:] for own in terms]),
-            ]
-        )
-        columns = range(self.columns.shape[1])
-        cross = np.array([block_diag(*(own.cross[q] for own in terms)) for q in columns])
-        cross_white = np.concatenate([own.cross_white for own in terms], axis=1)
-        root = np.concatenate([own.root for own in terms])
-        return np.hstack([family.basis for family in families]), Terms(
-            gain,
-            cross.reshape(len(columns), gain.shape[0], gain.shape[1] - 2),
-            cross_white,
-            root,
-            self.deviation.column("amplitude"),
-        )
+        basis = np.hstack([family.basis for family in self.deviation.families])
+        return basis, side_by_side(self.terms)
 
     @cached_property
     def highest(self) -> float:
@@ -103,17 +87,15 @@ class Mixture:
         basis, terms = self.together
         seen = basis.T @ z
         if z.shape[1] <= _FEW:
-            logs = terms.log_density(square, seen, along, weight)
+            density, explained = terms.unweighted(square, seen, along)
         else:
             ends = np.cumsum([family.spectrum.size for family in self.deviation.families])
-            logs = np.vstack(
-                [
-                    own_terms.log_density(square, coordinates, along, weight)
-                    for own_terms, coordinates in zip(
-                        self.terms, np.split(seen, ends[:-1]), strict=True
-                    )
-                ]
+            each = zip(self.terms, np.split(seen, ends[:-1]), strict=True)
+            density, explained = map(
+                np.concatenate,
+                zip(*(own.unweighted(square, part, along) for own, part in each), strict=True),
             )
+        logs = terms.log_density(density, explained, weight)
         logs -= self.deviation.root.log_volume
         logs -= 0.5 * z.shape[0] * np.log(2.0 * np.pi)
         return logs
@@ -154,9 +136,8 @@ class Mixture:
         (span, lying), terms, share = self._span, self.together[1], self.shares(residuals)
         white, own = self._whites(share)
         core = (lying * np.append(own, np.zeros(self.columns.shape[1]))) @ lying.T
-        for cross, cross_white in zip(terms.cross, terms.cross_white, strict=True):
-            explained = lying @ np.hstack([cross, cross_white]).T
-            core -= (explained * share) @ explained.T
+        explained = lying @ terms.rows.T
+        core -= (explained * np.repeat(share, self.columns.shape[1])) @ explained.T
         return Precision(white, span, core)
 
     def pull(self, residuals: FloatArray) -> FloatArray:
@@ -166,9 +147,10 @@ class Mixture:
         basis, terms = self.together
         z, share = self.deviation.whiten(residuals), self.shares(residuals)
         seen, (white, own) = z @ basis, self._whites(share)
-        explained = share * (terms.cross @ seen + terms.cross_white @ (z @ self.columns))
-        pull = white * z - self.columns @ np.einsum("qk,qki->i", explained, terms.cross_white)
-        pull += basis @ (own * seen - np.einsum("qk,qki->i", explained, terms.cross))
+        explained = terms.cross @ np.append(seen, z @ self.columns)
+        back = np.einsum("k,kq,kqi->i", share, explained, terms.cross, optimize=True)
+        pull = white * z - self.columns @ back[seen.size :]
+        pull += basis @ (own * seen - back[: seen.size])
         return self.deviation.turned_back(pull)
 
     def _whites(self, share: FloatArray) -> tuple[float, FloatArray]:
@@ -318,7 +300,7 @@ def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatAr
 
 
 def keep_probable(
-    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
+    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-2
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
     probability `lost` together, and no probability that follows is off by more.

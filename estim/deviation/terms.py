@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estim.arrays import FloatArray
 from estim.deviation.components import Family
@@ -36,49 +38,60 @@ class Terms:
     """Constants of a family: log density = [(basis z)^2, |z|^2, 1] gain + |explained|^2/2.
 
     gain : (n_component, n_dir + 2).
-    cross, cross_white : (n_column, n_component, n_dir), (n_column, n_component, n_column), of the
-        part of z that H explains, cross (basis z) + cross_white (H z), in units of its own standard
-        deviation.
-    root : (n_component, n_column, n_column) R, with R^T x that part the estimate of the
-        coefficients of H, of covariance R R^T.
+    cross : (n_component, n_column, n_dir + n_column), of the part of z that H explains, cross
+        [basis z, H z], in units of its own standard deviation.
+    root : (n_component, n_column, n_column) R, with R x that part the estimate of the coefficients
+        of H, of covariance R R^T.
     amplitude : (n_component,).
     """
 
     gain: FloatArray
     cross: FloatArray
-    cross_white: FloatArray
     root: FloatArray
     amplitude: FloatArray
 
-    def log_density(
-        self, square: FloatArray, seen: FloatArray, along: FloatArray, weight: Weight | None = None
-    ) -> FloatArray:
-        """(n_component, n_draw) for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z (n_column,
-        n_draw); weight : where it is not that of the fit.
+    @property
+    def rows(self) -> FloatArray:
+        """(n_component n_column, n_dir + n_column) `cross`, one component below the other."""
+        n_component, n_column, n_coordinate = self.cross.shape
+        return self.cross.reshape(n_component * n_column, n_coordinate)
+
+    def unweighted(
+        self, square: FloatArray, seen: FloatArray, along: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """(n_component, n_draw) the log density without the part of z that H explains, and that
+        part (n_component, n_column, n_draw), for |z|^2 (n_draw,), basis z (n_dir, n_draw) and H z
+        (n_column, n_draw).
         """
         density = self.gain @ np.vstack([np.square(seen), square, np.ones_like(square)])
-        explained = self.cross @ seen + self.cross_white @ along
-        for part in explained:
-            density += 0.5 * np.square(part)
+        explained = self.rows @ np.vstack([seen, along])
+        return density, explained.reshape(*self.cross.shape[:2], square.size)
+
+    def log_density(
+        self, density: FloatArray, explained: FloatArray, weight: Weight | None = None
+    ) -> FloatArray:
+        """(n_component, n_draw) from what `unweighted` says, in whose place it is put; weight :
+        where it is not that of the fit.
+        """
+        density += 0.5 * np.einsum("kqn,kqn->kn", explained, explained)
         if weight is not None:
-            if along.shape[0] and weight.n_start:
+            if explained.shape[1] and weight.n_start:
                 density += self._starts(explained, weight)
-            forced = self.amplitude[:, None] > 0.0
-            narrowed = np.square(self.amplitude / weight.scale)[:, None]
-            density += np.where(forced, np.log(weight.ratio) - 0.5 * weight.excess * narrowed, 0.0)
+            forced = self.amplitude > 0.0
+            narrowed = 0.5 * np.square(self.amplitude[forced] / weight.scale)[:, None]
+            density[forced] += np.log(weight.ratio) - weight.excess * narrowed
         return density
 
     def _starts(self, explained: FloatArray, weight: Weight) -> FloatArray:
         """What N(b | 0, 1/w^2) in place of N(b | 0, 1) does for the energies b at release, whose
         estimates and variances the data give.
         """
-        product, total = np.ones_like(explained[0]), np.zeros_like(explained[0])
-        for block in self.root[:, : weight.n_start].transpose(1, 2, 0):
-            estimate = np.einsum("qk,qkn->kn", block, explained)
-            narrowed = 1.0 + weight.excess * np.sum(block**2, axis=0)[:, None]
-            total += np.square(estimate, out=estimate) / narrowed
-            product *= narrowed
-        lost = np.log(product, out=product) + weight.excess * total
+        root = self.root[:, : weight.n_start]
+        narrowed = np.sum(root**2, axis=2)[:, :, None] * weight.excess
+        narrowed += 1.0
+        estimate = root @ explained
+        total = np.sum(np.divide(np.square(estimate, out=estimate), narrowed, out=estimate), axis=1)
+        lost = np.log(np.prod(narrowed, axis=1)) + weight.excess * total
         return np.asarray(weight.n_start * np.log(weight.ratio) - 0.5 * lost)
 
 
@@ -103,10 +116,31 @@ def terms_of(family: Family, columns: FloatArray) -> Terms:
     log_norm -= np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
     # (n_component, n_column, n_column), b root has unit covariance
     root = np.linalg.inv(lower).transpose(0, 2, 1)
+    cross = np.concatenate(
+        [np.einsum("km,mi,kij->kjm", gain, turned, root), np.einsum("k,kij->kji", inverse, root)],
+        axis=2,
+    )
     return Terms(
-        np.column_stack([-0.5 * gain, -0.5 * inverse, log_norm]),
-        np.einsum("km,mi,kij->jkm", gain, turned, root),
-        np.einsum("k,kij->jki", inverse, root),
+        np.column_stack([-0.5 * gain, -0.5 * inverse, log_norm]), cross, root, family.amplitude
+    )
+
+
+def side_by_side(each: Sequence[Terms]) -> Terms:
+    """Those of all families as one whose basis is theirs side by side."""
+    (_, n_column, _), root = each[0].cross.shape, np.concatenate([own.root for own in each])
+    gain = _joined([own.gain for own in each], 2)
+    cross = _joined([own.rows for own in each], n_column)
+    return Terms(
+        gain,
+        cross.reshape(len(root), n_column, gain.shape[1] - 2 + n_column),
         root,
-        family.amplitude,
+        np.concatenate([own.amplitude for own in each]),
+    )
+
+
+def _joined(matrices: Sequence[FloatArray], n_common: int) -> FloatArray:
+    """Matrices below each other, whose last `n_common` columns are those of all."""
+    parts = [np.split(matrix, [matrix.shape[1] - n_common], axis=1) for matrix in matrices]
+    return np.hstack(
+        [block_diag(*(own for own, _ in parts)), np.vstack([common for _, common in parts])]
     )
