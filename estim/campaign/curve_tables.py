@@ -89,6 +89,7 @@ class CurveTable(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=T
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    jitter: bool | str | PriorTable | None = None
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None
@@ -103,6 +104,7 @@ class CurveRunTable(TrackKeys, forbid_unknown_fields=True, frozen=True, kw_only=
     u_y: float | str | ReadingErrorTable | None = None
     u_x: float | str | ReadingErrorTable | None = None
     robust: Literal["student-t", "mixture"] | None = None
+    jitter: bool | str | PriorTable | None = None
     deviation: float | None = None
     correlated: bool | str | None = None
     window: RangeTable | None = None

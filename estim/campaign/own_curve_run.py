@@ -28,7 +28,6 @@ from estim.campaign.curve_tables import (
     y_axis,
 )
 from estim.campaign.dialect_table import DialectKeys, dialect_of
-from estim.campaign.robust import shape_of
 from estim.campaign.track_table import choices_of
 from estim.common import Finding, InputError, Kind, Quantity, phrase, same_unit
 from estim.curves import (
@@ -270,6 +269,9 @@ class RowsOfRun:
                 correlated=along,
                 noise=_counting(self),
                 chosen=chosen,
+                jitter=_jitter(run),
+                robust=run.stated("robust")[0],
+                level=f"[{run.table.name}]",
             )
         except InputError as error:
             raise _placed(error, self) from None
@@ -314,8 +316,7 @@ class RowsOfRun:
     ) -> tuple[Observations, tuple[Parameter, ...]]:
         """The points, and what is unknown of their errors."""
         name = self.run.table.name
-        tails, unknown = shape_of(self.run.stated("robust")[0], f"[{name}]")
-        sigma = Scale(1.0)
+        sigma, unknown = Scale(1.0), tuple[Parameter, ...]()
         # the residuals say its size, together with what the curve lacks
         if not posed.stated and posed.lacks is not None:
             sigma = Scale(_roughness(posed.y))
@@ -332,7 +333,7 @@ class RowsOfRun:
             size = Parameter(
                 SIGMA if of_all else f"{SIGMA}[{name}]", axes.y_unit, prior, meaning, SIGMA_NOTATION
             )
-            sigma, unknown = Scale(parameter=size.name), (size, *unknown)
+            sigma, unknown = Scale(parameter=size.name), (size,)
         lacks, along = posed.lacks, self.run.columns.get("correlated")
         if lacks is not None and lacks.along is not None:
             of_column = (
@@ -344,7 +345,7 @@ class RowsOfRun:
         whole = posed.counted is None or posed.counted.noise.law.word == "counts"
         columns = self.data.columns
         run = replace(
-            posed.observed(sigma, tails=tails),
+            posed.observed(sigma),
             name=name,
             arguments=arguments,
             x_unit=axes.x_unit,
@@ -357,7 +358,7 @@ class RowsOfRun:
             else np.zeros((0, 2)),
             lacks=lacks,
         )
-        return run, unknown
+        return run, (*unknown, *posed.further)
 
 
 def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
@@ -380,6 +381,21 @@ def _check_keys(run: RunOfCurve, posed: CurveProblem, size: object) -> None:
                 "or leave 'u_y' out",
                 key,
             )
+
+
+def _jitter(run: RunOfCurve) -> bool | Prior:
+    """Whether errors beside the stated ones are inferred, or the prior of their size."""
+    written, path = run.stated("jitter")
+    if written is None or isinstance(written, bool):
+        return bool(written)
+    with run.source.places.at(path):
+        read = read_value(written, factor=1.0, field="jitter")
+    if isinstance(read, Quantity):
+        if read.exact:
+            rule = "must be true, or have an uncertainty or a prior (a known one belongs into u_y)"
+            raise run.error(rule, "jitter", value=read.value)
+        return as_prior(read, low=0.0)
+    return read
 
 
 def _placed(error: InputError, rows: RowsOfRun) -> InputError:

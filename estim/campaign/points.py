@@ -18,7 +18,6 @@ from estim.campaign.blur import relative_blur
 from estim.campaign.campaign_file import NoiseTable
 from estim.campaign.levels import Levels, StatedNoise, read_at, stated_noise
 from estim.campaign.plausible import check_reading_error
-from estim.campaign.robust import shape_of
 from estim.campaign.selection import MAX_OBS, Selection, Window, check_count, select
 from estim.common import Finding, InputError, Kind, Notation, Quantity, phrase
 from estim.curves import MAX_DENSE
@@ -35,6 +34,7 @@ from estim.problem import (
     Uniform,
     as_prior,
     differentiate,
+    shape_of,
 )
 from estim.reading import Run
 

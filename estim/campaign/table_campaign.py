@@ -62,6 +62,8 @@ class TableChoices:
     every: int | None = None
     deviation: float | None = None
     correlated: bool = False
+    jitter: bool = False
+    robust: str | None = None
     title: str | None = None
     kind: Kind = "measured"
     track: str | None = None
@@ -117,6 +119,8 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
         "every": choices.every,
         "deviation": choices.deviation,
         "correlated": choices.correlated or None,
+        "jitter": choices.jitter or None,
+        "robust": choices.robust,
         **{key: getattr(choices.dialect, key) for key in _DIALECT},
     }
     parameters = {

@@ -331,6 +331,8 @@ def _raw_and_sd(fit: Fit, named: Mapping[str, FloatArray]) -> list[tuple[FloatAr
 
 
 def _scatter_ratio(run: Observations, named: Mapping[str, FloatArray]) -> float:
+    if run.motion is None:  # the jitter of a curve is asked for, and may be of any size
+        return float("nan")
     instrument = float(np.sqrt(np.mean(np.square(reading_sd(run.noise, named)))))
     size = run.noise.size
     if size.scatter.parameter is None or size.sigma.parameter is not None or instrument == 0.0:

@@ -30,7 +30,20 @@ _ENCODINGS = (
     "cp437",
     "cp850",
 )
-_AS_SAID = ("x", "y", "u_x", "u_y", "every", "deviation", "correlated", "title", "track", "release")
+_AS_SAID = (
+    "x",
+    "y",
+    "u_x",
+    "u_y",
+    "every",
+    "deviation",
+    "correlated",
+    "jitter",
+    "robust",
+    "title",
+    "track",
+    "release",
+)
 _TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
 
 _DIALECT = (
@@ -113,6 +126,14 @@ _CURVE = (
     ),
     click.option(
         "--correlated", is_flag=True, help="Errors are correlated in the order of the rows."
+    ),
+    click.option(
+        "--jitter", is_flag=True, help="y has further independent errors, beside those stated."
+    ),
+    click.option(
+        "--robust",
+        type=click.Choice(["student-t", "mixture"]),
+        help="Allow for points that are far off: by heavy tails, or by a share of outliers.",
     ),
     click.option(
         "--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"

@@ -193,7 +193,8 @@ class CurveFit:
         points = replace(run.points, x=places, y=np.zeros(places.size))
         value = np.array(np.broadcast_to(points.value(self.values), (1, places.size))[0])
         gradient = points.gradient(self.values, self.names)
-        known = self.status.ok and all(map(math.isfinite, self.sds.values()))
+        of_curve = set(self.names) - self.problem.noise_names
+        known = self.status.ok and all(math.isfinite(self.sds[name]) for name in of_curve)
         u = (
             np.sqrt(np.einsum("ni,ij,nj->n", gradient, self.cov, gradient))
             if known
@@ -529,6 +530,8 @@ class CurveFit:
         ]
 
     def _summary(self) -> str:
+        if self.held.problem.noise_names or any(run.noise.robust for run in self.problem.runs):
+            return f"dof = {self.dof}; {self.message}"  # chi2 tests nothing here
         if self.sigma is None:
             size = (
                 "chi2"

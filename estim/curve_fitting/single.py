@@ -33,7 +33,7 @@ from estim.checks import (
     values_outside,
     wrong_curves,
 )
-from estim.common import Kind, Status, decide, phrase, wrong
+from estim.common import PROBABILITIES, Amount, Finding, Kind, Status, decide, phrase, wrong
 from estim.curve_fitting.result import CurveFit
 from estim.curves import (
     AxisNames,
@@ -51,17 +51,21 @@ from estim.curves import (
 )
 from estim.fitting import (
     N_START,
+    Ends,
     Fit,
     Optimum,
     at_mode,
     chi2_p,
     find_optimum,
     fit_discrepancy,
+    fit_optimum,
     led_here,
     pressed_edges,
+    profiled,
     refit,
     sds_near_limits,
     settled,
+    silent_parameters,
     spread,
     with_other_modes,
 )
@@ -97,6 +101,8 @@ def fit_curve(
     noise: Counting | str | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
+    jitter: bool | Prior | str = False,
+    robust: str | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -128,6 +134,11 @@ def fit_curve(
     noise : what y counts, in place of u_y: "poisson", or `Poisson(bins=...)`,
         `Binomial(trials=...)`, `EventTimes(low, high)` with y = None (`estim.curves.counting`).
         Intervals are then profiles of the likelihood, and chi2 is the deviance.
+    jitter : whether y has further independent errors beside u_y, whose common standard deviation is
+        the parameter "jitter": True where nothing is known of it (a flat prior from 0 to the range
+        of y), or its prior.  Nothing then tests the size of the errors.
+    robust : "student-t" or "mixture" where some points may be far off (`estim.problem.tails`); a
+        mixture adds the share of outliers and their width to the parameters.
     tied : name -> formula of the parameters that the curve's parameter of that name follows, like
         {"right_sigma": "left_sigma", "b": "2*a"}; it has neither start nor prior, and is told among
         what follows from the fit.
@@ -176,10 +187,14 @@ def fit_curve(
         derived={} if derived is None else derived,
         tied=tied,
         chosen={*begin} - {*start},
+        jitter=jitter,
+        robust=robust,
     )
     posed.require_points()
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)
+    if posed.further or posed.tails.robust:
+        return _fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     usable = (
         complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
@@ -224,6 +239,56 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     estimated = _residual_sd(posed, best.values)
     return _concluded(
         posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    )
+
+
+def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+    """The fit of a curve together with what is unknown of its errors, or with errors that leave
+    room for outliers: the mode, its curvature, and profiles.
+    """
+    fit = fit_optimum(posed.with_unknown_errors(), rng=rng, n_start=n_start)
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    nothing = dict.fromkeys(PROBABILITIES, (math.nan, math.nan))
+    intervals: Mapping[str, Ends] = dict.fromkeys(fit.names, nothing)
+    findings: list[Finding | None] = []
+    if fit.singular:
+        findings.append(Finding(Kind.UNDETERMINED, names=silent_parameters(fit)))
+    elif not fit.success:
+        amount = Amount(fit.mover or fit.names[0])
+        findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
+    else:
+        intervals, left_open = profiled(fit, math.inf)
+        findings += [*left_open, *values_outside(values, intervals)]
+    goodness = () if fit.singular else check_goodness(fit, rng=rng)
+    if fit.others.size:
+        findings += several_solutions(fit, laplace_modes(fit))
+    findings += [
+        fit.unheld,
+        *pressed_edges(fit, Kind.PRESSED_LIMIT),
+        *(replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)),
+        None if fit.singular else stated_values(fit, check_stated_values(fit)),
+    ]
+    found = wrong([finding for finding in findings if finding is not None])
+    return CurveFit(
+        names=fit.names,
+        values=values,
+        sds=dict(zip(fit.names, fit.sds.tolist(), strict=True)),
+        intervals=intervals,
+        cov=fit.cov,
+        chi2=fit.chi2,
+        dof=fit.dof,
+        p_value=fit.p_value,
+        sigma=None,
+        status=decide(found),
+        findings=found,
+        remarks=(),
+        message=fit.message,
+        goodness=goodness,
+        fit=fit,
+        held=fit,
+        text=posed.text,
+        fixed=posed.fixed,
+        called=posed.called or posed.text,
     )
 
 

@@ -29,7 +29,6 @@ from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
 from estim.given_numbers import real_number
 from estim.problem import (
-    GAUSSIAN,
     Correlated,
     Curve,
     Discrepancy,
@@ -42,14 +41,17 @@ from estim.problem import (
     Readings,
     Scale,
     Tails,
+    Uniform,
     Unstated,
     as_prior,
     check_covariance,
     hide_the_range,
     plain_words,
+    shape_of,
 )
 
 SIGMA, SIGMA_NOTATION = "sigma_y", Notation("σ_y")
+JITTER = "jitter"
 # standard deviation of ln sigma where nothing is known of it: a factor 20 either way
 SIGMA_SPREAD = 3.0
 MAX_DENSE = 3000  # of a covariance matrix that is diagonalised, errors of x
@@ -68,6 +70,8 @@ class CurveProblem:
     fixed : argument of the curve -> its exact value.
     text : the formula, or how the function is called.  called : a name it is known by, if any.
     sought : what is to be computed from the parameters.
+    jitter, tails : the scatter beside the stated errors, and the shape of the errors; `further` are
+        their unknowns.
     order : (n_obs,) where each point stood among those given; None of single events.
     """
 
@@ -83,6 +87,9 @@ class CurveProblem:
     axes: AxisNames
     fixed: Mapping[str, float]
     order: NDArray[np.int64] | None
+    jitter: Scale
+    tails: Tails
+    further: tuple[Parameter, ...]
     lacks: Discrepancy | None = None
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
@@ -96,6 +103,12 @@ class CurveProblem:
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times u_y (or times 1)."""
         return self._problem(Scale(sigma), ())
+
+    def with_unknown_errors(self) -> Problem:
+        """The problem with all that is unknown of the errors as further parameters."""
+        if not self.stated:
+            return self.with_unknown_sigma(float(np.std(self.y)) or 1.0)
+        return self._problem(Scale(1.0), ())
 
     def with_unknown_sigma(self, typical: float) -> Problem:
         """The problem in which the common standard deviation of y is one more parameter, known to
@@ -136,9 +149,9 @@ class CurveProblem:
             raise InputError(rule, field="x", value=self.x.size)
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
-        return Problem((*self.parameters, *further), (self.observed(sigma),))
+        return Problem((*self.parameters, *further, *self.further), (self.observed(sigma),))
 
-    def observed(self, sigma: Scale, *, tails: Tails = GAUSSIAN) -> Observations:
+    def observed(self, sigma: Scale) -> Observations:
         """The points whose errors are `sigma` times u_y (or times 1)."""
         noise = _reading_noise(
             sigma,
@@ -146,7 +159,8 @@ class CurveProblem:
             self.cov,
             what=self.axes.y_name,
             relative_x=self.relative_x,
-            tails=tails,
+            tails=self.tails,
+            jitter=self.jitter,
         )
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
@@ -178,8 +192,9 @@ def _reading_noise(
     cov: FloatArray | None,
     *,
     what: str,
-    relative_x: FloatArray | None = None,
-    tails: Tails = GAUSSIAN,
+    relative_x: FloatArray | None,
+    tails: Tails,
+    jitter: Scale,
 ) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the
     stated covariance matrix.
@@ -187,13 +202,7 @@ def _reading_noise(
     if cov is None:
         sigma_x = None if relative_x is None else Scale(1.0)
         return Readings(
-            sigma,
-            Scale(0.0),
-            relative,
-            sigma_x=sigma_x,
-            relative_x=relative_x,
-            tails=tails,
-            what=what,
+            sigma, jitter, relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what
         )
     return Correlated(cov, what)
 
@@ -219,9 +228,13 @@ def pose_curve(
     derived: Mapping[str, str] = MappingProxyType({}),
     tied: Mapping[str, str] = MappingProxyType({}),
     chosen: Collection[str] = (),
+    jitter: bool | Prior | str = False,
+    robust: str | None = None,
+    level: str = "",
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
-    the start of those `chosen`.
+    the start of those `chosen`.  level : behind the names of what is unknown of the errors, like
+    "[first]".
 
     Raises InputError where one breaks a rule, naming the argument: "u_y", or "units[tau]" of a
     parameter, with the index of a value.
@@ -240,6 +253,8 @@ def pose_curve(
         u_x=u_x,
         deviation=deviation or None,
         correlated=None if correlated is False else correlated,
+        jitter=None if jitter is False else jitter,
+        robust=robust,
     )
     events = counted is not None and counted.events.size > 0
     given = None if events else np.argsort(column(x, "x"), kind="stable")
@@ -308,6 +323,19 @@ def pose_curve(
             "is the name of the standard deviation of y, which is unknown here: choose another",
             field=f"start[{SIGMA}]",
         )
+    scatter, tails, further = _errors_inferred(
+        jitter, robust, points["y"], axes.y_unit, level=level, stated=u_y is not None
+    )
+    if further or tails.robust:
+        for field, given_too in (("cov_y", cov is not None), ("deviation", deviation != 0.0)):
+            if given_too:
+                raise InputError("cannot be combined with 'jitter' or 'robust'", field=field)
+        if correlated is not False:
+            raise InputError("cannot be combined with 'jitter' or 'robust'", field="correlated")
+    for parameter in further:
+        if parameter.name in (*all_of, *ties, *(p.name for p in shared)):
+            rule = f"is the name of what is unknown of the errors of {axes.y_name}: choose another"
+            raise InputError(rule, field=f"start[{parameter.name}]")
     whole: Curve = TiedCurve(read, ties) if ties else read
     whole = DistortedCurve(whole, errors) if errors else whole
     if counted is not None:
@@ -331,6 +359,9 @@ def pose_curve(
         axes=axes,
         fixed=MappingProxyType(exact),
         order=given,
+        jitter=scatter,
+        tails=tails,
+        further=further,
         lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
@@ -485,28 +516,31 @@ def _parameters(
     )
 
 
+def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:
+    """A prior as it is, or the one that text like "9.81(2)" stands for, impossible below `low`;
+    held : what to do with an exact number.
+    """
+    if isinstance(prior, str):
+        quantity = read_quantity(prior, field=field)
+        if quantity.exact:
+            held = " (an exact number goes into `fixed`)" if held else ""
+            rule = 'must have an uncertainty, like "9.81(2)"'
+            raise InputError(rule + held, field=field, value=prior)
+        return as_prior(quantity, low=low)
+    if not isinstance(prior, Prior) or isinstance(prior, type):
+        rule = 'must be a prior, or text like "9.81(2)"'
+        raise InputError(
+            rule + (held if isinstance(prior, int | float) else ""), field=field, value=prior
+        )
+    return prior
+
+
 def _prior(
     name: str, start: float, limits: tuple[float | None, float | None] | None, prior: object
 ) -> Prior:
-    if isinstance(prior, str):
-        quantity = read_quantity(prior, field=f"priors[{name}]")
-        if quantity.exact:
-            raise InputError(
-                'must have an uncertainty, like "9.81(2)" (an exact number goes into `fixed`)',
-                field=f"priors[{name}]",
-                value=prior,
-            )
-        return as_prior(quantity, low=-math.inf)
     if prior is not None:
-        if not isinstance(prior, Prior) or isinstance(prior, type):
-            rule = 'must be a prior, or text like "9.81(2)"'
-            exact = (
-                f" (an exact value is held by fixed={{'{name}': {prior}}})"
-                if isinstance(prior, int | float)
-                else ""
-            )
-            raise InputError(rule + exact, field=f"priors[{name}]", value=prior)
-        return prior
+        held = f" (an exact value is held by fixed={{'{name}': {prior}}})"
+        return _stated_prior(prior, f"priors[{name}]", low=-math.inf, held=held)
     try:
         low, high = (None, None) if limits is None else limits
         ends = [
@@ -524,6 +558,35 @@ def _prior(
         raise InputError(
             f"must be (low, high) for '{name}'", field="bounds", value=limits
         ) from None
+
+
+def _errors_inferred(
+    jitter: object, robust: str | None, y: FloatArray, unit: str, *, level: str, stated: bool
+) -> tuple[Scale, Tails, tuple[Parameter, ...]]:
+    """The scatter beside the stated errors, the shape of all errors, and their unknowns.
+
+    A jitter of which nothing is known is anywhere between 0 and the range of y.
+    """
+    if robust not in (None, "student-t", "mixture"):
+        raise InputError('must be "student-t" or "mixture"', field="robust", value=robust)
+    tails, unknown = shape_of(robust, level)
+    if jitter is False or jitter is None:
+        return Scale(), tails, unknown
+    if not stated:
+        rule = "needs u_y: beside errors of unknown size it cannot be told from them"
+        raise InputError(rule, field="jitter")
+    if jitter is True:
+        largest = float(np.ptp(y))
+        if not largest > 0.0:
+            raise InputError("needs values of y that differ, or a prior of its own", field="jitter")
+        prior: Prior = Uniform(0.0, largest)
+    else:
+        prior = _stated_prior(jitter, "jitter", low=0.0)
+        if prior.low < 0.0:
+            raise InputError("must have a prior that does not reach below 0", field="jitter")
+    meaning = phrase("standard deviation of the errors beside the stated ones")
+    size = Parameter(f"{JITTER}{level}", unit, prior, meaning, Notation(phrase("jitter")))
+    return Scale(parameter=size.name), tails, (size, *unknown)
 
 
 def _shared(

@@ -3,7 +3,15 @@ information.  Read `least_squares` first.
 """
 
 from estim.fitting.arrow import MANY, descend_by_runs, spreads_by_runs
-from estim.fitting.curve_intervals import FEW, Ends, coverage_of_sd, open_sides, shown_value, spread
+from estim.fitting.curve_intervals import (
+    FEW,
+    Ends,
+    coverage_of_sd,
+    open_sides,
+    profiled,
+    shown_value,
+    spread,
+)
 from estim.fitting.derived import LinearDerived, linear_derived
 from estim.fitting.edges import (
     ALONE,
@@ -40,6 +48,7 @@ from estim.fitting.optimum import (
     N_START,
     Optimum,
     find_optimum,
+    fit_optimum,
     refit_with_noise,
     with_other_modes,
 )

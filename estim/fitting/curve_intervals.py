@@ -93,7 +93,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         unheld = {finding.parameters[0].name for finding in left_open}
         sds[[name in unheld for name in names]] = np.nan
         return Spread(cov, sds, _symmetric(names, best.values, sds, dofs), (), tuple(left_open))
-    (intervals, left_open), notes = _profiled(fixed, float(np.min(dofs))), list[Finding]()
+    (intervals, left_open), notes = profiled(fixed, float(np.min(dofs))), list[Finding]()
     unheld = {finding.parameters[0].name for finding in left_open}
     for i, (name, parameter) in enumerate(zip(names, fixed.problem.parameters, strict=True)):
         if name in unheld:
@@ -157,7 +157,7 @@ def _symmetric(
     }
 
 
-def _profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
+def profiled(fit: Fit, dof: float) -> tuple[dict[str, Ends], list[Finding]]:
     """Name -> probability -> profile interval, which ends at the edge on an open side; nan for a
     parameter that has a side without any end.
 

@@ -273,11 +273,11 @@ def _scanned(
     return best, ends
 
 
-def fit_optimum(problem: Problem, *, rng: np.random.Generator) -> Fit:
+def fit_optimum(problem: Problem, *, rng: np.random.Generator, n_start: int = N_START) -> Fit:
     """The posterior mode of a problem with a user's own curve, as `fit_least_squares` returns it,
     but found from afar.
     """
-    best = find_optimum(problem, problem.start(), rng=rng)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
     fit = with_other_modes(
         fit_least_squares(problem, rng=rng, n_start=1, start=best.values), best, rng
     )

@@ -58,7 +58,6 @@ from estim.problem.priors import (
     LogNormal,
     Normal,
     Prior,
-    TruncatedNormal,
     Uniform,
     Unstated,
     DefaultError,
@@ -68,4 +67,5 @@ from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns
 from estim.problem.symmetry import Symmetry, folded, no_symmetry, same_curves
 from estim.problem.whitened import Linear
-from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
+from estim.problem.robust import shape_of
+from estim.problem.tails import Tails

@@ -200,7 +200,7 @@ class Independent(Noise):
                 phrase("errors of the abscissas with standard deviation {size}", size=size)
             )
         shape = self.tails.describe()
-        further = _scatter_words(self.scatter, words.what, y_unit) + (f"; {shape}" if shape else "")
+        further = scatter_words(self.scatter, words.what, y_unit) + (f"; {shape}" if shape else "")
         what, sizes_of = phrase(words.what), phrase(" and ").join(sizes)
         return (
             phrase("independent errors of the {what}; {sizes}", what=what, sizes=sizes_of) + further
@@ -318,14 +318,14 @@ class Differentiated(Noise):
             stencil=phrase(self.derivative.stencil.name),
             reading=phrase(words.reading),
             sizes=phrase(" and ").join(readings),
-        ) + _scatter_words(self.scatter, words.what, y_unit)
+        ) + scatter_words(self.scatter, words.what, y_unit)
 
 
 def _blur_words(exposure: float) -> str:
     return phrase("the motion blur of an exposure of {exposure:.4g} s", exposure=exposure)
 
 
-def _scatter_words(scatter: Scale, what: str, unit: str) -> str:
+def scatter_words(scatter: Scale, what: str, unit: str) -> str:
     if scatter.parameter is not None:
         return phrase(
             "; an additional independent scatter of the {what} is inferred", what=phrase(what)

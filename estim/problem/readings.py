@@ -16,7 +16,7 @@ from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Noise, Points
-from estim.problem.noise import Independent
+from estim.problem.noise import Independent, scatter_words
 from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 from estim.problem.size import Named, Scale, Size
@@ -53,7 +53,11 @@ class Readings(Independent):
                 ).rstrip()
                 + further
             )
-        return phrase("independent errors of {what}; {size}", what=self.what, size=size) + further
+        return (
+            phrase("independent errors of {what}; {size}", what=self.what, size=size)
+            + scatter_words(self.scatter, self.what, y_unit)
+            + further
+        )
 
 
 @dataclass(frozen=True, eq=False)

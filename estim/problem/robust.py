@@ -7,7 +7,9 @@ from __future__ import annotations
 import math
 
 from estim.common import Notation, phrase
-from estim.problem import GAUSSIAN, Mixture, Parameter, StudentT, Tails, TruncatedNormal, Uniform
+from estim.problem.observations import Parameter
+from estim.problem.priors import TruncatedNormal, Uniform
+from estim.problem.tails import GAUSSIAN, Mixture, StudentT, Tails
 
 
 def shape_of(robust: str | None, suffix: str) -> tuple[Tails, tuple[Parameter, ...]]:

@@ -1,0 +1,141 @@
+"""Errors that are inferred with a curve: a jitter beside stated ones, tails with room for outliers.
+Against the maximum of a likelihood written out here.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+
+from estim import InputError, Poisson, fit_curve, load_campaign
+from estim.fitting import fit_problem
+
+X = np.linspace(0.0, 10.0, 40)
+U = np.linspace(0.05, 0.15, 40)
+TRUE = 2.0 * np.sin(1.3 * X) + 0.5
+
+
+def disturbed(jitter: float, seed: int = 1) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return TRUE + rng.standard_normal(40) * np.hypot(U, jitter)
+
+
+def test_a_jitter_is_that_of_the_highest_likelihood() -> None:
+    y = disturbed(0.25)
+
+    def minus(p: np.ndarray) -> float:
+        a, w, c, jitter = p
+        return -float(np.sum(stats.norm.logpdf(y, a * np.sin(w * X) + c, np.hypot(U, jitter))))
+
+    best = optimize.minimize(
+        minus, [2.0, 1.3, 0.5, 0.2], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}
+    )
+    fit = fit_curve("a*sin(w*x) + c", X, y, u_y=U, jitter=True)
+    assert fit.status == "ok"
+    assert list(fit.values) == ["a", "w", "c", "jitter"]
+    assert list(fit.values.values()) == pytest.approx(best.x, rel=1e-4)
+
+    def rise(jitter: float) -> float:
+        held = optimize.minimize(
+            lambda p: minus(np.append(p, jitter)), best.x[:3], method="Nelder-Mead"
+        )
+        return 2.0 * (held.fun - best.fun) - stats.chi2.ppf(0.95, 1)
+
+    ends = [optimize.brentq(rise, *ends) for ends in ((0.1, best.x[3]), (best.x[3], 0.6))]
+    assert fit.intervals["jitter"][0.95] == pytest.approx(ends, rel=2e-3)
+    assert fit_curve("a*sin(w*x) + c", X, y, u_y=U).status == "poor-fit"
+
+
+def test_a_jitter_that_is_not_there_has_a_limit_and_changes_nothing() -> None:
+    y = disturbed(0.0, seed=3)
+    fit, plain = (
+        fit_curve("a*sin(w*x) + c", X, y, u_y=2.0 * U, jitter=jitter) for jitter in (True, False)
+    )
+    assert fit.intervals["jitter"][0.95][0] == 0.0
+    assert "jitter <" in str(fit)
+    for name in plain.names:
+        assert fit.values[name] == pytest.approx(plain.values[name], abs=1e-3 * plain.sds[name])
+        assert fit.sds[name] == pytest.approx(plain.sds[name], rel=1e-3)
+    assert fit.predict(1.0).u == pytest.approx(plain.predict(1.0).u, rel=1e-3)
+
+
+def test_a_prior_of_the_jitter_counts() -> None:
+    y = disturbed(0.25)
+    fit = fit_curve("a*sin(w*x) + c", X, y, u_y=U, jitter="0.10(1)")
+    assert 0.10 < fit.values["jitter"] < 0.14
+
+
+def test_outliers_hardly_move_a_robust_fit() -> None:
+    y = disturbed(0.0)
+    spoiled = y.copy()
+    spoiled[[3, 17, 30]] += 3.0
+    clean = fit_curve("a*sin(w*x) + c", X, y, u_y=U)
+    wrong = fit_curve("a*sin(w*x) + c", X, spoiled, u_y=U)
+    fit = fit_curve("a*sin(w*x) + c", X, spoiled, u_y=U, robust="mixture")
+    assert fit.status == "ok"
+    assert fit.intervals["outlier_fraction"][0.95][0] > 0.01
+    for name in clean.names:
+        assert abs(fit.values[name] - clean.values[name]) < clean.sds[name]
+    assert any(abs(wrong.values[n] - clean.values[n]) > 5.0 * clean.sds[n] for n in clean.names)
+    unstated = fit_curve("a*sin(w*x) + c", X, spoiled, robust="student-t")
+    assert unstated.status == "ok"
+    for name in clean.names:
+        assert abs(unstated.values[name] - clean.values[name]) < 2.0 * clean.sds[name]
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"jitter": True}, "'jitter' needs u_y"),
+        ({"jitter": "0.2", "u_y": 0.1}, "'jitter' must have an uncertainty"),
+        ({"jitter": 0.2, "u_y": 0.1}, "'jitter' must be a prior"),
+        ({"robust": "huber", "u_y": 0.1}, "'robust' must be"),
+        ({"jitter": True, "u_y": 0.1, "deviation": 0.1}, "'deviation' cannot be combined"),
+        ({"robust": "mixture", "u_y": 0.1, "correlated": True}, "'correlated' cannot be combined"),
+        ({"robust": "mixture", "noise": Poisson()}, "'robust' cannot be combined"),
+        ({"jitter": True, "u_y": 0.1, "start": {"a": 1.0, "jitter": 1.0}}, "choose another"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(given, words: str) -> None:
+    curve = "a*x + jitter" if "start" in given else "a*x"
+    y = np.arange(40.0) if "noise" in given else TRUE
+    with pytest.raises(InputError, match=words):
+        fit_curve(curve, X, y, **given)
+
+
+def test_a_campaign_infers_a_jitter_as_python_does(tmp_path: Path) -> None:
+    y = disturbed(0.25)
+    rows = "\n".join(f"{a!r},{b!r},{c!r}" for a, b, c in zip(X, y, U, strict=True))
+    (tmp_path / "d.csv").write_text("x,y,u\n" + rows.replace("np.float64(", "").replace(")", ""))
+    (tmp_path / "c.toml").write_text(
+        'title = "t"\nkind = "synthetic"\n[curve]\n'
+        'x = "x"\ny = "y"\nu_y = {column = "u"}\nexpression = "a*sin(w*x) + c"\njitter = true\n'
+        "parameters = {a = {start = 2}, w = {start = 1.3}, c = {start = 0.5}}\n"
+        '[[runs]]\nname = "d"\nfile = "d.csv"\n'
+    )
+    problem = load_campaign(tmp_path / "c.toml").problem(["d"])
+    found = fit_problem(problem, rng=np.random.default_rng(1))
+    fit = fit_curve("a*sin(w*x) + c", X, y, u_y=U, jitter=True)
+    assert found.names == ("a", "w", "c", "jitter[d]")
+    assert found.values == pytest.approx(list(fit.values.values()), rel=1e-6)
+
+
+@pytest.mark.statistics
+def test_intervals_beside_a_jitter_hold_what_they_say_and_those_without_do_not() -> None:
+    rng, n = np.random.default_rng(5), 1000
+    x, u = np.linspace(0.0, 1.0, 25), np.full(25, 0.1)
+    held = np.zeros((2, 2))
+    for _ in range(n):
+        y = 1.0 + 2.0 * x + rng.standard_normal(25) * np.hypot(u, 0.2)
+        for k, jitter in enumerate((True, False)):
+            fit = fit_curve("a + b*x", x, y, u_y=u, jitter=jitter, n_start=1)
+            for j, p in enumerate((0.68, 0.95)):
+                low, high = fit.intervals["b"][p]
+                held[k, j] += low < 2.0 < high
+    # profiles of a likelihood are good to the order 1/n_obs: 25 points, 3 unknowns
+    for share, p in zip(held[0] / n, (0.68, 0.95), strict=True):
+        assert abs(share - p) < 4.0 * (p * (1.0 - p) / n) ** 0.5 + 0.03
+    assert held[1, 1] / n < 0.75
