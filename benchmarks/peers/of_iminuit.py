@@ -1,0 +1,137 @@
+"""Examples of iminuit 2.33.0, its notebooks (`doc/notebooks`, MIT licence), with the data that they
+draw.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from cases import Numbers, example
+from scipy.stats import expon, norm
+
+from estim import EventTimes, Poisson, fit_curve
+
+
+def of_iminuit(cost: Any, limits: Any = None, **start: float) -> Numbers:
+    from iminuit import Minuit
+
+    minuit = Minuit(cost, **start)
+    for name, limit in (limits or {}).items():
+        minuit.limits[name] = limit
+    minuit.migrad()
+    minuit.hesse()
+    return {p.name: (p.value, p.error) for p in minuit.params if not p.is_fixed}
+
+
+BASIC_X = np.linspace(0, 1, 10)
+BASIC_Y = np.random.default_rng(1).normal(1 + 2 * BASIC_X, 0.1)
+
+
+def iminuit_basic() -> Numbers:
+    from iminuit.cost import LeastSquares
+
+    def line(x: Any, intercept: float, slope: float) -> Any:
+        return intercept + x * slope
+
+    return of_iminuit(LeastSquares(BASIC_X, BASIC_Y, 0.1, line), intercept=0, slope=0)
+
+
+@example("iminuit", "basic.ipynb", "a line, stated errors", run=iminuit_basic)
+def basic() -> Any:
+    return fit_curve("line", BASIC_X, BASIC_Y, u_y=0.1)
+
+
+CURVE_X = np.linspace(0, 1, 20)
+CURVE_U = 0.4 * CURVE_X**5 + 0.1
+CURVE_Y = np.random.default_rng(4).normal(1 + 2 * CURVE_X**2, CURVE_U)
+
+
+def iminuit_least_squares() -> Numbers:
+    from iminuit.cost import LeastSquares
+
+    def model(x: Any, a: float, b: float) -> Any:
+        return a + b * x**2
+
+    return of_iminuit(LeastSquares(CURVE_X, CURVE_Y, CURVE_U, model), a=0, b=0)
+
+
+@example("iminuit", "cost_functions.ipynb, LeastSquares", "an error for each point", run=iminuit_least_squares)
+def least_squares() -> Any:
+    return fit_curve("a + b*x**2", CURVE_X, CURVE_Y, u_y=CURVE_U)
+
+
+def mixture() -> Any:
+    random = np.random.default_rng(1)
+    x = np.append(random.normal(1, 0.1, size=1000), random.exponential(size=1000))
+    return x[(0 < x) & (x < 2)]
+
+
+def peak_density(x: Any, mu: float, sigma: float) -> Any:
+    return norm.pdf(x, mu, sigma) / (norm.cdf(2, mu, sigma) - norm.cdf(0, mu, sigma))
+
+
+def iminuit_unbinned() -> Numbers:
+    from iminuit.cost import UnbinnedNLL
+
+    def pdf(x: Any, z: float, mu: float, sigma: float, tau: float) -> Any:
+        flat = expon.pdf(x, 0, tau) / expon.cdf(2, 0, tau)
+        return z * peak_density(x, mu, sigma) + (1 - z) * flat
+
+    limits = {"z": (0, 1), "mu": (0, 2), "sigma": (0, None), "tau": (0, None)}
+    return of_iminuit(UnbinnedNLL(mixture(), pdf), limits, z=0.4, mu=1, sigma=0.2, tau=1)
+
+
+@example("iminuit", "cost_functions.ipynb, UnbinnedNLL", "single events: a peak over an exponential", run=iminuit_unbinned,
+         within=0.05, spread=0.03)  # fmt: skip
+def unbinned() -> Any:
+    peak = "exp(-((x - mu)/sigma)**2/2)/(sqrt(2*pi)*sigma)"
+    return fit_curve(
+        f"z*{peak} + (1 - z)*exp(-x/tau)/(tau*(1 - exp(-2/tau)))", mixture(), None, noise=EventTimes(0, 2),
+        start={"z": 0.4, "mu": 1, "sigma": 0.2, "tau": 1},
+        bounds={"z": (0, 1), "mu": (0, 2), "sigma": (0.01, None), "tau": (0.01, None)},
+    )  # fmt: skip
+
+
+def iminuit_binned() -> Numbers:
+    from iminuit.cost import ExtendedBinnedNLL
+
+    def integral(x: Any, s: float, b: float, mu: float, sigma: float, tau: float) -> Any:
+        peak = norm.cdf(x, mu, sigma) / (norm.cdf(2, mu, sigma) - norm.cdf(0, mu, sigma))
+        return s * peak + b * expon.cdf(x, 0, tau) / expon.cdf(2, 0, tau)
+
+    limits = {name: (0, None) for name in ("s", "b", "sigma", "tau")}
+    counts, edges = np.histogram(mixture(), bins=20, range=(0, 2))
+    return of_iminuit(ExtendedBinnedNLL(counts, edges, integral), limits, s=300, b=1500, mu=1, sigma=0.2, tau=2)
+
+
+@example("iminuit", "cost_functions.ipynb, ExtendedBinnedNLL", "counts in bins: a peak over an exponential", run=iminuit_binned,
+         within=0.05, spread=0.03)  # fmt: skip
+def binned() -> Any:
+    counts, edges = np.histogram(mixture(), bins=20, range=(0, 2))
+    peak = "exp(-((x - mu)/sigma)**2/2)/(sqrt(2*pi)*sigma)"
+    return fit_curve(
+        f"s*{peak} + b*exp(-x/tau)/(tau*(1 - exp(-2/tau)))", (edges[1:] + edges[:-1])/2, counts, noise=Poisson(bins=edges),
+        start={"s": 300, "b": 1500, "mu": 1, "sigma": 0.2, "tau": 2},
+        bounds={"s": (0, None), "b": (0, None), "sigma": (0.01, None), "tau": (0.01, None)},
+    )  # fmt: skip
+
+
+PAIR_COV = np.array([[0.3**2 + 0.1**2, 0.1 * 0.2], [0.1 * 0.2, 0.3**2 + 0.2**2]])
+
+
+def iminuit_correlated() -> Numbers:
+    weights = np.linalg.inv(PAIR_COV)
+
+    def cost(c: float) -> float:
+        delta = np.array([1.2, 1.5]) - c
+        return float(delta @ weights @ delta)
+
+    return of_iminuit(cost, c=1.0)
+
+
+@example("iminuit", "correlated_data.ipynb", "a mean of two values with correlated errors", run=iminuit_correlated,
+         why="The example searches the weight of a mean that makes chi-squared of both values smallest, which gives the same mean; "
+         "here both fit the mean.")  # fmt: skip
+def correlated() -> Any:
+    return fit_curve("constant", [1, 2], [1.2, 1.5], cov_y=PAIR_COV)
