@@ -114,7 +114,8 @@ class Difference:
 def differences(item: Example, ours: Numbers, kept: Mapping[str, Any]) -> list[Difference]:
     """Each number that the peer states, beside estim's."""
     shown = {name: (value, sd) for name, (value, sd) in item.printed.items()} or {
-        name: (f"{value[0]:.8g}", f"{value[1]:.6g}") for name, value in kept.get("values", {}).items()
+        name: (f"{value[0]:.8g}", f"{value[1]:.6g}")
+        for name, value in kept.get("values", {}).items()
     }
     found = []
     for name, (value, sd) in shown.items():

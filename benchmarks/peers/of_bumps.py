@@ -20,7 +20,7 @@ def of_bumps(curve: Any, **ranges: tuple[float, float]) -> Numbers:
     problem = FitProblem(curve)
     result = fit(problem, method="amoeba", steps=3000, verbose=False)
     problem.setp(result.x)
-    cov = np.atleast_2d(problem.cov())
+    cov = np.atleast_2d(problem.cov(result.x))
     return {
         n: (float(v), float(s))
         for n, v, s in zip(problem.labels(), result.x, np.sqrt(np.diag(cov)), strict=True)
@@ -47,7 +47,9 @@ def line() -> Any:
 
 
 TIME = np.linspace(0, 10, 10)
-LEVEL = odeint(lambda x, t: 2.0 - 0.5 * x, 10.0, TIME).flatten() + 0.2 * np.random.RandomState(1).normal(size=10)
+LEVEL = odeint(lambda x, t: 2.0 - 0.5 * x, 10.0, TIME).flatten() + 0.2 * np.random.RandomState(
+    1
+).normal(size=10)
 
 
 def bumps_equation() -> Numbers:
@@ -60,7 +62,14 @@ def bumps_equation() -> Numbers:
     return of_bumps(curve, x0=(0, 100), a=(0, 10), b=(0, 10))
 
 
-@example("bumps", "curvefit/ode.py", "a differential equation", run=bumps_equation, within=0.02, spread=0.02)
+@example(
+    "bumps",
+    "curvefit/ode.py",
+    "a differential equation",
+    run=bumps_equation,
+    within=0.02,
+    spread=0.02,
+)
 def equation() -> Any:
     def synthesis(t: Any, state: Any, a: float, b: float) -> Any:
         return [a - b * state[0]]

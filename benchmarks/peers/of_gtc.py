@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from cases import example
 
-from estim import fit_curve, fit_line
+from estim import Input, fit_curve, fit_line, propagate_linear
 
 
 @example("GTC", "type_a.line_fit", "a line, errors from the residuals",
@@ -31,8 +31,8 @@ def weighted_line() -> Any:
 def relative_weights() -> Any:
     x, y = [1, 2, 3, 4, 5, 6], [3.014, 5.225, 7.004, 9.061, 11.201, 12.762]
     fit = fit_line(x, y, u_y=[0.2, 0.2, 0.2, 0.4, 0.4, 0.4])
-    u_slope, u_intercept = fit.standard_errors["scaled"]
-    return {"intercept": (fit.intercept, u_intercept), "slope": (fit.slope, u_slope)}
+    u = fit.standard_errors["scaled"]
+    return {"intercept": (fit.intercept, u.u_intercept), "slope": (fit.slope, u.u_slope)}
 
 
 YORK_X = [0.0, 0.9, 1.8, 2.6, 3.3, 4.4, 5.2, 6.1, 6.5, 7.4]
@@ -46,8 +46,8 @@ YORK_U_Y = np.array([1, 1.8, 4, 8, 20, 20, 70, 70, 100, 500]) ** -0.5
          spread=0.02, why="estim recommends standard errors that follow from the data alone; York's and GTC's use adjusted points.")  # fmt: skip
 def errors_of_x() -> Any:
     fit = fit_line(YORK_X, YORK_Y, u_x=YORK_U_X, u_y=YORK_U_Y)
-    u_slope, u_intercept = fit.standard_errors["york"]
-    return {"intercept": (fit.intercept, u_intercept), "slope": (fit.slope, u_slope)}
+    u = fit.standard_errors["york"]
+    return {"intercept": (fit.intercept, u.u_intercept), "slope": (fit.slope, u.u_slope)}
 
 
 @example("GTC", "GUM_H3: calibration of a thermometer", "a line and its value far from the points",
@@ -56,3 +56,22 @@ def thermometer() -> Any:
     t = [21.521, 22.012, 22.512, 23.003, 23.507, 23.999, 24.513, 25.002, 25.503, 26.010, 26.511]
     b = [-0.171, -0.169, -0.166, -0.159, -0.164, -0.165, -0.156, -0.157, -0.159, -0.161, -0.160]
     return fit_curve("y_1 + y_2*(x - 20)", t, b, derived={"b30": "y_1 + y_2*10"})
+
+
+@example("GTC", "GUM_H2: resistance and reactance", "a propagation, readings that were taken together",
+         printed={"R": ("127.732", "0.071"), "X": ("219.847", "0.295"), "Z": ("254.260", "0.236")})  # fmt: skip
+def impedance() -> Any:
+    readings = {
+        "V": [5.007, 4.994, 5.005, 4.990, 4.999],
+        "I": [19.663e-3, 19.639e-3, 19.640e-3, 19.685e-3, 19.678e-3],
+        "phi": [1.0456, 1.0438, 1.0468, 1.0428, 1.0433],
+    }
+    inputs = [
+        Input(name, np.mean(r), np.std(r, ddof=1) / np.sqrt(5), dof=4)
+        for name, r in readings.items()
+    ]
+    result = propagate_linear(
+        lambda V, I, phi: np.stack([V/I*np.cos(phi), V/I*np.sin(phi), V/I]), inputs,
+        correlation=np.corrcoef(list(readings.values())),
+    )  # fmt: skip
+    return dict(zip("RXZ", zip(result.value, result.u, strict=True), strict=True))

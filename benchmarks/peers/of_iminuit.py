@@ -56,7 +56,12 @@ def iminuit_least_squares() -> Numbers:
     return of_iminuit(LeastSquares(CURVE_X, CURVE_Y, CURVE_U, model), a=0, b=0)
 
 
-@example("iminuit", "cost_functions.ipynb, LeastSquares", "an error for each point", run=iminuit_least_squares)
+@example(
+    "iminuit",
+    "cost_functions.ipynb, LeastSquares",
+    "an error for each point",
+    run=iminuit_least_squares,
+)
 def least_squares() -> Any:
     return fit_curve("a + b*x**2", CURVE_X, CURVE_Y, u_y=CURVE_U)
 
@@ -102,7 +107,9 @@ def iminuit_binned() -> Numbers:
 
     limits = {name: (0, None) for name in ("s", "b", "sigma", "tau")}
     counts, edges = np.histogram(mixture(), bins=20, range=(0, 2))
-    return of_iminuit(ExtendedBinnedNLL(counts, edges, integral), limits, s=300, b=1500, mu=1, sigma=0.2, tau=2)
+    return of_iminuit(
+        ExtendedBinnedNLL(counts, edges, integral), limits, s=300, b=1500, mu=1, sigma=0.2, tau=2
+    )
 
 
 @example("iminuit", "cost_functions.ipynb, ExtendedBinnedNLL", "counts in bins: a peak over an exponential", run=iminuit_binned,

@@ -45,7 +45,15 @@ def kafe2_line() -> Numbers:
     return of_kafe2(xy_fit(LINE_X, LINE_Y, model, 0.1, 0.4))
 
 
-@example("kafe2", "001_line_fit/line_fit.py", "errors of x and y", run=kafe2_line, within=0.1, spread=0.1, why=X_ERRORS)
+@example(
+    "kafe2",
+    "001_line_fit/line_fit.py",
+    "errors of x and y",
+    run=kafe2_line,
+    within=0.1,
+    spread=0.1,
+    why=X_ERRORS,
+)
 def line() -> Any:
     return fit_curve("line", LINE_X, LINE_Y, u_x=0.1, u_y=0.4)
 
@@ -69,7 +77,18 @@ def exponential() -> Any:
     return fit_curve("A_0*exp(x/x_0)", GROW_X, GROW_Y, u_x=0.3, u_y=0.05 * np.array(GROW_Y))
 
 
-FALL_X = [0.8018943, 1.839664, 1.941974, 1.276013, 2.839654, 3.488302, 3.775855, 4.555187, 4.477186, 5.376026]
+FALL_X = [
+    0.8018943,
+    1.839664,
+    1.941974,
+    1.276013,
+    2.839654,
+    3.488302,
+    3.775855,
+    4.555187,
+    4.477186,
+    5.376026,
+]
 FALL_Y = [0.2650644, 0.1472682, 0.08077234, 0.1850181, 0.05326301, 0.01984233, 0.01866309, 0.01230001, 0.009694612, 0.002412357]  # fmt: skip
 
 
@@ -123,7 +142,14 @@ SWING_T, SWING_Y = np.loadtxt(DATA / "pendulum.csv", delimiter=",", skiprows=1, 
 
 
 def kafe2_pendulum() -> Numbers:
-    def model(t: Any, y_0: float = 0.6, l: float = 10.0, r: float = 0.052, g: float = 9.81, c: float = 0.01) -> Any:
+    def model(
+        t: Any,
+        y_0: float = 0.6,
+        l: float = 10.0,
+        r: float = 0.052,
+        g: float = 9.81,
+        c: float = 0.01,
+    ) -> Any:
         omega = np.sqrt(g / (l + r) - c**2)
         return y_0 * np.exp(-c * t) * (np.cos(omega * t) + c / omega * np.sin(omega * t))
 
@@ -166,7 +192,12 @@ def kafe2_w_mass() -> Numbers:
     return of_kafe2(fit)
 
 
-@example("kafe2", "006_advanced_errors/01_covariance_matrix.py", "a mean with a covariance matrix", run=kafe2_w_mass)
+@example(
+    "kafe2",
+    "006_advanced_errors/01_covariance_matrix.py",
+    "a mean with a covariance matrix",
+    run=kafe2_w_mass,
+)
 def w_mass() -> Any:
     return fit_curve("constant", np.arange(8), W_MASS, cov_y=W_COV)
 
@@ -278,7 +309,10 @@ def lifetimes() -> Any:
 
 def few_signals() -> Any:
     random = np.random.RandomState(0)
-    flat, peak = random.uniform(low=0, high=20, size=3000), random.normal(loc=10.0, scale=1.0, size=50)
+    flat, peak = (
+        random.uniform(low=0, high=20, size=3000),
+        random.normal(loc=10.0, scale=1.0, size=50),
+    )
     return np.histogram(np.concatenate((flat, peak)), bins=20, range=(0, 20))
 
 
@@ -286,7 +320,9 @@ def kafe2_few_signals() -> Numbers:
     from kafe2 import HistFit
     from scipy.stats import norm
 
-    def model(x: Any, N_b: float = 3000.0, N_s: float = 30.0, mu: float = 10.0, sigma: float = 1.0) -> Any:
+    def model(
+        x: Any, N_b: float = 3000.0, N_s: float = 30.0, mu: float = 10.0, sigma: float = 1.0
+    ) -> Any:
         return N_b / 20 + N_s * norm.pdf(x, mu, sigma)
 
     fit = HistFit(few_signals(), model, density=False)
@@ -307,7 +343,25 @@ def few_signal_events() -> Any:
 
 
 C14_YEAR = [19, 46, 82, 119, 147, 178, 196, 221, 251, 278, 308, 328, 372, 394, 425, 452, 489]
-C14_COUNT = [6287, 6180, 6266, 6298, 6349, 6395, 6425, 6328, 6405, 6338, 6457, 6551, 6366, 6440, 6744, 6461, 6502]
+C14_COUNT = [
+    6287,
+    6180,
+    6266,
+    6298,
+    6349,
+    6395,
+    6425,
+    6328,
+    6405,
+    6338,
+    6457,
+    6551,
+    6366,
+    6440,
+    6744,
+    6461,
+    6502,
+]
 C14_ATOMS = 1e-12 * 6.02214076e23 / 14.003241
 C14 = "N0*log(2)/(T*365.25)*exp(-log(2)*(Delta_t + 2019 - x)/T)"
 

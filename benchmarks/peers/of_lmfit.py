@@ -63,7 +63,9 @@ def lmfit_decaying_sine() -> Numbers:
     return of_lmfit(fit, "amp", "decay", "shift", "omega")
 
 
-@example("lmfit", "doc_parameters_basic.py", "limits, errors from the residuals", run=lmfit_decaying_sine)
+@example(
+    "lmfit", "doc_parameters_basic.py", "limits, errors from the residuals", run=lmfit_decaying_sine
+)
 def decaying_sine() -> Any:
     return fit_curve(
         "amp*sin(omega*x + shift)*exp(-decay*x**2)", SINE_X, SINE_Y,
@@ -154,7 +156,9 @@ NIST_START = {
 
 
 def lmfit_nist() -> Any:
-    model = GaussianModel(prefix="g1_") + GaussianModel(prefix="g2_") + ExponentialModel(prefix="exp_")
+    model = (
+        GaussianModel(prefix="g1_") + GaussianModel(prefix="g2_") + ExponentialModel(prefix="exp_")
+    )
     params = model.make_params(**NIST_START)
     params.add("area", expr="g1_amplitude + g2_amplitude")
     params.add("centroid", expr="(g1_amplitude*g1_center + g2_amplitude*g2_center)/area")
@@ -173,7 +177,10 @@ def derived_quantities() -> Any:
     area = "g1_amplitude + g2_amplitude"
     centroid = "(g1_amplitude*g1_center + g2_amplitude*g2_center)/area"
     return fit_curve(
-        "g1_gaussian + g2_gaussian + exp_exponential", NIST_X, NIST_Y, derived={"area": area, "centroid": centroid}
+        "g1_gaussian + g2_gaussian + exp_exponential",
+        NIST_X,
+        NIST_Y,
+        derived={"area": area, "centroid": centroid},
     )
 
 
@@ -196,9 +203,7 @@ STEP_X = np.linspace(0, 10, 201)
 STEP_Y = np.ones(201)
 STEP_Y[:48] = 0.0
 STEP_Y[48:77] = np.arange(77 - 48) / (77.0 - 48)
-STEP_Y = (
-    110.2 * (STEP_Y + 9e-3 * np.random.RandomState(0).randn(201)) + 12.0 + 2.22 * STEP_X
-)
+STEP_Y = 110.2 * (STEP_Y + 9e-3 * np.random.RandomState(0).randn(201)) + 12.0 + 2.22 * STEP_X
 
 
 def lmfit_step() -> Numbers:
@@ -210,7 +215,10 @@ def lmfit_step() -> Numbers:
 @example("lmfit", "doc_builtinmodels_stepmodel.py", "a step over a line", run=lmfit_step)
 def step_and_line() -> Any:
     return fit_curve(
-        "amplitude*(1 + erf((x - center)/sigma))/2 + slope*x + intercept", STEP_X, STEP_Y, bounds={"sigma": (0, None)}
+        "amplitude*(1 + erf((x - center)/sigma))/2 + slope*x + intercept",
+        STEP_X,
+        STEP_Y,
+        bounds={"sigma": (0, None)},
     )
 
 
@@ -235,7 +243,9 @@ def lmfit_composite() -> Numbers:
     return of_lmfit(lmfit.Model(folded).fit(FOLD_Y, x=STEP_X, **start), *start)
 
 
-@example("lmfit", "doc_model_composite.py", "a convolution: a function of Python", run=lmfit_composite)
+@example(
+    "lmfit", "doc_model_composite.py", "a convolution: a function of Python", run=lmfit_composite
+)
 def composite() -> Any:
     return fit_curve(
         folded, STEP_X, FOLD_Y, start={"amplitude": 1, "center": 3.5, "sigma": 1.5},
@@ -277,7 +287,12 @@ def lmfit_two_exponentials() -> Numbers:
 
 @example("lmfit", "doc_confidence_advanced.py", "two exponentials", run=lmfit_two_exponentials)
 def two_exponentials() -> Any:
-    return fit_curve("a1*exp(-x/t1) + a2*exp(-(x - 0.1)/t2)", TWO_X, TWO_Y, start={"a1": 4, "a2": -4, "t1": 3, "t2": 9})
+    return fit_curve(
+        "a1*exp(-x/t1) + a2*exp(-(x - 0.1)/t2)",
+        TWO_X,
+        TWO_Y,
+        start={"a1": 4, "a2": -4, "t1": 3, "t2": 9},
+    )
 
 
 LONG_X = np.linspace(0.0, 250.0, 1001)
@@ -295,7 +310,9 @@ def lmfit_report() -> Numbers:
     return of_lmfit(fit, "amp", "period", "shift", "decay")
 
 
-@example("lmfit", "doc_fitting_withreport.py", "a start far off (period 2 for 5.46)", run=lmfit_report)
+@example(
+    "lmfit", "doc_fitting_withreport.py", "a start far off (period 2 for 5.46)", run=lmfit_report
+)
 def far_start() -> Any:
     return fit_curve(
         "amp*sin(shift + x/period)*exp(-x**2*decay**2)", LONG_X, LONG_Y,
@@ -316,7 +333,10 @@ WORDS = "amp*exp(-(x - cen)**2/(2*wid**2))/(sqrt(2*pi)*wid)"
          run=lambda: of_lmfit(ExpressionModel(WORDS).fit(WORD_Y, x=WORD_X, amp=5, cen=5, wid=1), "amp", "cen", "wid"))  # fmt: skip
 def expression() -> Any:
     return fit_curve(
-        "amp*exp(-(x - cen)**2/(2*wid**2))/(sqrt(2*pi)*wid)", WORD_X, WORD_Y, bounds={"wid": (0, None)}
+        "amp*exp(-(x - cen)**2/(2*wid**2))/(sqrt(2*pi)*wid)",
+        WORD_X,
+        WORD_Y,
+        bounds={"wid": (0, None)},
     )
 
 
@@ -370,7 +390,12 @@ def lmfit_inequality() -> Numbers:
     return of_lmfit(fit, "split", l_amplitude="amp_l", l_center="cen_l", **names)
 
 
-@example("lmfit", "example_fit_with_inequality.py", "one parameter at most 5 above another", run=lmfit_inequality)
+@example(
+    "lmfit",
+    "example_fit_with_inequality.py",
+    "one parameter at most 5 above another",
+    run=lmfit_inequality,
+)
 def inequality() -> Any:
     return fit_curve(
         "g_gaussian + l_lorentzian", PAIR_X, SPLIT_Y, start={"split": 2.5}, bounds={"split": (0, 5)},

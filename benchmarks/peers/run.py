@@ -70,23 +70,96 @@ def show(only: list[str]) -> None:
         wide = [f"{r.ratio:.3f}" for r in rows]
         good = "ok " if rows and all(r.agrees for r in rows) else "BAD"
         status = getattr(solved, "status", "")
-        print(f"{item.name:34} {good} {status!s:12} max {far:.4f} sd, ratios {' '.join(wide)}  {time.process_time() - begin:.2f} s", flush=True)
+        print(
+            f"{item.name:34} {good} {status!s:12} max {far:.4f} sd, ratios {' '.join(wide)}  {time.process_time() - begin:.2f} s",
+            flush=True,
+        )
         if good == "BAD":
             for r in rows:
-                print(f"      {r.name:14} {r.ours[0]:.6g} ± {r.ours[1]:.4g} | {r.shown} | {r.apart:.4f} {r.ratio:.4f}")
-            print("      ours:", {k: (float(f'{v[0]:.5g}'), float(f'{v[1]:.4g}')) for k, v in ours.items()})
+                print(
+                    f"      {r.name:14} {r.ours[0]:.6g} ± {r.ours[1]:.4g} | {r.shown} | {r.apart:.4f} {r.ratio:.4f}"
+                )
+            print(
+                "      ours:",
+                {k: (float(f"{v[0]:.5g}"), float(f"{v[1]:.4g}")) for k, v in ours.items()},
+            )
+
+
+HEAD = """# Examples of other programs, solved with estim
+
+{count} examples from the documentation of {peers}, each by the lines that a user of estim writes, beside
+the numbers of the program that it comes from. {agree} of {count} agree within what is stated below each table; where they differ for a
+reason, it is given. `benchmarks/peers/run.py` writes this page; `tests/test_peers.py` holds estim to it.
+
+Numbers that a program prints in its documentation are given as printed; others are those that it says when it is run with the
+data of the example. Differences of values are in standard deviations of the peer; ratios are estim's standard deviation over the peer's.
+Data that an example draws at random are drawn with its seed, or with one where it has none. Measured values are
+re-tabulated; the code of kafe2 is GPL, that of lmfit and scipy BSD, of iminuit and GTC MIT, of bumps public domain: none of it is copied here.
+
+A fit that estim calls `poor-fit` has values and standard deviations like any other (`fit.values`, `fit.sds`); it is printed without ±, because tests say
+that the curve or the stated errors do not explain the points.
+
+| example | asks for | largest difference | ratios | status |
+|---|---|---|---|---|
+"""
+
+
+def page() -> str:
+    kept, rows, sections, agree = cases.stored(), [], [], 0
+    items = load()
+    for number, item in enumerate(items, 1):
+        solved = item.solve()
+        found = cases.differences(item, cases.numbers_of(solved), kept.get(item.name, {}))
+        agrees = bool(found) and all(row.agrees for row in found)
+        agree += agrees
+        status = str(getattr(solved, "status", ""))
+        far = max(row.apart for row in found)
+        ratios = [row.ratio for row in found if not math.isnan(row.ratio)]
+        span = f"{min(ratios):.3f} to {max(ratios):.3f}" if ratios else ""
+        title = f"{item.peer}: {item.page}"
+        rows.append(
+            f"| [{number}](#{number}) {title} | {item.needs} | {far:.2g} | {span} | {status or '-'} |"
+        )
+        source = "printed there" if item.printed else "run: " + kept[item.name]["by"]
+        table = [
+            f"| {r.name} | {shown(*r.ours)} | {r.shown[0]} ± {r.shown[1] or '?'} | {r.apart:.2g} | {r.ratio:.3f} |"
+            for r in found
+        ]
+        verdict = f" estim's verdict: `{status}`." if status else ""
+        advice = "; ".join(getattr(solved, "reasons", ())) if status not in ("", "ok") else ""
+        sections += [
+            f'<a id="{number}"></a>', "", f"## {number}. {title}", "",
+            f"Asks for: {item.needs}. Numbers of {item.peer}: {source}.{verdict}{' ' + advice if advice else ''}", "",
+            "```text", item.lines(), "```", "",
+            f"| | estim | {item.peer} | difference, sd | ratio of sds |", "|---|---|---|---|---|", *table, "",
+            f"Held to {item.within:g} sd and {100 * item.spread:g} % of the sd, and half a unit of the last printed digit."
+            + ("" if agrees else " **They differ.**") + (f" {item.why}" if item.why else ""), "",
+        ]  # fmt: skip
+    peers = sorted({item.peer for item in items}, key=str.lower)
+    head = HEAD.format(
+        count=len(items), agree=agree, peers=", ".join(peers[:-1]) + " and " + peers[-1]
+    )
+    return head + "\n".join(rows) + "\n\n" + "\n".join(sections).rstrip() + "\n"
+
+
+def shown(value: float, sd: float) -> str:
+    digits = max(0, 3 - math.floor(math.log10(sd))) if sd > 0 else 6
+    return f"{value:.{digits}f} ± {sd:.3g}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--run", nargs="+", default=[], choices=PEERS)
+    parser.add_argument("--show", action="store_true", help="write no page")
     parser.add_argument("--only", nargs="+", default=[])
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     if options.run:
         run_peers(options.run)
-    else:
+    elif options.only or options.show:
         show(options.only)
+    else:
+        (HERE.parents[1] / "docs/peers.md").write_text(page(), encoding="utf-8")
 
 
 if __name__ == "__main__":
