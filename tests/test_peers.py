@@ -1,5 +1,5 @@
-"""Examples of other programs' documentation: estim's numbers are those of the program (printed there,
-or said by it when it was run: `benchmarks/peers`), within the tolerance of each example.
+"""Examples of other programs' documentation: estim's numbers are those of the program (printed
+there, or said by it when it was run: `benchmarks/peers`), within the tolerance of each example.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ def test_the_tolerance_follows_from_the_printed_digits() -> None:
     item = next(item for item in EXAMPLES if item.name == "GTC_relative_weights")
     rough = replace(item, printed={"slope": ("2.0", "0.04")})
     (row,) = cases.differences(rough, item.numbers(), {})
-    assert row.agrees and row.apart_limit == pytest.approx(0.05 / 0.04 + item.within)
+    assert row.agrees
+    assert row.apart_limit == pytest.approx(0.05 / 0.04 + item.within)
 
 
 def test_every_example_has_its_section_on_the_page() -> None:

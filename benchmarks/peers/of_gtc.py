@@ -71,7 +71,7 @@ def impedance() -> Any:
         for name, r in readings.items()
     ]
     result = propagate_linear(
-        lambda V, I, phi: np.stack([V/I*np.cos(phi), V/I*np.sin(phi), V/I]), inputs,
+        lambda v: np.array([v["V"]/v["I"]*np.cos(v["phi"]), v["V"]/v["I"]*np.sin(v["phi"]), v["V"]/v["I"]]), inputs,
         correlation=np.corrcoef(list(readings.values())),
     )  # fmt: skip
     return dict(zip("RXZ", zip(result.value, result.u, strict=True), strict=True))
