@@ -92,8 +92,8 @@ def bumps_poisson() -> Numbers:
 
 
 @example("bumps", "curvefit/poisson.py", "counts, few of them", run=bumps_poisson, within=0.02, spread=0.25,
-         why="bumps has its errors from second derivatives by differences, estim from the Fisher information. "
-         "The example draws its counts without a seed; here they have one.")  # fmt: skip
+         why="Second derivatives of the likelihood give 0.287 for the scale, the Fisher information and estim 0.286, bumps 0.239. "
+    "The example draws its counts without a seed; here they have one.")  # fmt: skip
 def poisson() -> Any:
     return fit_curve(
         "scale*exp(-(x - center)**2/width**2/2) + background", PEAK_X, PEAK_N, noise="poisson",

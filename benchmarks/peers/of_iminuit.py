@@ -10,7 +10,7 @@ import numpy as np
 from cases import Numbers, example
 from scipy.stats import expon, norm
 
-from estim import EventTimes, Poisson, fit_curve
+from estim import DataSet, EventTimes, Poisson, fit_curve, fit_curves
 
 
 def of_iminuit(cost: Any, limits: Any = None, **start: float) -> Numbers:
@@ -142,3 +142,35 @@ def iminuit_correlated() -> Numbers:
          "here both fit the mean.")  # fmt: skip
 def correlated() -> Any:
     return fit_curve("constant", [1, 2], [1.2, 1.5], cov_y=PAIR_COV)
+
+
+def two_samples() -> Any:
+    random = np.random.default_rng(1)
+    return random.normal(0, 2.0, size=1000), random.normal(5, 2.0, size=1000)
+
+
+def iminuit_simultaneous() -> Numbers:
+    from iminuit.cost import UnbinnedNLL
+
+    def first(x: Any, mu_1: float, sigma: float) -> Any:
+        return norm.pdf(x, mu_1, sigma)
+
+    def second(x: Any, mu_2: float, sigma: float) -> Any:
+        return norm.pdf(x, mu_2, sigma)
+
+    one, two = two_samples()
+    cost = UnbinnedNLL(one, first) + UnbinnedNLL(two, second)
+    said = of_iminuit(cost, {"sigma": (0, None)}, mu_1=1, mu_2=2, sigma=1)
+    return {"mu[1]": said["mu_1"], "mu[2]": said["mu_2"], "sigma": said["sigma"]}
+
+
+@example("iminuit", "simultaneous_fits.ipynb", "single events of two samples with one width", run=iminuit_simultaneous,
+         within=0.02, spread=0.02, slow=True)  # fmt: skip
+def simultaneous() -> Any:
+    one, two = two_samples()
+    window = EventTimes(-25, 30)
+    data = {"1": DataSet(one, None, noise=window), "2": DataSet(two, None, noise=window)}
+    return fit_curves(
+        "exp(-((x - mu)/sigma)**2/2)", data, shared=["sigma"], start={"mu[1]": 1, "mu[2]": 2, "sigma": 1},
+        bounds={"sigma": (0.1, 10), "mu": (-20, 25)},
+    )  # fmt: skip

@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 from cases import DATA, Numbers, example
 
-from estim import Component, EventTimes, Poisson, fit_curve
+from estim import (
+    Component,
+    DataSet,
+    EventTimes,
+    Input,
+    Poisson,
+    fit_curve,
+    fit_curves,
+    propagate_linear,
+)
 
 X_ERRORS = (
     "kafe2 turns errors of x into errors of y by the slope of the curve; "
@@ -392,4 +401,96 @@ def radiocarbon_gaussian() -> Any:
     return fit_curve(
         C14, C14_YEAR, C14_COUNT, u_y=np.sqrt(C14_COUNT), start={"Delta_t": 5000, "T": 5730},
         priors={"T": "5730(40)"}, fixed={"N0": C14_ATOMS},
+    )  # fmt: skip
+
+
+# --- several data sets, coordinates
+
+MULTI_X = np.arange(1.0, 11.0)
+MULTI_1 = [1.29, 1.78, 3.32, 3.85, 5.27, 6.00, 7.07, 8.57, 8.95, 10.52]
+MULTI_2 = [0.76, 1.19, 1.71, 2.21, 2.58, 3.01, 3.67, 4.24, 4.69, 4.97]
+
+
+def kafe2_two_lines() -> Numbers:
+    from kafe2 import MultiFit
+
+    def first(x: Any, p0: float = 1.0, g1: float = 1.0, o1: float = 0.0) -> Any:
+        return g1 * p0 * x + o1
+
+    def second(x: Any, p0: float = 1.0, g2: float = 0.5, o2: float = 0.0) -> Any:
+        return g2 * p0 * x + o2
+
+    one, two = (
+        xy_fit(MULTI_X, MULTI_1, first, 0.15, 0.2),
+        xy_fit(MULTI_X, MULTI_2, second, 0.15, 0.15),
+    )
+    one.add_parameter_constraint("g1", 1.0, 0.05)
+    two.add_parameter_constraint("g2", 0.5, 0.05)
+    names = {"p0": "p0", "g1": "g[1]", "o1": "o[1]", "g2": "g[2]", "o2": "o[2]"}
+    return {names[name]: number for name, number in of_kafe2(MultiFit([one, two])).items()}
+
+
+@example("kafe2", "011_multifit/04_multifit3.py", "two data sets, one parameter in common, a prior in each", run=kafe2_two_lines,
+         within=0.1, spread=0.1, why=X_ERRORS)  # fmt: skip
+def two_lines() -> Any:
+    data = {
+        "1": DataSet(MULTI_X, MULTI_1, u_x=0.15, u_y=0.2),
+        "2": DataSet(MULTI_X, MULTI_2, u_x=0.15, u_y=0.15),
+    }
+    return fit_curves(
+        "g*p0*x + o", data, shared=["p0"], priors={"g[1]": "1.00(5)", "g[2]": "0.50(5)"},
+        start={"p0": 1, "g[1]": 1, "g[2]": 0.5, "o": 0},
+    )  # fmt: skip
+
+
+def kafe2_polar() -> Numbers:
+    from kafe2 import IndexedFit
+
+    def polar(x: float = 0.65, y: float = 0.6) -> Any:
+        return np.array([np.hypot(x, y), np.arctan2(y, x)])
+
+    fit = IndexedFit([0.9, 0.755], polar)
+    fit.add_error([0.01, 0.15])
+    return of_kafe2(fit)
+
+
+@example("kafe2", "008_indexed_fit/01_parameter_and_interval_transformation.py", "other coordinates of a measured point",
+         run=kafe2_polar, within=0.02, spread=0.02)  # fmt: skip
+def coordinates() -> Any:
+    inputs = [Input("r", 0.9, 0.01), Input("phi", 0.755, 0.15)]
+    point = propagate_linear(
+        lambda v: np.array([v["r"] * np.cos(v["phi"]), v["r"] * np.sin(v["phi"])]), inputs
+    )
+    return dict(zip("xy", zip(point.value, point.u, strict=True), strict=True))
+
+
+def signal_on_flat() -> Any:
+    random = np.random.RandomState(1)
+    signal, flat = (
+        random.normal(loc=6.66, scale=0.33, size=160),
+        random.uniform(low=0, high=10, size=40),
+    )
+    return np.histogram(np.concatenate((signal, flat)), bins=35, range=(0, 10))
+
+
+def kafe2_signal() -> Numbers:
+    from kafe2 import HistFit
+    from scipy.stats import norm
+
+    def model(
+        x: Any, Ns: float = 150.0, mu: float = 6.5, sigma: float = 0.4, Nb: float = 50.0
+    ) -> Any:
+        return Ns * norm.pdf(x, mu, sigma) + Nb / 10
+
+    return of_kafe2(HistFit(signal_on_flat(), model, density=False))
+
+
+@example("kafe2", "009_histogram_fit/03_SplusBfit.py", "counts in bins: a peak on a flat background", run=kafe2_signal,
+         within=0.05, spread=0.05)  # fmt: skip
+def signal() -> Any:
+    counts, edges = signal_on_flat()
+    return fit_curve(
+        "Ns*exp(-((x - mu)/sigma)**2/2)/(sqrt(2*pi)*sigma) + Nb/10", (edges[1:] + edges[:-1])/2, counts, noise=Poisson(bins=edges),
+        start={"Ns": 200, "mu": 6, "sigma": 0.5, "Nb": 50},
+        bounds={"Ns": (0, None), "sigma": (0.05, 5), "Nb": (0, None), "mu": (0, 10)},
     )  # fmt: skip

@@ -477,3 +477,118 @@ def lmfit_errors_of_x() -> Numbers:
 def errors_of_x() -> Any:
     x, y = with_errors_of_x()
     return fit_curve("gaussian + line", x, y, u_x=0.5, u_y=0.06)
+
+
+# --- of the gallery of examples
+
+
+def lmfit_pandas() -> Numbers:
+    model = LorentzianModel()
+    x, y = VOIGT_X[::4], VOIGT_Y[::4]
+    return of_lmfit(model.fit(y, model.guess(y, x=x), x=x), "amplitude", "center", "sigma")
+
+
+@example("lmfit", "example_use_pandas.py", "a peak of a table", run=lmfit_pandas)
+def table() -> Any:
+    return fit_curve("lorentzian", VOIGT_X[::4], VOIGT_Y[::4])
+
+
+BOUND_X = np.linspace(0, 250, 1500)
+BOUND_Y = 14.0 * np.sin(0.12345 + BOUND_X / 5.4321) * np.exp(
+    -((BOUND_X * 0.010) ** 2)
+) + np.random.RandomState(0).normal(scale=2.8, size=1500)
+
+
+def lmfit_bounds() -> Numbers:
+    def residual(p: Any) -> Any:
+        wave = np.sin(p["shift"] + BOUND_X / p["period"])
+        return p["amp"] * wave * np.exp(-((BOUND_X * p["decay"]) ** 2)) - BOUND_Y
+
+    fit = minimized(
+        residual, amp={"value": 13, "max": 20, "min": 0}, period={"value": 5.4, "max": 10},
+        shift={"value": 0.1, "max": np.pi / 2, "min": -np.pi / 2}, decay={"value": 0.02, "max": 0.1, "min": 0},
+    )  # fmt: skip
+    return of_lmfit(fit, "amp", "period", "shift", "decay")
+
+
+@example("lmfit", "example_fit_with_bounds.py", "limits, a start far off", run=lmfit_bounds)
+def bounds() -> Any:
+    return fit_curve(
+        "amp*sin(shift + x/period)*exp(-(x*decay)**2)", BOUND_X, BOUND_Y,
+        start={"amp": 13, "period": 2, "shift": 0, "decay": 0.02},
+        bounds={"amp": (0, 20), "period": (1, 10), "shift": (-np.pi/2, np.pi/2), "decay": (0, 0.1)},
+    )  # fmt: skip
+
+
+DERIV_X = np.linspace(0, 4, 50)
+DERIV_Y = 2.5 * np.exp(-1.3 * DERIV_X) + 0.8 + 0.15 * np.random.RandomState(2021).normal(size=50)
+
+
+def lmfit_derivatives() -> Numbers:
+    fit = minimized(
+        lambda p: p["a"] * np.exp(-p["b"] * DERIV_X) + p["c"] - DERIV_Y, a=10, b=10, c=10
+    )
+    return of_lmfit(fit, "a", "b", "c")
+
+
+@example(
+    "lmfit",
+    "example_fit_with_derivfunc.py",
+    "derivatives: those of a formula are exact",
+    run=lmfit_derivatives,
+)
+def derivatives() -> Any:
+    return fit_curve("a*exp(-b*x) + c", DERIV_X, DERIV_Y)
+
+
+SYMPY_X = np.linspace(0, 10, 40)
+SYMPY_Y = (
+    2 * np.exp(-((SYMPY_X - 2) ** 2) / 2)
+    + 3 * np.exp(-((SYMPY_X - 5) ** 2) / 2)
+    + 5 * np.exp(-SYMPY_X / 4)
+    + np.random.RandomState(1).randn(40) * 0.4
+)
+SYMPY = "A1*exp(-(x - xc1)**2/(2*sigma1**2)) + A2*exp(-(x - xc2)**2/(2*sigma2**2)) + B*exp(-x/xw)"
+
+
+def lmfit_sympy() -> Numbers:
+    model = ExpressionModel(SYMPY)
+    params = model.make_params(A1=2, A2=3, sigma1=1, sigma2=1, xc1=2, xc2=5, xw=4, B=5)
+    params["sigma2"].set(expr="sigma1")
+    params["A2"].set(expr="1.5*A1")
+    return of_lmfit(model.fit(SYMPY_Y, params, x=SYMPY_X), "A1", "sigma1", "xc1", "xc2", "B", "xw")
+
+
+@example("lmfit", "example_sympy.py", "substitutions in a formula", run=lmfit_sympy)
+def substitutions() -> Any:
+    return fit_curve(
+        SYMPY, SYMPY_X, SYMPY_Y, tied={"sigma2": "sigma1", "A2": "1.5*A1"},
+        start={"A1": 2, "sigma1": 1, "xc1": 2, "xc2": 5, "xw": 4, "B": 5}, bounds={"sigma1": (0, None)},
+    )  # fmt: skip
+
+
+DECAY_X = np.linspace(0, 5, num=1000)
+DECAY_Y = 7 * np.exp(-DECAY_X / 3) + np.random.RandomState(2021).randn(1000)
+
+
+def lmfit_held(**fixed: float) -> Numbers:
+    model = ExpressionModel("N*exp(-x/tau)")
+    params = model.make_params(N=10, tau={"value": 1, "min": 0})
+    for name, value in fixed.items():
+        params[name].set(value=value, vary=False)
+    return of_lmfit(model.fit(DECAY_Y, params, x=DECAY_X), *({"N", "tau"} - {*fixed}))
+
+
+@example("lmfit", "example_Model_interface.py", "two parameters", run=lmfit_held)
+def model_interface() -> Any:
+    return fit_curve("N*exp(-x/tau)", DECAY_X, DECAY_Y)
+
+
+@example(
+    "lmfit",
+    "example_Model_interface.py, N held fixed",
+    "a parameter that is known",
+    run=lambda: lmfit_held(N=7),
+)
+def held_fixed() -> Any:
+    return fit_curve("N*exp(-x/tau)", DECAY_X, DECAY_Y, fixed={"N": 7})
