@@ -174,3 +174,77 @@ def simultaneous() -> Any:
         "exp(-((x - mu)/sigma)**2/2)", data, shared=["sigma"], start={"mu[1]": 1, "mu[2]": 2, "sigma": 1},
         bounds={"sigma": (0.1, 10), "mu": (-20, 25)},
     )  # fmt: skip
+
+
+HUNDRED = np.random.default_rng(1).normal(size=100)
+
+
+def iminuit_normal() -> Numbers:
+    from iminuit.cost import ExtendedUnbinnedNLL
+
+    def density(x: Any, n: float, mu: float, sigma: float) -> Any:
+        return n, n * norm.pdf(x, mu, sigma)
+
+    said = of_iminuit(
+        ExtendedUnbinnedNLL(HUNDRED, density), {"sigma": (0, None)}, n=100, mu=0, sigma=1
+    )
+    return {name: said[name] for name in ("mu", "sigma")}
+
+
+@example("iminuit", "error_bands.ipynb", "single events without a window", run=iminuit_normal, within=0.02, spread=0.02,
+         why="The number of events, 100 ± 10, is not asked of estim.")  # fmt: skip
+def normal() -> Any:
+    return fit_curve(
+        "exp(-((x - mu)/sigma)**2/2)", HUNDRED, None, noise=EventTimes(-15, 15), start={"mu": 0, "sigma": 1},
+        bounds={"mu": (-5, 5), "sigma": (0.1, 5)},
+    )  # fmt: skip
+
+
+OUTLIER_Y = np.where(np.arange(20) == 3, 3.0, CURVE_Y)
+
+
+def iminuit_masked() -> Numbers:
+    from iminuit.cost import LeastSquares
+
+    def model(x: Any, a: float, b: float) -> Any:
+        return a + b * x**2
+
+    cost = LeastSquares(CURVE_X, OUTLIER_Y, CURVE_U, model)
+    cost.mask = np.arange(20) != 3
+    return of_iminuit(cost, a=0, b=0)
+
+
+@example(
+    "iminuit",
+    "cost_functions.ipynb, LeastSquares with a mask",
+    "a bad point that is left out",
+    run=iminuit_masked,
+)
+def masked() -> Any:
+    good = np.arange(20) != 3
+    return fit_curve("a + b*x**2", CURVE_X[good], OUTLIER_Y[good], u_y=CURVE_U[good])
+
+
+def iminuit_shape() -> Numbers:
+    from iminuit.cost import BinnedNLL
+
+    def cdf(x: Any, z: float, mu: float, sigma: float, tau: float) -> Any:
+        peak = norm.cdf(x, mu, sigma) / (norm.cdf(2, mu, sigma) - norm.cdf(0, mu, sigma))
+        return z * peak + (1 - z) * expon.cdf(x, 0, tau) / expon.cdf(2, 0, tau)
+
+    counts, edges = np.histogram(mixture(), bins=20, range=(0, 2))
+    limits = {"z": (0, 1), "sigma": (0.01, None), "tau": (0.01, None)}
+    return of_iminuit(BinnedNLL(counts, edges, cdf), limits, z=0.4, mu=1, sigma=0.2, tau=2)
+
+
+@example("iminuit", "cost_functions.ipynb, BinnedNLL", "the shape of a histogram alone", run=iminuit_shape, within=0.05, spread=0.04,
+         slow=True, why="A number N that is free beside Poisson counts leaves the same likelihood of the shape. "
+         "estim's errors are from the Fisher information.")  # fmt: skip
+def shape() -> Any:
+    counts, edges = np.histogram(mixture(), bins=20, range=(0, 2))
+    peak = "exp(-((x - mu)/sigma)**2/2)/(sqrt(2*pi)*sigma)"
+    return fit_curve(
+        f"N*(z*{peak} + (1 - z)*exp(-x/tau)/(tau*(1 - exp(-2/tau))))", (edges[1:] + edges[:-1])/2, counts,
+        noise=Poisson(bins=edges), start={"N": 1800, "z": 0.4, "mu": 1, "sigma": 0.2, "tau": 2},
+        bounds={"N": (0, None), "z": (0, 1), "sigma": (0.01, None), "tau": (0.01, None)},
+    )  # fmt: skip

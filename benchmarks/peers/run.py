@@ -85,6 +85,24 @@ def show(only: list[str]) -> None:
             )
 
 
+MISSING = """## What is not here
+
+These examples ask for what `fit_curve` and `fit_curves` do not have yet:
+
+| example | asks for |
+|---|---|
+| kafe2 006_advanced_errors/03_relative_uncertainties.py | errors of y in per cent of the curve, each on its own |
+| kafe2 011_multifit/01 to 03; iminuit cost_functions.ipynb, sums of costs | data sets with different curves; priors given as a matrix |
+| kafe2 012_custom_fit; iminuit generic_least_squares.ipynb; bumps constraints/inequality.py | a likelihood or a penalty of one's own |
+| lmfit example_complex_resonator_model.py | complex y |
+| lmfit example_two_dimensional_peak.py; iminuit conditional_variable.ipynb; bumps peaks | several abscissas |
+| lmfit example_reduce_fcn.py, example_detect_outliers.py; iminuit cost_functions.ipynb, soft_l1 | robust errors, in Python (a campaign has them) |
+| iminuit template_fits.ipynb, weighted_histograms.ipynb | templates with errors of their own, weighted events |
+| scipy.odr test_explicit, test_implicit, test_multi | errors of x of unknown size, implicit curves, several y for one x |
+| RadVel epic203771098.py, HD164922.py | errors of unknown size beside stated ones (jitter) |
+| RadVel k2-131.py | a quasi-periodic Gaussian process |
+"""
+
 HEAD = """# Examples of other programs, solved with estim
 
 {count} examples from the documentation of {peers}, each by the lines that a user of estim writes, beside
@@ -139,7 +157,7 @@ def page() -> str:
     head = HEAD.format(
         count=len(items), agree=agree, peers=", ".join(peers[:-1]) + " and " + peers[-1]
     )
-    return head + "\n".join(rows) + "\n\n" + "\n".join(sections).rstrip() + "\n"
+    return head + "\n".join(rows) + "\n\n" + "\n".join(sections).rstrip() + "\n\n" + MISSING
 
 
 def shown(value: float, sd: float) -> str:
