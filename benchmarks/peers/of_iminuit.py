@@ -192,10 +192,10 @@ def iminuit_normal() -> Numbers:
 
 
 @example("iminuit", "error_bands.ipynb", "single events without a window", run=iminuit_normal, within=0.02, spread=0.02,
-         why="The number of events, 100 ± 10, is not asked of estim.")  # fmt: skip
+         why="The number of events, 100 ± 10, is not asked of estim; a wide window stands for none.")  # fmt: skip
 def normal() -> Any:
     return fit_curve(
-        "exp(-((x - mu)/sigma)**2/2)", HUNDRED, None, noise=EventTimes(-15, 15), start={"mu": 0, "sigma": 1},
+        "exp(-((x - mu)/sigma)**2/2)", HUNDRED, None, noise=EventTimes(-6, 6), start={"mu": 0, "sigma": 1},
         bounds={"mu": (-5, 5), "sigma": (0.1, 5)},
     )  # fmt: skip
 
