@@ -20,7 +20,7 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
-from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
+from estim.fitting.arrow import descend_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
@@ -306,10 +306,12 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     """
     units = _units(matrix)
     scaled = matrix / np.outer(units, units)
-    inverse = inverse_by_runs(scaled, problem) if many(problem) else None
-    return (
-        np.asarray(np.linalg.pinv(scaled, hermitian=True)) if inverse is None else inverse
-    ) / np.outer(units, units)
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(scaled)) if many(problem) else None
+    except np.linalg.LinAlgError:
+        root = None
+    inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
+    return np.asarray(inverse / np.outer(units, units))
 
 
 def _units(matrix: FloatArray) -> FloatArray:
