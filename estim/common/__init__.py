@@ -72,7 +72,7 @@ from estim.common.quantity import (
     p_digits,
     percentage,
 )
-from estim.common.quantity import read_number, read_quantity, signed, significant, with_unit
+from estim.common.quantity import raised, read_number, read_quantity, signed, significant, with_unit
 from estim.common.statuses import PROBABILITIES, QUANTILES, Amount, Finding, decide, gravest, wrong
 from estim.common.storage import (
     held,

@@ -25,7 +25,7 @@ from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
-from estim.fitting.rounds import Held, settle_by_runs
+from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
 from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry
 
@@ -39,7 +39,6 @@ _TWINS = 0.2  # the same, after one round: nearer ends go on as one
 _ROUGH_ROUNDS = 4
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
-_LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
 _NOTHING = 1e-200  # of the information: its inverse could not be squared
@@ -386,7 +385,7 @@ def _settle(
         ):
             share *= 0.5
         # there, or beside a jump of the covariance: no place where it stays
-        if moved < _SETTLED or share < _LEAST_SHARE:
+        if moved < _SETTLED or share < LEAST_SHARE:
             break
     return values, posterior, moved
 
