@@ -97,7 +97,7 @@ def from_certificate(method: str, seconds: float, found: Certificate) -> Row:
 
 def from_draws(method: str, seconds: float, names: tuple[str, ...], draws: FloatArray) -> Row:
     """draws : (n_ensemble, n_step, n_walker, n_par)."""
-    convergence = Convergence(draws.shape[1], 1.0, 0.0, 0.0, 1.0, 0.0, True, ())
+    convergence = Convergence(draws.shape[1], 1.0, 0.0, 0.0, 1.0, True, ())
     chain = Chain(
         names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence
     )

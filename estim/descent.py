@@ -442,32 +442,48 @@ class _Descents:
         self.settled[which[ended]], self.going[which[ended]] = True, False
 
     def _steps(self, which: Indices, damping: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The next steps (n, n_par) of `which`, and by how much each promises to go down: steps
-        that are too long are cut where they leave the box, or shortened as a whole.
-        """
-        points, slopes, curvatures = self.points[which], self.slopes[which], self.curvatures[which]
+        """The next steps (n, n_par) of `which`, and by how much each promises to go down."""
+        points = self.points[which]
         box = self.hill.reach(points) * np.sqrt(np.minimum(1.0, _FIRST_DAMPING / damping))[:, None]
-        low = np.maximum(-box, self.hill.closing * (self.hill.low - points))
-        high = np.minimum(box, self.hill.closing * (self.hill.high - points))
-        free = ~self.held[which] & ~(
-            ((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0))
+        return steps_between(
+            self.slopes[which],
+            self.curvatures[which],
+            damping,
+            ~self.held[which],
+            np.maximum(-box, self.hill.closing * (self.hill.low - points)),
+            np.minimum(box, self.hill.closing * (self.hill.high - points)),
         )
-        step = _damped(slopes, curvatures, damping, free)
-        with np.errstate(all="ignore"):
-            share = np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
-            shorter = step * np.min(share, axis=1, initial=1.0)[:, None]
-        for _ in range(_HELD_ROUNDS):
-            beyond = free & ((step < low) | (step > high))
-            if not np.any(beyond):
-                break
-            step, free = np.clip(step, low, high), free & ~beyond
-            held = np.where(free, 0.0, step)
-            more = slopes + np.einsum("kij,kj->ki", curvatures, held)
-            step = np.where(free, _damped(more, curvatures, damping, free), step)
-        cut = np.clip(step, low, high)
-        promises = [_promise(tried, slopes, curvatures) for tried in (cut, shorter)]
-        further = promises[0] >= promises[1]
-        return np.where(further[:, None], cut, shorter), np.where(further, *promises)
+
+
+def steps_between(
+    slopes: FloatArray,
+    curvatures: FloatArray,
+    damping: FloatArray,
+    free: Flags,
+    low: FloatArray,
+    high: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Damped steps (n, n_par) of the `free` parameters between `low` and `high`, and by how much
+    each promises to go down: those that are too long are cut where they leave the box, or shortened
+    as a whole.
+    """
+    free = free & ~(((low >= 0.0) & (slopes > 0.0)) | ((high <= 0.0) & (slopes < 0.0)))
+    step = _damped(slopes, curvatures, damping, free)
+    with np.errstate(all="ignore"):
+        share = np.where(step == 0.0, 1.0, np.where(step > 0.0, high, low) / step)
+        shorter = step * np.min(share, axis=1, initial=1.0)[:, None]
+    for _ in range(_HELD_ROUNDS):
+        beyond = free & ((step < low) | (step > high))
+        if not np.any(beyond):
+            break
+        step, free = np.clip(step, low, high), free & ~beyond
+        held = np.where(free, 0.0, step)
+        more = slopes + np.einsum("kij,kj->ki", curvatures, held)
+        step = np.where(free, _damped(more, curvatures, damping, free), step)
+    cut = np.clip(step, low, high)
+    promises = [_promise(tried, slopes, curvatures) for tried in (cut, shorter)]
+    further = promises[0] >= promises[1]
+    return np.where(further[:, None], cut, shorter), np.where(further, *promises)
 
 
 def _promise(steps: FloatArray, slopes: FloatArray, curvatures: FloatArray) -> FloatArray:

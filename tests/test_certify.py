@@ -281,7 +281,7 @@ def test_density_is_asked_in_batches_of_bounded_size(rng: np.random.Generator) -
 
 def chain_of(draws: np.ndarray) -> Chain:
     """A chain record around given draws (n_ensemble, n_step, n_walker, n_par)."""
-    convergence = Convergence(draws.shape[1], 1.0, 1e4, 1e4, 1.0, 0.0, True, ())
+    convergence = Convergence(draws.shape[1], 1.0, 1e4, 1e4, 1.0, True, ())
     names = tuple(f"p{i}" for i in range(draws.shape[-1]))
     return Chain(
         names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence

@@ -68,7 +68,7 @@ def move_alone(known: Known, proposal: Proposal, *, n_step: int, seed: int) -> C
         0,
         np.ones(2),
         0,
-        Convergence(n_step, 1.0, 0.0, 0.0, 1.0, 0.0, True, ()),
+        Convergence(n_step, 1.0, 0.0, 0.0, 1.0, True, ()),
     )
 
 

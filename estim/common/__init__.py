@@ -73,6 +73,7 @@ from estim.common.quantity import (
     interval,
     p_digits,
     percentage,
+    raised,
     rounded,
 )
 from estim.common.quantity import (

@@ -241,7 +241,12 @@ def significant(value: float, digits: int = 3) -> str:
     if _LEAST_POWER <= power < 6:
         decimals = max(0, digits - 1 - power)
         return signed(f"{float(f'{mantissa}e{exponent}'):.{decimals}f}")
-    return f"{signed(mantissa)}×10{str(power).translate(_RAISED)}"
+    return f"{signed(mantissa)}×10{raised(power)}"
+
+
+def raised(power: object) -> str:
+    """A whole number as an exponent."""
+    return str(power).translate(_RAISED)
 
 
 def percentage(share: float, digits: int = 2) -> str:

@@ -12,14 +12,13 @@ import ast
 from collections.abc import Iterator, Mapping
 from fractions import Fraction
 
-from estim.common import InputError, in_unit, is_in_degrees, powers_in, same_unit
-from estim.curves.dimensions import number_in_formula
+from estim.common import InputError, in_unit, is_in_degrees, powers_in, raised, same_unit
+from estim.curves.dimensions import LARGEST_PURE, number_in_formula
 from estim.curves.formula import CONSTANTS
 
 Factors = dict[str, Fraction]
 """A unit: its symbols with their powers; {} for a pure number."""
 
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _OF_OWN_ZERO = frozenset({"°C", "°F", "degC", "degF"})
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _TURNED = ("sin", "cos", "tan")
@@ -37,8 +36,7 @@ _ALIKE = {
     "arctan2": 0,
     "atan2": 0,
 }
-_LARGEST_PURE = 10.0
-_LONGEST = 20  # characters of a unit that nobody stated
+LONGEST = 20  # characters of a unit that nobody stated
 
 
 def unit_that_follows(
@@ -61,7 +59,7 @@ def unit_that_follows(
     follows = _Reading(known, symbols).of(tree)
     if stated is None:
         unit = "1" if follows is None or _is_broken(follows) else _shown(follows)
-        return unit if len(unit) <= _LONGEST else "1"
+        return unit if len(unit) <= LONGEST else "1"
     guessed = _Reading(known, symbols, all_pure=True).of(tree) if follows is None else None
     wrong = (
         follows is not None
@@ -127,7 +125,7 @@ class _Reading:
         for part, sign in parts:
             if isinstance(part, ast.Constant):
                 value = float(part.value)  # type: ignore[arg-type]
-                simple = abs(value) < _LARGEST_PURE and (4.0 * value).is_integer()
+                simple = abs(value) < LARGEST_PURE and (4.0 * value).is_integer()
                 sure = turns or value == 1.0 or (_is_whole(part) and (sign < 0 or whole_below))
                 unit: Factors | None = {} if simple and (sure or self.all_pure) else None
             else:
@@ -249,9 +247,15 @@ def _written(unit: Factors) -> str:
 
 def _shown(unit: Factors) -> str:
     """A unit as people write it, m/s²."""
-    bare = {symbol: power for symbol, power in unit.items() if symbol != "rad" or len(unit) == 1}
+    return power_text(
+        {symbol: power for symbol, power in unit.items() if symbol != "rad" or len(unit) == 1}
+    )
+
+
+def power_text(unit: Factors) -> str:
+    """The same, radians not left out."""
     over, under = (
-        [_power(symbol, abs(power)) for symbol, power in bare.items() if power * sign > 0]
+        [_power(symbol, abs(power)) for symbol, power in unit.items() if power * sign > 0]
         for sign in (1, -1)
     )
     below = "" if not under else f"/{under[0]}" if len(under) == 1 else f"/({'·'.join(under)})"
@@ -264,7 +268,7 @@ def _is_broken(unit: Factors) -> bool:
 
 
 def _power(symbol: str, power: Fraction) -> str:
-    return symbol if power == 1 else symbol + str(power).translate(_RAISED)
+    return symbol if power == 1 else symbol + raised(power)
 
 
 def _has_own_zero(text: str, unit: Factors) -> bool:

@@ -32,7 +32,7 @@ _SAME = ("abs", "hypot", "minimum", "maximum", "min", "max", "floor", "ceil")
 _ROOTS = {"sqrt": Fraction(1, 2), "cbrt": Fraction(1, 3)}
 _X, _Y = "(x)", "(y)"
 _MOST_DIGITS = 1000  # of the denominator of an exponent
-_LARGEST_PURE = 10.0  # a number as large may turn mm into cm
+LARGEST_PURE = 10.0  # a number as large may turn mm into cm
 
 
 def dimensions_of(formula: Formula, *, density: bool | None = False) -> dict[str, Dimension]:
@@ -131,12 +131,12 @@ def arc_among_terms(tree: ast.expr) -> ast.expr | None:
 
 def is_pure_in_angle(number: float) -> bool:
     """Whether a factor of an angle turns no degrees into radians, as pi/180 and 57.3 do."""
-    return abs(number) <= _LARGEST_PURE and float(4.0 * number).is_integer()
+    return abs(number) <= LARGEST_PURE and float(4.0 * number).is_integer()
 
 
 def _is_count_or_half(number: float) -> bool:
     # 0 has any unit
-    return number == 0.5 or (0.0 < abs(number) < _LARGEST_PURE and number.is_integer())
+    return number == 0.5 or (0.0 < abs(number) < LARGEST_PURE and number.is_integer())
 
 
 def _none(_: float) -> bool:

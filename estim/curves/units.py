@@ -9,6 +9,7 @@ import copy
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Literal
 
 from estim.common import (
@@ -20,6 +21,7 @@ from estim.common import (
     same_unit,
     with_unit,
 )
+from estim.curves.derived_units import LONGEST, Factors, power_text
 from estim.curves.dimensions import (
     angles_of,
     arc_among_terms,
@@ -29,8 +31,6 @@ from estim.curves.dimensions import (
 )
 from estim.curves.formula import Formula, Renamed
 
-_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_LONGEST = 20  # characters of a unit that is told of a parameter
 _IN_A_MESSAGE = 80
 
 
@@ -231,7 +231,7 @@ def _product(*powers: tuple[str, float]) -> str:
 
 
 def _unit(
-    power_x: float, power_y: float, x_unit: str, y_unit: str, *, longest: int = _LONGEST
+    power_x: float, power_y: float, x_unit: str, y_unit: str, *, longest: int = LONGEST
 ) -> str | None:
     """x_unit**power_x * y_unit**power_y as text; None where it cannot be written shortly."""
     if not (power_x.is_integer() and power_y.is_integer()):
@@ -242,17 +242,10 @@ def _unit(
     ):
         if power == 1.0 and (other == 0.0 or other_unit == "1"):
             return unit
-    factors: dict[str, int] = {}
+    factors: Factors = {}
     for unit, power in ((y_unit, power_y), (x_unit, power_x)):
         symbols = powers_in(unit)
         for name, exponent in ({f"({unit})": 1} if symbols is None else symbols).items():
-            factors[name] = factors.get(name, 0) + exponent * int(power)
-    over = [_raised(name, power) for name, power in factors.items() if power > 0]
-    under = [_raised(name, -power) for name, power in factors.items() if power < 0]
-    below = "" if not under else f"/{under[0]}" if len(under) == 1 else f"/({'·'.join(under)})"
-    text = ("·".join(over) or "1") + below
+            factors[name] = factors.get(name, 0) + exponent * Fraction(power)
+    text = power_text({name: power for name, power in factors.items() if power})
     return text if len(text) <= longest else None
-
-
-def _raised(name: str, power: int) -> str:
-    return name if power == 1 else name + str(power).translate(_RAISED)

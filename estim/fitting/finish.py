@@ -12,7 +12,7 @@ from estim.arrays import FloatArray
 from estim.problem import Posterior
 
 _N_FINISH = 20
-_SILENT = 1e-11  # ratio of singular values
+SILENT = 1e-11  # ratio of singular values
 
 
 def finished(
@@ -47,7 +47,7 @@ def finished(
 
 
 def step_between(
-    rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = _SILENT
+    rows: FloatArray, aim: FloatArray, low: FloatArray, high: FloatArray, *, silent: float = SILENT
 ) -> FloatArray:
     """(n_par,) step s of least |rows s + aim| with low <= s <= high; low <= 0 <= high.
 

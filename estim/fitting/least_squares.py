@@ -20,12 +20,12 @@ from estim.arrays import FloatArray
 from estim.common import Finding, InputError, NumericalError, phrase
 from estim.deviation import FoundDeviation, FoundForce, NormalParts
 from estim.distributions import chi2_tail
-from estim.fitting.arrow import descend_by_runs, inverse_by_runs, many
+from estim.fitting.arrow import descend_by_runs, many
 from estim.fitting.finish import finished
 from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
-from estim.fitting.rounds import Held, settle_by_runs
+from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
 from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry
 
@@ -39,7 +39,6 @@ _TWINS = 0.2  # the same, after one round: nearer ends go on as one
 _ROUGH_ROUNDS = 4
 # relative steps at which a search of the curve ends: at the mode, and to see where a start leads
 _EXACT, _ROUGH = 1e-12, 1e-6
-_LEAST_SHARE = 0.05
 WITHIN_REACH = 12.0  # in minus log density: worse optima hold next to nothing of the posterior
 _FINE = 1e-2
 _NOTHING = 1e-200  # of the information: its inverse could not be squared
@@ -306,10 +305,12 @@ def _inverse(matrix: FloatArray, problem: Problem) -> FloatArray:
     """
     units = _units(matrix)
     scaled = matrix / np.outer(units, units)
-    inverse = inverse_by_runs(scaled, problem) if many(problem) else None
-    return (
-        np.asarray(np.linalg.pinv(scaled, hermitian=True)) if inverse is None else inverse
-    ) / np.outer(units, units)
+    try:
+        root = np.linalg.inv(np.linalg.cholesky(scaled)) if many(problem) else None
+    except np.linalg.LinAlgError:
+        root = None
+    inverse = np.linalg.pinv(scaled, hermitian=True) if root is None else root.T @ root
+    return np.asarray(inverse / np.outer(units, units))
 
 
 def _units(matrix: FloatArray) -> FloatArray:
@@ -384,7 +385,7 @@ def _settle(
         ):
             share *= 0.5
         # there, or beside a jump of the covariance: no place where it stays
-        if moved < _SETTLED or share < _LEAST_SHARE:
+        if moved < _SETTLED or share < LEAST_SHARE:
             break
     return values, posterior, moved
 

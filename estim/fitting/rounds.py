@@ -30,7 +30,7 @@ _PATIENCE = 15  # rounds, after which the covariance of the run that moves farth
 _BETWEEN = 3  # rounds between two of these
 _HELPS = 0.02  # of the first swing, which the rounds at a share must come below
 _WITH_IT = 0.3  # of the farthest, what is held with it
-_LEAST_SHARE = 0.05
+LEAST_SHARE = 0.05  # of a step of rounds that swing
 
 Indices = NDArray[np.int64]
 
@@ -212,7 +212,7 @@ def _relaxed(
     turn = step[one.mine] - before[one.mine]
     size = float(turn @ turn)
     share = -one.share * float(before[one.mine] @ turn) / size if size > 0.0 else one.share
-    return replace(one, share=min(max(share, _LEAST_SHARE), 1.0))
+    return replace(one, share=min(max(share, LEAST_SHARE), 1.0))
 
 
 def _to_hold(

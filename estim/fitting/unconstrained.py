@@ -6,10 +6,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from estim.fitting.finish import SILENT
 from estim.fitting.least_squares import Fit
 from estim.problem import Observations
 
-_SILENT = 1e-11  # ratio of singular values
 _TAKES_PART = 0.2  # component of a unit direction
 PERFECT = 1e-12  # residuals below this share of y are rounding errors
 
@@ -28,7 +28,7 @@ def silent_parameters(fit: Fit) -> tuple[str, ...]:
         columns / np.where(scale > 0.0, scale, 1.0), full_matrices=True
     )
     sizes = np.append(singular, np.zeros(len(names) - singular.size))
-    share = np.sqrt(np.sum(right[sizes <= max(_SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
+    share = np.sqrt(np.sum(right[sizes <= max(SILENT * sizes[0], 2.0 * sizes[-1])] ** 2, axis=0))
     return tuple(name for name, part in zip(names, share, strict=True) if part > _TAKES_PART)
 
 

@@ -340,18 +340,8 @@ class Posterior:
         named = self.problem.named(values)
         return tuple(likelihood.scoring(named, names) for likelihood, names, _ in self._parts)
 
-    def information_roots(self, values: FloatArray) -> tuple[FloatArray, ...]:
-        """For each group J (n, n_par) with J^T J the Fisher information of its data about the
-        curve, the noise held.
-        """
-        named = self.problem.named(values)
-        return tuple(
-            self._widened(likelihood.information_root(named, names), columns)
-            for likelihood, names, columns in self._parts
-        )
-
     def told(self, values: FloatArray) -> FloatArray:
-        """(n_par, n_par) J^T J of `information_roots`, without their rows."""
+        """(n_par, n_par) Fisher information of the data about the curve, the noise held."""
         named, total = self.problem.named(values), np.zeros((values.size, values.size))
         for likelihood, names, columns in self._parts:
             root = likelihood.information_root(named, names)

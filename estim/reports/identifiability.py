@@ -12,7 +12,7 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.checks import CONFLICT, PRIOR_DOMINATED, THRESHOLD, Identifiability, Sensitivity
-from estim.common import Label, Markdown, format_rounded, phrase, signed, significant
+from estim.common import Label, Markdown, format_rounded, phrase, raised, signed, significant
 from estim.distributions import chi2_quantile
 from estim.drawing import (
     BLUE,
@@ -31,7 +31,6 @@ from estim.problem import Problem
 
 _FLOOR = 1e-4  # of the axis of information: what is smaller is as good as nothing
 _TOP_RISE = 5.0
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -221,9 +220,7 @@ def direction_figure(problem: Problem, found: Identifiability) -> Figure:
     )
     left.xaxis.set_ticks([], minor=True)
     name_ticks(
-        left.xaxis,
-        [10.0**power for power in powers],
-        ["10" + f"{power}".translate(_RAISED) for power in powers],
+        left.xaxis, [10.0**power for power in powers], ["10" + raised(power) for power in powers]
     )
     left.set_ylim(n - 0.5, -0.5)
     name_ticks(left.yaxis, places, [f"{k + 1}" for k in places])

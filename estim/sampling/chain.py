@@ -71,7 +71,6 @@ class Convergence:
     """The stopping criteria at one moment: worst values over the parameters.
 
     tau : longest autocorrelation time in steps.
-    tau_moved : its relative change since the check before.
     met : whether the draws are enough.
     told : what they lack, or where they come from if not from a chain.
     """
@@ -81,7 +80,6 @@ class Convergence:
     ess_bulk: float
     ess_tail: float
     tau: float
-    tau_moved: float
     met: bool
     told: tuple[Finding, ...]
 
@@ -332,4 +330,4 @@ def _judge(
         )
     if not moved < 0.1:
         lacking.append(Finding(Kind.TAU_UNSETTLED))
-    return Convergence(n_step, rhat, bulk, tail, tau, moved, not lacking, tuple(lacking))
+    return Convergence(n_step, rhat, bulk, tail, tau, not lacking, tuple(lacking))

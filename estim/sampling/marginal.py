@@ -90,9 +90,8 @@ class MarginalPosterior:
     log_weights : (n_draw,) Pareto-smoothed, their exponentials sum to 1.
     k_hat, ess : of these weights.
     log_evidence, u_log_evidence : log p(y) and its Monte-Carlo error, by the marginal.
-    check_log_weights : (n_check,) weights in all dimensions for the sampled parameters of the first
-        draws, smoothed;
-        k_hat_all, ess_all, log_evidence_all : theirs.
+    k_hat_all, ess_all, log_evidence_all : of the smoothed weights in all dimensions for the sampled
+        parameters of the first draws.
     shift : largest difference between the means of a sampled parameter by the two sets of weights,
         posterior standard deviations.
     refined : runs whose own parameters were not normal enough given the shared ones and were
@@ -111,7 +110,6 @@ class MarginalPosterior:
     ess: float
     log_evidence: float
     u_log_evidence: float
-    check_log_weights: FloatArray
     k_hat_all: float
     ess_all: float
     log_evidence_all: float
@@ -215,7 +213,6 @@ def sample_marginal(
         ess=ess,
         log_evidence=log_evidence,
         u_log_evidence=u_log_mean(raw),
-        check_log_weights=check,
         k_hat_all=k_hat_all,
         ess_all=ess_all,
         log_evidence_all=log_evidence_all,

@@ -57,7 +57,6 @@ def marginal_chain(
         ess_bulk=marginal.ess,
         ess_tail=marginal.ess,
         tau=1.0,
-        tau_moved=0.0,
         met=marginal.trusted and not short,
         told=findings,
     )

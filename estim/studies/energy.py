@@ -70,13 +70,11 @@ class EnergyRecord:
     potential: FloatArray
     total: FloatArray
     u_kinetic: FloatArray
-    u_potential: FloatArray
     u_total: FloatArray
     start: EnergyEstimate
     relative: FloatArray
     u_relative: FloatArray
     to_kinetic: FloatArray
-    u_to_kinetic: FloatArray
     mean_relative: EnergyEstimate
     extreme_relative: EnergyEstimate
     mean_to_kinetic: EnergyEstimate
@@ -225,13 +223,11 @@ def _record(
         potential=potential,
         total=kinetic + potential,
         u_kinetic=np.hypot(drawn_kinetic.std(axis=0), u_kinetic),
-        u_potential=drawn_potential.std(axis=0),
         u_total=measured.std(axis=0),
         start=_estimate(start),
         relative=relative.mean(axis=0),
         u_relative=relative.std(axis=0),
         to_kinetic=to_kinetic.mean(axis=0),
-        u_to_kinetic=to_kinetic.std(axis=0),
         mean_relative=_estimate(relative.mean(axis=1)),
         extreme_relative=_extreme(relative),
         mean_to_kinetic=_estimate(to_kinetic.mean(axis=1)),

@@ -42,7 +42,6 @@ class PropagatedBand:
     budget : share of each input along the curve.  Beyond 97 % of the way to the turning point of
         the stated values the linear law has no meaning (the speed ends with a vertical slope) and
         u, mc_* are nan.
-    posterior_half : (n_x,) half-width of the posterior 68 % band.
     ratio : posterior half-width / Monte-Carlo half-width; nan where the lower end of either band is
         at rest: from there on a band narrows only because it cannot reach below zero.
     linear_off : (n_x,) |linear half-width / Monte-Carlo half-width - 1|.
@@ -59,7 +58,6 @@ class PropagatedBand:
     published: Mapping[str, float]
     held: tuple[str, ...]
     budget: BudgetAlong
-    posterior_half: FloatArray
     ratio: FloatArray
     linear_off: FloatArray
     inside: Mapping[float, float]
@@ -137,7 +135,6 @@ def _band(
         published={name: number.value for name, number in of_paper.items()},
         held=tuple(sorted(run.curve_parameters - set(stated))),
         budget=budget_along(linear, x),
-        posterior_half=half,
         ratio=np.where(moving, half / on_grid(mc_half), np.nan),
         linear_off=on_grid(np.abs(linear.u / mc_half - 1.0)),
         inside={p: _inside(band[:, used], mc_bands[p]) for p, band in bands.credible.items()},
