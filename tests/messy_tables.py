@@ -49,6 +49,10 @@ def comma(value: float) -> str:
     return f"{value}".replace(".", ",")
 
 
+def german(value: float) -> str:
+    return f"{value:,.1f}".translate(str.maketrans(",.", ".,"))
+
+
 _NOTES: Cells = [["Experiment 12"], ["Ana & Luis"], ["Voltage of the ramp generator"]]
 _SHEET: Cells = [
     ["Ramp generator"],
@@ -189,18 +193,7 @@ MESSY = {
     ),
     "thousands in German": Messy(
         "tausend.csv",
-        lines(
-            "t [s];U [mV]",
-            *_rows(
-                lambda t, u: (
-                    f"{comma(t)};{1000 * u:,.1f}".replace(",", "·")
-                    .replace(".", ",")
-                    .replace("·", ".")
-                    if ";" not in f"{t}"
-                    else ""
-                )
-            ),
-        ),
+        lines("t [s];U [mV]", *_rows(lambda t, u: f"{comma(t)};{german(1000 * u)}")),
         ("--decimal", "comma"),
         y=tuple(1000 * u for u in U),
         units=("s", "mV"),

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import sys
 import warnings
+from itertools import chain
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -248,6 +249,8 @@ def _fit_groups(
             columns := campaign.columns([name for group in groups for name in group])
         ):
             say(columns)
+            for fact in dict.fromkeys(chain.from_iterable(map(campaign.assumed, group))):
+                say(fact)
         conclude(together(group), analysis.diagnosis.status, lines, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]

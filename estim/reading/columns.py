@@ -115,6 +115,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         units={name: layout.units[place] for name, place in zip(needed, places, strict=True)},
         blank=tuple(sorted(line for lines in left_out.values() for line in lines)),
         imported=layout.imported,
+        assumed=layout.assumed,
         unread=tuple(
             name for name in numeric_columns(layout) if layout.names.index(name) not in places
         ),

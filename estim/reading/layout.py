@@ -63,6 +63,7 @@ class Layout:
     imported : whether `estim import` made it.
     first_column : place of the first one among those of a spreadsheet, None where cells have no
         names of their own.
+    assumed : those of the facts that say how the table was read.
     """
 
     file: str
@@ -77,6 +78,7 @@ class Layout:
     facts: tuple[str, ...]
     imported: bool
     first_column: int | None = None
+    assumed: tuple[str, ...] = ()
 
 
 # 10 periods (s)
@@ -164,6 +166,7 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         (*head, *table.facts),
         bool(head),
         columns.start if source.delimiter or dialect.range else None,
+        table.facts,
     )
 
 

@@ -66,6 +66,7 @@ class Table:
     blank : lines of the rows that are left out, since a column has no value there.
     imported : whether `estim import` made the file.
     unread : further columns of numbers that the file has.
+    assumed : those of the facts that say how the table was read.
     """
 
     file: str
@@ -79,6 +80,7 @@ class Table:
     blank: tuple[int, ...] = ()
     imported: bool = False
     unread: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     def with_columns(self, columns: Mapping[str, FloatArray], **changes: Any) -> Self:
         """The table with these columns, which become read-only; changes : of its other fields."""

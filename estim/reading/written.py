@@ -58,8 +58,8 @@ def in_plain_numbers(table: Written, dialect: Dialect) -> Written:
 
     Raises InputError with the line where a column is not written alike.
     """
-    width = len(table.names)
-    for place in range(width):
+    width, dates = len(table.names), -1
+    for place in reversed(range(width)):
         cells = [
             (row.number, row.cells[place])
             for row in table.rows
@@ -67,12 +67,14 @@ def in_plain_numbers(table: Written, dialect: Dialect) -> Written:
         ]
         ends = [cells[0][1], cells[-1][1]] if cells else []
         name = table.names[place]
-        if name.startswith("_") or all(map(looks_like_a_number, ends)):
+        if name.startswith("_") or place == dates or all(map(looks_like_a_number, ends)):
             continue
         if all(_quantity(cell) for cell in ends):
             table = _quantities(table, place, cells)
         elif all(_moment(cell) for cell in ends):
-            table = _moments(table, place, cells, dialect)
+            before = _dates_before(table, place, cells)
+            dates = place - 1 if before else dates
+            table = _moments(table, place, cells, before, dialect)
     return table
 
 
@@ -194,26 +196,31 @@ def _moment(cell: str) -> re.Match[str] | None:
     return match
 
 
+def _dates_before(table: Written, place: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
+    """Line -> date, of the column before one of times alone, where that holds dates."""
+    left = {row.number: row.cells[place - 1] for row in table.rows if len(row.cells) > place > 0}
+    for number, cell in (cells[0], cells[-1]):
+        day, time = _moment(left.get(number, "")), _moment(cell)
+        if time is None or time["y"] or time["first"] or day is None or day["hour"] is not None:
+            return {}
+    return left
+
+
 def _moments(
-    table: Written, place: int, cells: Sequence[tuple[int, str]], dialect: Dialect
+    table: Written,
+    place: int,
+    cells: Sequence[tuple[int, str]],
+    before: dict[int, str],
+    dialect: Dialect,
 ) -> Written:
     """The table with a column of seconds, or of the stated unit, in the place of dates or times.
-    Times to the right of a column of dates are of these days.
+
+    before : line -> its date, where that stands in the column before; else empty.
     """
     name, told = table.names[place], []
-    before = dict[int, str]()
-    if place and all(_has_no_date(cell) for _, cell in (cells[0], cells[-1])):
-        left = {row.number: row.cells[place - 1] for row in table.rows if len(row.cells) >= place}
-        ends = [left.get(number, "") for number, _ in (cells[0], cells[-1])]
-        if all((match := _moment(cell)) and match["hour"] is None for cell in ends):
-            before = left
-            told.append(
-                phrase(
-                    "'{date}' and '{time}' are read as one time",
-                    date=table.names[place - 1],
-                    time=name,
-                )
-            )
+    if before:
+        date_name = table.names[place - 1]
+        told.append(phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name))
     whole = [(number, f"{before.get(number, '')} {cell}".strip()) for number, cell in cells]
     matches = [(number, cell, _moment(cell)) for number, cell in whole]
     order = _order(name, matches, dialect)
@@ -264,11 +271,6 @@ def _moments(
     return _told(_replaced(table, place, values, unit), *told)
 
 
-def _has_no_date(cell: str) -> bool:
-    match = _moment(cell)
-    return match is not None and match["y"] is None and match["first"] is None
-
-
 def _order(
     name: str, matches: Sequence[tuple[int, str, re.Match[str] | None]], dialect: Dialect
 ) -> str:
@@ -317,7 +319,7 @@ def _seconds(
     try:
         if hour > 23:
             raise ValueError
-        days = date(*map(int, parts)).toordinal()  # type: ignore[arg-type]
+        days = date(*map(int, parts)).toordinal()
     except ValueError:
         raise InputError(
             "is no date of the calendar", field=name, value=cell, line=number
