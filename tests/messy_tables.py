@@ -225,7 +225,7 @@ MESSY = {
             "Remark: range 30 V, read by A.",
             "Multimeter No. 3",
         ),
-        told=["below the table was not read (lines 12, 13)"],
+        told=["below the table was not read (lines 11, 12)"],
     ),
     "LabVIEW": Messy(
         "ramp.lvm",

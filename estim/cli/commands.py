@@ -11,8 +11,8 @@ from __future__ import annotations
 import os
 import sys
 import warnings
-from itertools import chain
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
