@@ -67,7 +67,7 @@ class Columns:
             "y": self[y],
             "u_y": known.get(names[1]),
             "u_x": known.get(names[0]) if names[1] in known else None,
-            "axes": AxisNames(names[0], names[1], x_unit=units[0], y_unit=units[1]),
+            "axes": AxisNames(names[0], units[0], names[1], units[1]),
         }
 
 
