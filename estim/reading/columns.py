@@ -38,7 +38,6 @@ from estim.reading.table import (
     row_of,
 )
 
-_WORD = re.compile(r"[^\W\d_]{2}")
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 
 
@@ -275,8 +274,6 @@ def _value(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] | N
         hint = " (leave the row out where there is none)"
     elif cell.startswith("="):
         hint = ": the file holds a formula without its value (open it in a spreadsheet and save it)"
-    elif _WORD.match(cell):
-        hint = ", in rows that belong to the table (others are left out by --range or range)"
     raise _refused(row, f"must be a number{hint}", name, cell, named)
 
 
