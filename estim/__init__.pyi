@@ -13,6 +13,7 @@ from estim.curve_fitting.many import fit_many as fit_many
 from estim.curve_fitting.result import CurveFit as CurveFit
 from estim.curve_fitting.several import fit_curves as fit_curves
 from estim.curve_fitting.single import fit_curve as fit_curve
+from estim.curve_fitting.tables import read_table as read_table
 from estim.curves.counting import Binomial as Binomial
 from estim.curves.counting import EventTimes as EventTimes
 from estim.curves.counting import Poisson as Poisson

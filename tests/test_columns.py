@@ -127,7 +127,7 @@ def test_a_table_is_read_as_it_is_written(
             "a.csv:2: 'row' must be a row of numbers|'y' must be a number: inf",
         ),
         ("t,y\n", {}, "a.csv:1: 'row' must hold numbers"),
-        (b"PK\x03\x04 and so on", {}, "a.csv: 'file' must be a text file, not a workbook"),
+        (b"PK\x03\x04 and so on", {}, "a.csv: cannot be read as an archive"),
         (b"t,y\n1,2\n\xff\n", {"encoding": "utf-8"}, "'encoding' cannot be read as utf-8"),
         ("t,y\n1,2\n2,3\n", {"header": True, "skip_rows": 3}, "a.csv: has no rows of numbers"),
     ],

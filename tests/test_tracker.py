@@ -407,7 +407,7 @@ ARCHIVES = {
     "bomb": (bomb, "when it is unpacked: clip.trk"),
     "rare compression": (
         lambda: stored(GOOD, how=zipfile.ZIP_LZMA),
-        "must hold a .trk without a password, compressed in the ordinary way",
+        "must have no password, and be compressed in the ordinary way",
     ),
 }
 

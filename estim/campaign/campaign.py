@@ -71,6 +71,10 @@ class Campaign(ABC):
         """The user's own curve as written, None for a rolling body."""
         return None
 
+    def assumed(self, name: str) -> tuple[str, ...]:
+        """How the table of the run `name` was read, in words."""
+        return self.tables[name].assumed
+
     def columns(self, names: Sequence[str]) -> str:
         """Which columns of the files of the runs `names` are x and y, in words; "" where their
         names are fixed.

@@ -1,5 +1,5 @@
 """The keys that say how the tables of runs are written: `columns`, `delimiter`, `decimal`,
-`skip_rows`, `header`, `encoding`.
+`skip_rows`, `header`, `encoding`, `sheet`, `range`, `dates`, `since`, `time_unit`.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 
 from estim.common import InputError
-from estim.reading import Decimal, Dialect, Encoding, KeyPath, Places
+from estim.reading import Dates, Decimal, Dialect, Encoding, KeyPath, Places
 
 
 class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -20,6 +20,11 @@ class DialectKeys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     skip_rows: int | None = None
     header: bool | None = None
     encoding: Encoding | None = None
+    sheet: str | None = None
+    range: str | None = None
+    dates: Dates | None = None
+    since: str | None = None
+    time_unit: str | None = None
 
 
 def dialect_of(levels: Sequence[tuple[KeyPath, DialectKeys]], places: Places) -> Dialect:

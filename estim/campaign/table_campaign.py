@@ -22,6 +22,7 @@ from estim.campaign.toml_text import toml_lines
 from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
 from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import (
+    DIALECT_KEYS,
     Dialect,
     Layout,
     first_and_second,
@@ -35,7 +36,6 @@ from estim.reading import (
 
 _COMMAND_LINE = "command line"
 _ABSCISSAS = ("x", "t", "time")
-_DIALECT = ("columns", "delimiter", "decimal", "encoding", "skip_rows", "header")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
 
 
@@ -121,7 +121,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
         "correlated": choices.correlated or None,
         "jitter": choices.jitter or None,
         "robust": choices.robust,
-        **{key: getattr(choices.dialect, key) for key in _DIALECT},
+        **{key: getattr(choices.dialect, key) for key in DIALECT_KEYS},
     }
     parameters = {
         name: _parameter(name, starts, choices)

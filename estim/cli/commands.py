@@ -12,6 +12,7 @@ import os
 import sys
 import warnings
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -250,6 +251,8 @@ def _fit_groups(
             columns := campaign.columns([name for group in groups for name in group])
         ):
             say(columns)
+            for fact in dict.fromkeys(chain.from_iterable(map(campaign.assumed, group))):
+                say(fact)
         conclude(together(group), analysis.diagnosis.status, lines, analysis.diagnosis.notes)
         say_causes(analysis)
         explanations += [] if analysis.explanation is None else [analysis.explanation]

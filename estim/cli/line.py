@@ -30,11 +30,13 @@ from estim.common import FigureChoice, InputError, phrase, read_quantity
 @click.option("--y", "y", metavar="NAME", help="[default: y, or the other of two]")
 @click.option(
     "--ux",
+    "--u-x",
+    "ux",
     metavar="NAME|U",
     help="Standard uncertainties of x: a column, or a number.  [default: the column u_NAME, if "
     "there]",
 )
-@click.option("--uy", metavar="NAME|U", help="The same of y.")
+@click.option("--uy", "--u-y", "uy", metavar="NAME|U", help="The same of y.")
 @click.option(
     "--correlation",
     metavar="NAME|R",

@@ -73,6 +73,27 @@ _DIALECT = (
         type=click.Choice(_ENCODINGS),
         help="Encoding of FILE.  [default: UTF-8, or as marked by its first bytes]",
     ),
+    click.option(
+        "--sheet",
+        metavar="NAME",
+        help="Sheet of a workbook, or table in a zip archive.  [default: the first with a table]",
+    ),
+    click.option(
+        "--range",
+        metavar="A3:D40",
+        help="Cells of FILE that are read, as in a spreadsheet; also A3:D, or lines 3:40.",
+    ),
+    click.option(
+        "--dates",
+        type=click.Choice(["dmy", "mdy"]),
+        help="Order of day and month in 03/05/2024.  [default: where a day above 12 shows it]",
+    ),
+    click.option(
+        "--since",
+        metavar="DATE",
+        help="Moment that is 0 in a column of dates or times.  [default: its first row]",
+    ),
+    click.option("--time-unit", metavar="UNIT", help="Unit of such a column.  [default: s]"),
 )
 _CURVE = (
     click.option(
@@ -189,7 +210,7 @@ def _gathered(
 
 def dialect_of(said: Mapping[str, Any]) -> Dialect:
     """How a table is written, of what was said.  Raises InputError naming the option."""
-    from estim.reading import Dialect
+    from estim.reading import DIALECT_KEYS, Dialect
 
     columns = (
         None
@@ -198,7 +219,7 @@ def dialect_of(said: Mapping[str, Any]) -> Dialect:
     )
     try:
         return Dialect(
-            columns, said["delimiter"], said["decimal"], said["skip_rows"], None, said["encoding"]
+            columns, **{key: said[key] for key in DIALECT_KEYS if key not in ("columns", "header")}
         )
     except InputError as error:
         raise InputError(

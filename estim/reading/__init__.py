@@ -4,14 +4,17 @@ Tracker.
 Read `run` first.  Imports `common` alone.
 """
 
-from estim.reading.columns import (
-    columns_sentence,
-    line_numbers,
-    read_columns,
-    read_known_columns,
-    table_of,
+from estim.reading.columns import columns_sentence, read_columns, read_known_columns, table_of
+from estim.reading.dialect import (
+    DIALECT_KEYS,
+    PLAIN,
+    Dates,
+    Decimal,
+    Dialect,
+    Encoding,
+    is_column,
+    name_and_unit,
 )
-from estim.reading.dialect import PLAIN, Decimal, Dialect, Encoding, is_column, name_and_unit
 from estim.reading.input_file import TOML_BYTES, leads_out, read_text
 from estim.reading.layout import (
     Layout,
@@ -30,7 +33,7 @@ from estim.reading.run import (
     read_run,
     run_of_table,
 )
-from estim.reading.table import Table
+from estim.reading.table import Table, line_numbers
 from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (
     Choices,

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*|,\d+)?|[.,]\d+)([eE][+-]?\d{1,4})?", re.ASCII)
 _MISSING = frozenset({"", "nan", "na", "n/a", "-", "--", "null"})
@@ -22,6 +23,14 @@ _OF_SPREADSHEETS = (
     "#CONNECT! #BLOCKED! #BUSY!"
 )
 _ERRORS = frozenset(_OF_SPREADSHEETS.split())
+
+
+class Row(NamedTuple):
+    """A line.  number : in the file.  cells : the line alone where it cannot be split."""
+
+    number: int
+    line: str
+    cells: list[str]
 
 
 def looks_like_a_number(cell: str) -> bool:

@@ -25,19 +25,19 @@ from estim.common import (
     read_number,
     same_unit,
 )
-from estim.reading.cells import is_missing, is_spreadsheet_error, looks_like_a_number
-from estim.reading.dialect import PLAIN, Dialect, name_and_unit
-from estim.reading.layout import Layout, Row, cells_differ, numeric_columns, read_layout
+from estim.reading.cells import Row, is_missing, is_spreadsheet_error, looks_like_a_number
+from estim.reading.dialect import PLAIN, Dialect, cell_name, name_and_unit
+from estim.reading.layout import Layout, cells_differ, numeric_columns, read_layout
 from estim.reading.table import (
     DECIMAL_COMMAS,
     UNITS,
     Table,
+    line_numbers,
     may_be_decimal_commas,
     own_name,
     row_of,
 )
 
-_MOST_TOLD = 6  # lines or rows of lines
 _GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}", re.ASCII)  # one comma: 1,234 may be 1234
 
 
@@ -79,7 +79,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
     numbers, values, left_out = [], [], dict[str, list[int]]()
     lines, copies = dict[tuple[str, ...], int](), dict[int, int]()
     for row in rows:
-        cells = dict(zip(needed, (row.cells[place] for place in places), strict=True))
+        cells = {name: row.cells[place] for name, place in zip(needed, places, strict=True)}
         blank = next((name for name, cell in cells.items() if is_missing(cell)), None)
         if blank is not None and complete:
             raise _refused(row, "must be a number", blank, cells[blank])
@@ -89,7 +89,12 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         if (first := lines.setdefault(tuple(row.cells), row.number)) != row.number:
             copies[row.number] = first
         numbers.append(row.number)
-        values.append([_value(row, name, cell, mark) for name, cell in cells.items()])
+        values.append(
+            [
+                _value(row, name, cells[name], mark, _named(row, place, layout))
+                for name, place in zip(needed, places, strict=True)
+            ]
+        )
     if len(values) < min_rows:
         raise InputError(
             f"must hold at least {min_rows} rows of numbers", field="rows", value=len(values)
@@ -109,6 +114,7 @@ def _columns(layout: Layout, needed: Sequence[str], min_rows: int, complete: boo
         units={name: layout.units[place] for name, place in zip(needed, places, strict=True)},
         blank=tuple(sorted(line for lines in left_out.values() for line in lines)),
         imported=layout.imported,
+        assumed=layout.assumed,
         unread=tuple(
             name for name in numeric_columns(layout) if layout.names.index(name) not in places
         ),
@@ -163,8 +169,8 @@ def read_known_columns(
     return table.with_columns({called[name]: column for name, column in table.columns.items()})
 
 
-def _refused(row: Row, rule: str, field: str, value: object) -> InputError:
-    return InputError(rule, field=field, value=value, line=row.number)
+def _refused(row: Row, rule: str, field: str, value: object, cell: str = "") -> InputError:
+    return InputError(rule, field=field, value=value, line=row.number, quoted=cell)
 
 
 def _place_of(name: str, layout: Layout) -> int:
@@ -238,13 +244,22 @@ def _decimal_mark(layout: Layout, rows: Sequence[Row], places: Sequence[int]) ->
     return "," if "," in first else "."
 
 
-def _value(row: Row, name: str, cell: str, mark: str) -> float:
-    """The number in a cell that is not missing.  Raises InputError."""
+def _named(row: Row, place: int, layout: Layout) -> tuple[int, int] | None:
+    """Line and column of a cell of a spreadsheet."""
+    first = layout.first_column
+    return None if first is None else (row.number, first + place)
+
+
+def _value(row: Row, name: str, cell: str, mark: str, place: tuple[int, int] | None) -> float:
+    """The number in a cell that is not missing.  place : of the cell in a spreadsheet.  Raises
+    InputError.
+    """
+    named = f"cell {cell_name(*place)}" if place else ""
     if looks_like_a_number(cell) and ("," if mark == "." else ".") not in cell:
         value = read_number(cell.replace(",", "."))
         if not np.isfinite(value) or extreme(value):
             rule = EXTREME if np.isfinite(value) else "must be finite"
-            raise _refused(row, rule, name, cell)
+            raise _refused(row, rule, name, cell, named)
         return value
     hint = ""
     if looks_like_a_number(cell):
@@ -257,7 +272,9 @@ def _value(row: Row, name: str, cell: str, mark: str) -> float:
         hint = " without marks between thousands"
     elif is_spreadsheet_error(cell):
         hint = " (leave the row out where there is none)"
-    raise _refused(row, f"must be a number{hint}", name, cell)
+    elif cell.startswith("="):
+        hint = ": the file holds a formula without its value (open it in a spreadsheet and save it)"
+    raise _refused(row, f"must be a number{hint}", name, cell, named)
 
 
 def _left_out(name: str, lines: Sequence[int]) -> str:
@@ -313,22 +330,3 @@ def columns_sentence(read: Sequence[tuple[str, str, str]], unread: Sequence[str]
     return columns + (
         phrase("; columns not used: {columns}", columns=listed(unread)) if unread else ""
     )
-
-
-def line_numbers(lines: Sequence[int]) -> str:
-    """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more
-    there are.
-    """
-    starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
-    parts: list[str] = []
-    for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
-        alone = end - first < 3
-        stretch = (
-            [str(line) for line in lines[first:end]]
-            if alone
-            else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
-        )
-        if len(parts) + len(stretch) > _MOST_TOLD:
-            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - first)])
-        parts += stretch
-    return ", ".join(parts)

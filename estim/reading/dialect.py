@@ -7,14 +7,16 @@ settles it.
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal
 
-from estim.common import InputError, is_unit
+from estim.common import InputError, in_unit, is_unit
 from estim.reading.cells import looks_like_a_number
 
 Decimal = Literal["point", "comma"]
+Dates = Literal["dmy", "mdy"]
 Encoding = Literal[
     "utf-8",
     "utf-16",
@@ -30,6 +32,7 @@ Encoding = Literal[
 
 DELIMITERS = ("\t", ";", ",", "|", " ")
 _WORDS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "blank": " ", "\\t": "\t"}
+_RANGE = re.compile(r"([A-Z]{0,3})(\d{0,7}):([A-Z]{0,3})(\d{0,7})", re.ASCII)
 _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
@@ -50,6 +53,11 @@ class Dialect:
     delimiter : what separates the cells, or its name (`tab`).
     skip_rows : lines left unread at the top.
     header : whether the line after those holds the names, whatever it looks like.
+    sheet : of a workbook, or the name of a table in a zip archive.
+    range : the cells that are read, A3:D40, A3:D or 3:40; a line of a text is a row.
+    dates : the order of day and month in 03/05/2024.
+    since : the moment that is 0 in columns of times, as 2024-03-05 10:00; else their first row.
+    time_unit : of these columns, else s.
     """
 
     columns: tuple[str, ...] | None = None
@@ -58,6 +66,11 @@ class Dialect:
     skip_rows: int | None = None
     header: bool | None = None
     encoding: Encoding | None = None
+    sheet: str | None = None
+    range: str | None = None
+    dates: Dates | None = None
+    since: str | None = None
+    time_unit: str | None = None
 
     def __post_init__(self) -> None:
         if self.delimiter is not None and self.mark not in DELIMITERS:
@@ -68,6 +81,10 @@ class Dialect:
             raise InputError(
                 "must be a number of lines, 0 or more", field="skip_rows", value=self.skip_rows
             )
+        if self.range is not None:
+            self.within  # noqa: B018
+        if self.time_unit is not None and in_unit(1.0, "s", self.time_unit) is None:
+            raise InputError("must be a unit of time", field="time_unit", value=self.time_unit)
         if self.columns is not None:
             named = [name for name in self.columns if name and not name.startswith("_")]
             if not named or len(set(named)) < len(named):
@@ -87,8 +104,36 @@ class Dialect:
         """The delimiter as one character."""
         return None if self.delimiter is None else _WORDS.get(self.delimiter, self.delimiter)
 
+    @property
+    def within(self) -> tuple[Sequence[int], slice]:
+        """The lines and the columns that are read.  Raises InputError."""
+        match = _RANGE.fullmatch((self.range or ":").upper())
+        if match is None:
+            rule = "must be written as in a spreadsheet: A3:D40, A3:D or 3:40"
+            raise InputError(rule, field="range", value=self.range)
+        left, top, right, bottom = match.groups()
+        lines = range(int(top or 0), int(bottom) + 1 if bottom else sys.maxsize)
+        return lines, slice(column_number(left), column_number(right) + 1 if right else None)
+
 
 PLAIN = Dialect()  # nothing is stated
+DIALECT_KEYS = tuple(key.name for key in fields(Dialect))
+
+
+def column_number(letters: str) -> int:
+    """The place of a column of a spreadsheet, 0 for A and for ""."""
+    number = 0
+    for letter in letters:
+        number = 26 * number + ord(letter) - ord("A") + 1
+    return max(number - 1, 0)
+
+
+def cell_name(line: int, column: int) -> str:
+    """The name of a cell of a spreadsheet: B7."""
+    letters = ""
+    while column >= 0:
+        letters, column = chr(ord("A") + column % 26) + letters, column // 26 - 1
+    return f"{letters}{line}"
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:

@@ -99,19 +99,16 @@ def _without_nulls(text: str) -> str:
     return text
 
 
-@in_its_file
-def read_any_text(path: Path, *, encoding: str | None = None) -> tuple[str, str, str]:
-    """Text of a table of anybody's making, the SHA-256 of its bytes, and how it was read where that
-    is not plain ("" for UTF-8).
+def decoded(data: bytes, encoding: str | None = None) -> tuple[str, str]:
+    """Text of a table of anybody's making, and how it was read where that is not plain ("" for
+    UTF-8).
 
     encoding : as stated; None: UTF-8, UTF-16 with its mark, else Windows-1252, in which numbers are
         the same as in every other kind of Latin text.  Raises InputError where the file is no text.
     """
-    data = read_bytes(path)
     if data.startswith(_NO_TEXT):
         raise InputError(
-            "must be a text file, not a workbook, an archive or a PDF: save its table as CSV",
-            field="file",
+            "must be text, .xlsx, .ods or a zip of a table: save it as CSV or .xlsx", field="file"
         )
     note = (
         phrase("read as {encoding}, as stated", encoding=encoding) if encoding is not None else ""
@@ -133,7 +130,7 @@ def read_any_text(path: Path, *, encoding: str | None = None) -> tuple[str, str,
             "the file is not UTF-8 and was read as Windows-1252 (state the encoding if "
             "letters of a name look wrong)"
         )
-    return _without_nulls(text), hashlib.sha256(data).hexdigest(), note
+    return _without_nulls(text), note
 
 
 def not_utf8(data: bytes, error: UnicodeDecodeError) -> InputError:

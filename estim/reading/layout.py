@@ -9,10 +9,15 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
-from estim.common import InputError, in_its_file, is_unit
-from estim.reading.cells import is_comment, is_missing, is_spreadsheet_error, looks_like_a_number
+from estim.common import InputError, in_its_file, is_unit, phrase
+from estim.reading.cells import (
+    Row,
+    is_comment,
+    is_missing,
+    is_spreadsheet_error,
+    looks_like_a_number,
+)
 from estim.reading.dialect import (
     PLAIN,
     Dialect,
@@ -21,8 +26,9 @@ from estim.reading.dialect import (
     name_and_unit,
     shown_delimiter,
 )
-from estim.reading.input_file import read_any_text
-from estim.reading.table import NOTE, facts_of, numbered_lines, split_cells
+from estim.reading.source import read_source
+from estim.reading.table import NOTE, facts_of, line_numbers, numbered_lines, split_cells
+from estim.reading.written import Written, in_plain_numbers, says_a_value
 
 Lines = list[tuple[int, str]]
 
@@ -39,15 +45,10 @@ _UNITS = (
 _SYMBOLS = frozenset(_UNITS.split()) - {"1"}
 _NO_UNIT = frozenset({"1", "-", "--", "–", "—", "dimensionless", "unitless", "none", "n/a"})
 _NUMBER_FIRST = re.compile(r"(?!1\s*/|10\s*[\^⁻⁰¹²³⁴⁵⁶⁷⁸⁹])[+-]?[.,]?\d")  # but 1/s, 10^-3 N
+_BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
+_BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
+_COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
-
-
-class Row(NamedTuple):
-    """A line.  number : in the file.  cells : the line alone where it cannot be split."""
-
-    number: int
-    line: str
-    cells: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,9 @@ class Layout:
     facts : what the head of an imported file says, and how the file was read, where that is not
         plain.
     imported : whether `estim import` made it.
+    first_column : place of the first one among those of a spreadsheet, None where cells have no
+        names of their own.
+    assumed : those of the facts that say how the table was read.
     """
 
     file: str
@@ -73,6 +77,8 @@ class Layout:
     warnings: tuple[str, ...]
     facts: tuple[str, ...]
     imported: bool
+    first_column: int | None = None
+    assumed: tuple[str, ...] = ()
 
 
 # 10 periods (s)
@@ -86,47 +92,158 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
     """How the table at `path` is laid out.  needed : names of columns that tell the header from
     other lines.  Raises InputError, also where the columns have no names.
     """
-    text, digest, note = read_any_text(path, encoding=dialect.encoding)
-    lines = numbered_lines(text)
-    below = [(number, line) for number, line in lines if number > (dialect.skip_rows or 0)]
-    plain = [(number, line) for number, line in below if not is_comment(line)]
+    source = read_source(path, dialect)
+    lines = numbered_lines(source.text)
+    inside, columns = dialect.within
+    below = [
+        (number, line)
+        for number, line in lines
+        if number > (dialect.skip_rows or 0) and number in inside
+    ]
+    plain, footer = _footer([(number, line) for number, line in below if not is_comment(line)])
     if not plain:
         raise InputError(
             "has no rows of numbers"
             + (" below the lines that are skipped" if dialect.skip_rows else "")
         )
-    delimiter = dialect.mark or (
-        _ONE_COLUMN
-        if _is_one_column(plain, dialect)
-        else shown_delimiter(*(line for _, line in plain[-2:]))
+    delimiter = (
+        dialect.mark
+        or source.delimiter
+        or (
+            _ONE_COLUMN
+            if _is_one_column(plain, dialect)
+            else shown_delimiter(*(line for _, line in plain[-2:]))
+        )
     )
-    split = [Row(number, line, _cells(line, delimiter)) for number, line in plain]
+    split = [Row(number, line, _cells(line, delimiter)[columns]) for number, line in plain]
+    facts = list(source.facts)
+    ends = [Row(number, line, _cells(line, delimiter)[columns]) for number, line in footer]
+    if any(_is_a_row(row, like=split[-1]) for row in ends):
+        split += ends
+    elif ends:
+        below_it = line_numbers([row.number for row in ends])
+        facts.append(
+            phrase("what stands below the table was not read (lines {lines})", lines=below_it)
+        )
+    if dialect.columns is None and dialect.header is None and _lies(split):
+        split = _turned(split)
+        facts.append(phrase("names of the columns stand in the first cell of each line"))
+    split, thousands = _without_thousands(split, dialect)
+    facts += thousands
     start = _start(split) if dialect.header is None else int(dialect.header)
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
+    heads = [_trimmed(row.cells) for row in above if len(_trimmed(row.cells)) > 1]
+    again = [row for row in rows if _trimmed(row.cells) in heads]
+    if again:
+        rows = [row for row in rows if row not in again]
+        same = line_numbers([row.number for row in again])
+        facts.append(
+            phrase("lines that repeat the head of the table were not read ({lines})", lines=same)
+        )
     if not rows:
         raise InputError("has no rows of numbers below the line of names")
     names, header_line, units = _header(above, below, rows, delimiter, dialect, needed)
     if not names:
         raise _no_names(rows[0], delimiter)
     head = facts_of(lines, header_line or rows[0].number)
+    units = [
+        _unit_in(unit) or name_and_unit(name)[1]
+        for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
+    ]
+    table = in_plain_numbers(Written(names, tuple(units), rows, tuple(facts)), dialect)
     return Layout(
         str(path),
-        digest,
+        source.sha256,
         dialect,
         delimiter,
-        names,
+        table.names,
         header_line,
-        tuple(
-            _unit_in(unit) or name_and_unit(name)[1]
-            for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
-        ),
-        rows,
+        table.units,
+        table.rows,
         tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE)),
-        (*head, *([note] if note else [])),
+        (*head, *table.facts),
         bool(head),
+        columns.start if source.delimiter or dialect.range else None,
+        table.facts,
     )
+
+
+def _footer(lines: Lines) -> tuple[Lines, Lines]:
+    """The lines, and those below the last one that begins with a number, where at least half of all
+    lines do, and those below begin with words.
+    """
+    numbers = [i for i, (_, line) in enumerate(lines) if _BEGINS_WITH_A_NUMBER.match(line)]
+    end = numbers[-1] + 1 if 2 * len(numbers) >= len(lines) > 0 else len(lines)
+    words = all(
+        _BEGINS_WITH_A_WORD.match(line)
+        and not is_missing(re.split(r"[\t;,|]", line)[0].strip(' "'))
+        for _, line in lines[end:]
+    )
+    return (lines[:end], lines[end:]) if words else (lines, [])
+
+
+def _is_a_row(row: Row, *, like: Row) -> bool:
+    """Whether a line below the table has its cells, with a number in one: a mean may be a row."""
+    return len(_trimmed(row.cells)) == len(_trimmed(like.cells)) and any(
+        map(says_a_value, row.cells)
+    )
+
+
+def _lies(rows: Sequence[Row]) -> bool:
+    """Whether columns lie on their side: each line is a name, perhaps its unit, and more values
+    than there are lines.
+    """
+    names = [row.cells[0] for row in rows]
+    return (
+        1 < len(rows) == len(set(names))
+        and not any(says_a_value(name) or is_missing(name) for name in names)
+        and all(
+            len(values) > max(2, len(rows))
+            and all(says_a_value(cell) or is_missing(cell) for cell in values)
+            for row in rows
+            for values in [_trimmed(row.cells)[1:]]
+        )
+    )
+
+
+def _turned(rows: Sequence[Row]) -> list[Row]:
+    """Rows of such a table, numbered from left to right."""
+    width = max(len(_trimmed(row.cells)) for row in rows)
+    cells = [[*row.cells, *[""] * width][:width] for row in rows]
+    return [Row(i, "\t".join(row), list(row)) for i, row in enumerate(zip(*cells, strict=True), 1)]
+
+
+def _without_thousands(rows: list[Row], dialect: Dialect) -> tuple[list[Row], list[str]]:
+    """Rows without marks between thousands, where the decimal mark is stated and a number has both:
+    1.234,5.  Alone, 1.234 shows nothing, and is left as it is.
+    """
+    if dialect.decimal is None:
+        return rows, []
+    mark, part = (",", r"[. '\u00a0\u202f]") if dialect.decimal == "comma" else (".", "[, ']")
+    grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}({part})\d{{3}}(\1\d{{3}})*(\{mark}\d*)?", re.ASCII)
+    found = [
+        (row, cell, match)
+        for row in rows
+        for cell in row.cells
+        if (match := grouped.fullmatch(cell)) and match[3]
+    ]
+    if not found:
+        return rows, []
+    row, cell, match = found[0]
+
+    def plain(cell: str) -> str:
+        here = grouped.fullmatch(cell)
+        return cell.replace(match[1], "") if here and here[1] == match[1] else cell
+
+    told = phrase(
+        "'{mark}' parts thousands, as in {cell} (line {line})",
+        mark=match[1],
+        cell=cell,
+        line=row.number,
+    )
+    return [row._replace(cells=[plain(cell) for cell in row.cells]) for row in rows], [told]
 
 
 def _is_one_column(lines: Lines, dialect: Dialect) -> bool:
@@ -227,14 +344,18 @@ def _start(rows: Sequence[Row]) -> int:
     """
     last = rows[-1]
     shape = _shape(last.cells)
-    wanted = [place for place, cell in enumerate(last.cells) if looks_like_a_number(cell)]
+    wanted = {
+        place: looks_like_a_number if looks_like_a_number(cell) else says_a_value
+        for place, cell in enumerate(last.cells)
+        if says_a_value(cell)
+    }
     for first, row in enumerate(rows):  # noqa: B007
         alike = shape & _shape(row.cells) and all(
-            looks_like_a_number(cell) or is_missing(cell)
-            for place in wanted
+            is_alike(cell) or is_missing(cell)
+            for place, is_alike in wanted.items()
             for cell in row.cells[place : place + 1]
         )
-        if alike and any(map(looks_like_a_number, row.cells)):
+        if alike and any(map(says_a_value, row.cells)):
             break
     else:
         rule = "must hold numbers: the last line holds none"
@@ -292,6 +413,7 @@ def _header(
     over the numbers, which stand in `rows`; below : all lines with comments.
     """
     # most cells that a row has, without and with blank ones at its end
+    columns = dialect.within[1]
     least = max(len(_trimmed(row.cells)) for row in rows)
     most = max(len(row.cells) for row in rows)
 
@@ -318,14 +440,18 @@ def _header(
             )
         return dialect.columns, None, []
     if dialect.header:
-        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter))
+        cells = _trimmed(_cells(above[0].line.strip().lstrip("%# "), delimiter)[columns])
         if not fits(cells):
             raise odd_row(len(cells))
         return tuple(cells), above[0].number, []
     units: list[str] = []
     for i, (number, line, untrimmed) in reversed(list(enumerate(above))):
         percent = line.lstrip().startswith("%")
-        cells = _trimmed(_cells(line.strip().lstrip("% "), delimiter) if percent else untrimmed)
+        cells = _trimmed(
+            _cells(line.strip().lstrip("% "), delimiter)[columns] if percent else untrimmed
+        )
+        if len(cells) == most + 1 and _COMMENT.fullmatch(cells[-1]):
+            del cells[-1]
         if _RULE.fullmatch(line) or (percent and not are_names(cells)):
             continue
         over = _trimmed(above[i - 1].cells) if i else []
@@ -333,8 +459,8 @@ def _header(
         below_names = of_units or (
             are_names(cells) and _all_in(needed, over) and not _all_in(needed, cells)
         )
-        if not units and fits(over) and below_names:
-            units = untrimmed if of_units else cells
+        if fits(over) and below_names and not (units and of_units):
+            units = units or (untrimmed if of_units else cells)
             continue
         if not are_names(cells) and any(name in cells for name in needed):
             raise odd_row(len(cells))
@@ -345,7 +471,7 @@ def _header(
         if number < rows[0].number and is_comment(line)
     ]
     for number, line in comments[-1:]:
-        if are_names(cells := _cells(line, delimiter)):
+        if are_names(cells := _cells(line, delimiter)[columns]):
             return tuple(cells), number, []
     return (), None, []
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, same_unit
+from estim.common import InputError, phrase, same_unit
 from estim.reading.input_file import line_after_comment, lines_of
 
 _OTHER_NAMES = {
@@ -47,6 +47,7 @@ DECIMAL_COMMAS = (
 )
 _MAX_LINE = 100_000  # characters
 _MAX_ROWS = 1_000_000
+_MOST_TOLD = 6  # lines or rows of lines
 NOTE = "# warning: "  # what `estim import` found suspicious, kept with the numbers
 IMPORTED = "# made by estim import"  # first line of what it writes
 
@@ -65,6 +66,7 @@ class Table:
     blank : lines of the rows that are left out, since a column has no value there.
     imported : whether `estim import` made the file.
     unread : further columns of numbers that the file has.
+    assumed : those of the facts that say how the table was read.
     """
 
     file: str
@@ -78,6 +80,7 @@ class Table:
     blank: tuple[int, ...] = ()
     imported: bool = False
     unread: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
     def with_columns(self, columns: Mapping[str, FloatArray], **changes: Any) -> Self:
         """The table with these columns, which become read-only; changes : of its other fields."""
@@ -180,3 +183,22 @@ def row_of(line: str, delimiter: str, number: int) -> list[str]:
         raise InputError(
             f"cannot be split into cells ({error})", field="row", value=line, line=number
         ) from None
+
+
+def line_numbers(lines: Sequence[int]) -> str:
+    """Lines of a file as people say them, `3, 5, 8 to 12`; of many the first, and how many more
+    there are.
+    """
+    starts = [i for i, line in enumerate(lines) if i == 0 or line != lines[i - 1] + 1]
+    parts: list[str] = []
+    for first, end in zip(starts, [*starts[1:], len(lines)], strict=True):
+        alone = end - first < 3
+        stretch = (
+            [str(line) for line in lines[first:end]]
+            if alone
+            else [phrase("{first} to {last}", first=lines[first], last=lines[end - 1])]
+        )
+        if len(parts) + len(stretch) > _MOST_TOLD:
+            return ", ".join([*parts, phrase("and {n} more", n=len(lines) - first)])
+        parts += stretch
+    return ", ".join(parts)

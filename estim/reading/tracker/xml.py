@@ -9,23 +9,17 @@ never used as a path.
 
 from __future__ import annotations
 
-import io
 import re
-import struct
 import zipfile
-import zlib
 from dataclasses import dataclass, field
 from xml.parsers import expat
 
 from estim.common import InputError, listed
+from estim.reading.archive import opened, unpacked
 from estim.reading.input_file import not_utf8
 
-_MAX_BYTES = 64 * 1024**2
 _MAX_ELEMENTS = 300_000
 _MAX_DEPTH = 100
-# of the sizes before and after compression; the text of a .trk shrinks about 30 times
-_MAX_RATIO = 200
-_MAX_DIRECTORY = 1024**2
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ENCODING = re.compile(
     rb"""(?:\xef\xbb\xbf)?<\?xml[^>]{0,200}?\sencoding\s{0,9}=\s{0,9}["']([\w.-]{1,40})["']"""
@@ -200,49 +194,16 @@ def unpack_trz(data: bytes, track: str | None) -> tuple[bytes, str | None]:
 
     Where there are several, `track` is "NAME.trk" or "NAME.trk/mass A".  Raises InputError.
     """
-    _check_directory(data)
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = [
-                i
-                for i in archive.infolist()
-                if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")
-            ]
-            if not members:
-                raise InputError("must hold a .trk", field="archive", quoted="it holds none")
-            info, track = _member(members, track)
-            if info.flag_bits & 1 or info.compress_type not in (
-                zipfile.ZIP_STORED,
-                zipfile.ZIP_DEFLATED,
-            ):
-                rule = "must hold a .trk without a password, compressed in the ordinary way"
-                raise InputError(rule, field="archive", value=info.filename)
-            limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
-            with archive.open(name=info, mode="r") as stream:
-                content = stream.read(limit + 1)
-    except InputError:
-        raise
-    except (
-        zipfile.BadZipFile,
-        zlib.error,
-        struct.error,
-        EOFError,
-        OSError,
-        RuntimeError,
-        ValueError,
-        LookupError,
-        OverflowError,
-    ) as error:
-        raise InputError(
-            "cannot be read as an archive", quoted=str(error) or type(error).__name__
-        ) from None
-    if len(content) > limit:
-        raise InputError(
-            f"grows beyond {limit / 1024**2:.0f} MiB when it is unpacked",
-            field="archive",
-            value=info.filename,
-        )
-    return content, track
+    with opened(data) as archive:
+        members = [
+            i
+            for i in archive.infolist()
+            if i.filename.lower().endswith(".trk") and not i.filename.startswith("__MACOSX/")
+        ]
+        if not members:
+            raise InputError("must hold a .trk", field="archive", quoted="it holds none")
+        info, track = _member(members, track)
+        return unpacked(archive, info), track
 
 
 def _member(
@@ -263,15 +224,3 @@ def _member(
     raise InputError(
         rule, field="track", quoted=f"it holds {listed([info.filename for info in members])}"
     )
-
-
-def _check_directory(data: bytes) -> None:
-    """The list of members is short, before `zipfile` reads it whole."""
-    end = data.rfind(b"PK\x05\x06", max(0, len(data) - 66_000))
-    if end < 0 or len(data) < end + 22:
-        raise InputError("cannot be read as an archive (it has no end)")
-    (size,) = struct.unpack_from("<I", data, end + 12)
-    if size > _MAX_DIRECTORY or data[max(0, end - 20) : end].startswith(b"PK\x06\x07"):
-        raise InputError(
-            "must hold a short list of members", field="archive", value=f"{size} bytes"
-        )

@@ -1,0 +1,252 @@
+"""One sheet of a workbook (.xlsx, .ods) as lines of text, a line a row of the sheet, tabs between
+the cells.
+
+Values are read by the package python-calamine, those of formulas as the file keeps them.  It gives
+nothing where a formula has an error or no value, and makes a place for every cell up to the last
+one; so the XML of a sheet is looked through first, for such cells and for its size.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import zipfile
+from collections.abc import Mapping, Sequence
+from datetime import date, datetime, time, timedelta
+from pathlib import PurePosixPath
+from xml.parsers import expat
+
+from estim.common import InputError, listed
+from estim.reading.archive import opened, unpacked
+from estim.reading.cells import looks_like_a_number
+from estim.reading.dialect import Dialect, column_number
+
+_MAX_CELLS = 4_000_000
+_MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
+_LEAST_ROWS = 2  # of numbers, in the first sheet with a table
+_NEEDED = (".xml", ".rels", "mimetype")
+
+Cells = dict[tuple[int, int], str]
+
+
+def sheet_text(data: bytes, dialect: Dialect) -> tuple[str, str, tuple[str, ...]]:
+    """The lines of the stated sheet, or of the first one with rows of numbers; its name; and the
+    names of the others.  Raises InputError, also where python-calamine is missing.
+    """
+    try:
+        from python_calamine import CalamineError, CalamineWorkbook
+    except ImportError:
+        rule = "is a workbook, which needs python-calamine: pip install 'estim[excel]'"
+        raise InputError(f"{rule}, or save the table as CSV", field="file") from None
+    parts = _parts(data)
+    uncomputed = _uncomputed_of_ods(parts["content.xml"]) if "content.xml" in parts else None
+    try:
+        with CalamineWorkbook.from_filelike(io.BytesIO(_stored(parts))) as book:
+            names = list(book.sheet_names)
+            if dialect.sheet is not None and dialect.sheet not in names:
+                rule = "names no sheet of the workbook"
+                raise InputError(rule, field="sheet", value=dialect.sheet, quoted=listed(names))
+            for name in names if dialect.sheet is None else [dialect.sheet]:
+                missing = (
+                    _uncomputed_of_xlsx(parts, names.index(name))
+                    if uncomputed is None
+                    else uncomputed.get(name, {})
+                )
+                rows = book.get_sheet_by_name(name).to_python(skip_empty_area=False)
+                cells = [[_written(cell, dialect) for cell in row] for row in rows]
+                for (row, column), text in missing.items():
+                    cells += [[] for _ in range(row + 1 - len(cells))]
+                    cells[row] += [""] * (column + 1 - len(cells[row]))
+                    cells[row][column] = text
+                if name == dialect.sheet or _has_numbers(cells):
+                    return _lines(cells), name, tuple(other for other in names if other != name)
+    except CalamineError as error:
+        raise InputError("cannot be read as a workbook", quoted=str(error)) from None
+    raise InputError("has no sheet with rows of numbers", field="workbook", quoted=listed(names))
+
+
+def _parts(data: bytes) -> dict[str, bytes]:
+    """The members of a workbook that tables may need, by name.  Raises InputError."""
+    parts, size = dict[str, bytes](), 0
+    with opened(data) as archive:
+        for info in archive.infolist():
+            if info.filename.endswith(_NEEDED):
+                parts[info.filename] = unpacked(archive, info)
+                size += len(parts[info.filename])
+            if size > _MAX_BYTES:
+                rule = f"grows beyond {_MAX_BYTES // 1024**2} MiB when it is unpacked"
+                raise InputError(rule, field="workbook", value=info.filename)
+    return parts
+
+
+def _stored(parts: Mapping[str, bytes]) -> bytes:
+    """An archive of these parts, as they were unpacked here."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, content in parts.items():
+            archive.writestr(name, content)
+    return stream.getvalue()
+
+
+class _Sheet:
+    """What is met in the XML of one sheet: the place of the cell, from 0, and cells without a value
+    that have a formula or an error.
+    """
+
+    def __init__(self) -> None:
+        self.row = self.column = -1
+        self.most = [0, 0]
+        self.uncomputed: Cells = {}
+
+    def cell(self, rows: int, columns: int, text: str | None) -> None:
+        """The cell where the place is, as many times as it is repeated from there."""
+        ends = (self.row + rows, self.column + columns)
+        self.most = [max(pair) for pair in zip(self.most, ends, strict=True)]
+        if self.most[0] * self.most[1] > _MAX_CELLS:
+            raise InputError(f"must have at most {_MAX_CELLS} cells", field="sheet")
+        if text is not None:
+            for row in range(self.row, ends[0]):
+                self.uncomputed |= {(row, at): text for at in range(self.column, ends[1])}
+
+
+def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
+    """Row and column of each cell of sheet number `index` that has an error or a formula without a
+    value -> the text of the error, or = and the formula.
+    """
+    sheets, targets = list[str](), dict[str, str]()
+
+    def of_book(tag: str, said: Mapping[str, str], _: str) -> None:
+        if tag == "sheet":
+            sheets.append(next(said[key] for key in said if key.endswith(":id")))
+        elif tag == "Relationship":
+            targets[said["Id"]] = said["Target"]
+
+    _walk(parts["xl/workbook.xml"], of_book)
+    _walk(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
+    target = targets.get(sheets[index], "") if index < len(sheets) else ""
+    part = str(PurePosixPath("/xl") / target)[1:]
+    if part not in parts:
+        raise InputError("is not in the workbook", field="sheet", value=target)
+    sheet, texts = _Sheet(), dict[str, str]()
+
+    def begun(tag: str, said: Mapping[str, str]) -> None:
+        if tag == "row":
+            sheet.row, sheet.column = int(said.get("r", sheet.row + 2)) - 1, -1
+        elif tag == "c":
+            texts.clear()
+            place = said.get("r", "").rstrip("0123456789")
+            sheet.column = column_number(place) if place else sheet.column + 1
+
+    def ended(tag: str, said: Mapping[str, str], text: str) -> None:
+        texts[tag] = text
+        if tag == "c":
+            error = texts.get("v") if said.get("t") == "e" else None
+            empty = "f" in texts and not texts.get("v")
+            sheet.cell(1, 1, f"={texts['f']}" if empty else error)
+
+    _walk(parts[part], ended, begun)
+    return sheet.uncomputed
+
+
+def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
+    """The same of every sheet, by its name."""
+    found, sheet, texts = dict[str, Cells](), _Sheet(), list[str]()
+    pending: list[tuple[int, int, str | None]] = []
+
+    def begun(tag: str, said: Mapping[str, str]) -> None:
+        nonlocal sheet
+        if tag == "table":
+            sheet = _Sheet()
+            found[said.get("table:name", "")] = sheet.uncomputed
+        elif tag == "table-row":
+            sheet.row, sheet.column = sheet.row + 1, 0
+            pending.clear()
+        elif tag in ("table-cell", "covered-table-cell"):
+            texts.clear()
+
+    def ended(tag: str, said: Mapping[str, str], text: str) -> None:
+        if tag == "p":
+            texts.append(text)
+        elif tag in ("table-cell", "covered-table-cell"):
+            columns = int(said.get("table:number-columns-repeated", 1))
+            kind, shown = said.get("office:value-type"), " ".join(texts)
+            uncomputed = None
+            if said.get("calcext:value-type") == "error" or shown.startswith(("#", "Err:")):
+                uncomputed = shown
+            elif "table:formula" in said and kind is None:
+                uncomputed = said["table:formula"].removeprefix("of:")
+            if kind is not None or shown or uncomputed:
+                pending.append((sheet.column, columns, uncomputed))
+            sheet.column += columns
+        elif tag == "table-row":
+            rows = int(said.get("table:number-rows-repeated", 1))
+            for sheet.column, columns, uncomputed in pending:
+                sheet.cell(rows, columns, uncomputed)
+            sheet.row += rows - 1
+
+    _walk(content, ended, begun)
+    return found
+
+
+def _walk(xml: bytes, ended: object, begun: object = None) -> None:
+    """Calls `begun(tag, attributes)` and `ended(tag, attributes, text)` for each element of an XML
+    text, tags without their prefix.  Raises InputError where it is not whole, or has a document
+    type.
+    """
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    stack: list[tuple[str, dict[str, str], list[str]]] = []
+
+    def start(tag: str, said: dict[str, str]) -> None:
+        stack.append((tag.rpartition(":")[2], said, []))
+        if begun is not None:
+            begun(stack[-1][0], said)  # type: ignore[operator]
+
+    def end(_: str) -> None:
+        tag, said, texts = stack.pop()
+        ended(tag, said, "".join(texts))  # type: ignore[operator]
+
+    def characters(text: str) -> None:
+        stack[-1][2].append(text)
+
+    def doctype(*_: object) -> None:
+        raise InputError("must not hold a document type or entities", field="workbook")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = characters, doctype
+    try:
+        parser.Parse(xml, True)
+    except InputError:
+        raise
+    except (expat.ExpatError, KeyError, StopIteration, ValueError) as error:
+        raise InputError("cannot be read as a workbook", quoted=str(error)) from None
+
+
+def _written(cell: object, dialect: Dialect) -> str:
+    """A cell as a table in text would have it."""
+    match cell:
+        case bool():
+            return str(cell).upper()
+        case int() | float():
+            return repr(cell).replace(".", "," if dialect.decimal == "comma" else ".")
+        case datetime():
+            return cell.isoformat(sep=" ")
+        case date() | time():
+            return cell.isoformat()
+        case timedelta():
+            minutes, seconds = divmod(cell.total_seconds(), 60)
+            return f"{minutes // 60:.0f}:{minutes % 60:02.0f}:{seconds:09.6f}"
+        case _:
+            return " ".join(str(cell).split())
+
+
+def _has_numbers(cells: Sequence[Sequence[str]]) -> bool:
+    """Whether rows hold numbers, two in a row or more."""
+    counts = [sum(map(looks_like_a_number, row)) for row in cells]
+    return sum(count > 1 for count in counts) >= _LEAST_ROWS
+
+
+def _lines(cells: Sequence[Sequence[str]]) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, delimiter="\t", lineterminator="\n").writerows(cells)
+    return stream.getvalue()

@@ -1,0 +1,333 @@
+"""Columns whose cells are not plain numbers: with units, with uncertainties, dates and times.  They
+become columns of plain numbers, and what was assumed is said.
+
+Nothing is rounded: numbers stay as they are written; those that are computed here are written
+without a decimal mark (2.5 as 25e-1), so that they do not say which mark the others have.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import date
+from decimal import Decimal
+from itertools import pairwise
+
+from estim.common import InputError, in_unit, is_unit, phrase, same_unit
+from estim.reading.cells import Row, is_missing, looks_like_a_number
+from estim.reading.dialect import Dialect, name_and_unit
+from estim.reading.table import line_numbers
+
+_NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
+_QUANTITY = re.compile(
+    rf"(\()?\s*({_NUMBER}(?:[eE][+-]?\d{{1,3}})?)\s*"
+    rf"(?:\((\d+(?:[.,]\d+)?)\)|(?:±|\+/?-)\s*({_NUMBER}(?:[eE][+-]?\d{{1,3}})?))?\s*"
+    r"(?(1)\))\s*([eE][+-]?\d{1,3}(?!\w))?\s*([^\s\d(].{0,19})?",
+    re.ASCII,
+)
+_MOMENT = re.compile(
+    r"(?:(?P<y>\d{4})[-/.](?P<m>\d\d?)[-/.](?P<d>\d\d?)"
+    r"|(?P<first>\d\d?)(?P<mark>[./-])(?P<second>\d\d?)(?P=mark)(?P<year>\d{4}))?(?:[T,]?\s*)"
+    r"(?:(?P<hour>\d{1,3}):(?P<minute>[0-5]\d)(?::(?P<s>[0-5]\d(?:[.,]\d{1,12})?))?"
+    r"\s*(?P<half>[AP]\.?M\.?)?\s*(?P<zone>Z|UTC|[+-]\d\d:?\d\d)?)?",
+    re.ASCII | re.IGNORECASE,
+)
+_DAY = 86400
+
+
+@dataclass(frozen=True)
+class Written:
+    """Columns of a table.  facts : what was assumed of their cells, in words."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: list[Row]
+    facts: tuple[str, ...] = ()
+
+
+def says_a_value(cell: str) -> bool:
+    """Whether a cell says a number, a quantity with a unit or an uncertainty, a date or a time."""
+    return looks_like_a_number(cell) or _quantity(cell) is not None or _moment(cell) is not None
+
+
+def in_plain_numbers(table: Written, dialect: Dialect) -> Written:
+    """The table with numbers in the columns of quantities, dates and times; of quantities with
+    uncertainties, these in further columns u_NAME.  Rows have a cell for each column, or are left
+    for their reader to refuse.
+
+    Raises InputError with the line where a column is not written alike.
+    """
+    width, dates = len(table.names), -1
+    for place in reversed(range(width)):
+        cells = [
+            (row.number, row.cells[place])
+            for row in table.rows
+            if len(row.cells) >= width and not is_missing(row.cells[place])
+        ]
+        ends = [cells[0][1], cells[-1][1]] if cells else []
+        name = table.names[place]
+        if name.startswith("_") or place == dates or all(map(looks_like_a_number, ends)):
+            continue
+        if all(_quantity(cell) for cell in ends):
+            table = _quantities(table, place, cells)
+        elif all(_moment(cell) for cell in ends):
+            before = _dates_before(table, place, cells)
+            dates = place - 1 if before else dates
+            table = _moments(table, place, cells, before, dialect)
+    return table
+
+
+def _quantity(cell: str) -> re.Match[str] | None:
+    """The parts of a number with a unit or an uncertainty."""
+    match = _QUANTITY.fullmatch(cell)
+    if match is None or (match[6] and not is_unit(match[6].strip("[]() "))):
+        return None
+    return match if match[3] or match[4] or match[6] else None
+
+
+def _quantities(table: Written, place: int, cells: Sequence[tuple[int, str]]) -> Written:
+    name, stated = table.names[place], table.units[place]
+    values, errors = dict[int, str](), dict[int, str]()
+    converted: dict[str, list[int]] = {}
+    unit, with_u = stated, None
+    for number, cell in cells:
+        match = _quantity(cell)
+        with_this = match is not None and bool(match[3] or match[4])
+        unit_here = match[6].strip("[]() ") if match is not None and match[6] else ""
+        with_u = with_this if with_u is None else with_u
+        unit = unit or unit_here
+        if match is None or with_this != with_u or (not unit_here and unit != stated):
+            rule = (
+                "must be written like the cells above it: all with a unit or none, all with an "
+                "uncertainty or none"
+            )
+            raise InputError(rule, field=name, value=cell, line=number)
+        _, value, digits, plus_minus, power, _ = match.groups()
+        texts = [value + (power or "")]
+        if digits:
+            texts.append(_last_digits(value, digits) + (power or ""))
+        elif plus_minus:
+            texts.append(plus_minus + (power or ""))
+        if unit_here and unit_here != unit and not _same(unit_here, unit):
+            texts = [_converted(text, unit_here, unit, name, number) for text in texts]
+            converted.setdefault(unit_here, []).append(number)
+        values[number] = texts[0]
+        if with_u:
+            errors[number] = texts[1]
+    told = [
+        phrase(
+            "{n} values of '{name}' in {unit} were converted to {wanted} (lines {lines})",
+            n=len(lines),
+            name=name,
+            unit=given,
+            wanted=unit,
+            lines=line_numbers(lines),
+        )
+        for given, lines in converted.items()
+    ]
+    if unit and not stated:
+        told.append(
+            phrase("the values of '{name}' are in {unit}, as its cells say", name=name, unit=unit)
+        )
+    table = _replaced(table, place, values, unit)
+    if not with_u:
+        return _told(table, *told)
+    called = f"u_{name_and_unit(name)[0]}"
+    if called in table.names:
+        rule = "has uncertainties in its cells, and a column of their own as well"
+        raise InputError(rule, field=name, value=called, line=cells[0][0])
+    rows = [
+        row._replace(cells=[*row.cells[: len(table.names)], errors.get(row.number, "")])
+        if len(row.cells) >= len(table.names) and not any(row.cells[len(table.names) :])
+        else row
+        for row in table.rows
+    ]
+    told.append(phrase("the cells of '{name}' hold its standard uncertainties", name=name))
+    return _told(Written((*table.names, called), (*table.units, unit), rows, table.facts), *told)
+
+
+def _same(unit: str, other: str) -> bool:
+    return same_unit(unit, other) is True and in_unit(1.0, unit, other) in (1.0, None)
+
+
+def _last_digits(value: str, digits: str) -> str:
+    """The uncertainty that (12) says behind 1.234: 12e-3."""
+    if "." in digits or "," in digits:
+        return digits
+    mantissa, mark, exponent = value.lower().partition("e")
+    decimals = len(re.split("[.,]", mantissa)[1]) if re.search("[.,]", mantissa) else 0
+    return f"{digits}e{(int(exponent) if mark else 0) - decimals}"
+
+
+def _converted(text: str, unit: str, wanted: str, name: str, number: int) -> str:
+    factor = in_unit(1.0, unit, wanted)
+    if factor is None or re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", text):
+        rule = f"must be in {wanted}, as the cells above it"
+        raise InputError(rule, field=name, value=f"{text} {unit}", line=number)
+    return _without_mark(Decimal(text.replace(",", ".")) * Decimal(repr(factor)))
+
+
+def _without_mark(value: Decimal) -> str:
+    sign, digits, exponent = value.as_tuple()
+    return f"{'-' * sign}{''.join(map(str, digits))}e{exponent}"
+
+
+def _replaced(table: Written, place: int, values: dict[int, str], unit: str) -> Written:
+    rows = [
+        row._replace(cells=[*row.cells[:place], values[row.number], *row.cells[place + 1 :]])
+        if row.number in values
+        else row
+        for row in table.rows
+    ]
+    units = (*table.units[:place], unit, *table.units[place + 1 :])
+    return Written(table.names, units, rows, table.facts)
+
+
+def _told(table: Written, *facts: str) -> Written:
+    return Written(table.names, table.units, table.rows, (*table.facts, *facts))
+
+
+def _moment(cell: str) -> re.Match[str] | None:
+    """The parts of a date, a time or both."""
+    match = _MOMENT.fullmatch(cell.strip())
+    if match is None or (match["y"] is None and match["first"] is None and match["s"] is None):
+        return None
+    return match
+
+
+def _dates_before(table: Written, place: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
+    """Line -> date, of the column before one of times alone, where that holds dates."""
+    left = {row.number: row.cells[place - 1] for row in table.rows if len(row.cells) > place > 0}
+    for number, cell in (cells[0], cells[-1]):
+        day, time = _moment(left.get(number, "")), _moment(cell)
+        if time is None or time["y"] or time["first"] or day is None or day["hour"] is not None:
+            return {}
+    return left
+
+
+def _moments(
+    table: Written,
+    place: int,
+    cells: Sequence[tuple[int, str]],
+    before: dict[int, str],
+    dialect: Dialect,
+) -> Written:
+    """The table with a column of seconds, or of the stated unit, in the place of dates or times.
+
+    before : line -> its date, where that stands in the column before; else empty.
+    """
+    name, told = table.names[place], []
+    if before:
+        date_name = table.names[place - 1]
+        told.append(phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name))
+    whole = [(number, f"{before.get(number, '')} {cell}".strip()) for number, cell in cells]
+    matches = [(number, cell, _moment(cell)) for number, cell in whole]
+    order = _order(name, matches, dialect)
+    moments = [
+        (number, *_seconds(name, number, cell, match, order)) for number, cell, match in matches
+    ]
+    kinds = {kind for _, kind, _ in moments}
+    if len(kinds) > 1:
+        number, cell = next(
+            (number, cell)
+            for (number, cell), (_, kind, _) in zip(whole, moments, strict=True)
+            if kind != moments[0][1]
+        )
+        rule = "must be written like the first one: all with a date or none, a zone or none"
+        raise InputError(rule, field=name, value=cell, line=number)
+    kind, origin, shown = moments[0][1], moments[0][2], whole[0][1]
+    back = next((b[0] for a, b in pairwise(moments) if b[2] < a[2]), None)
+    if kind == "time" and back is not None:
+        rule = "goes back: past midnight times need dates, in the cell or in a column before it"
+        raise InputError(rule, field=name, value=dict(whole)[back], line=back)
+    if dialect.since is not None:
+        match = _moment(dialect.since)
+        if match is None or match["first"]:
+            rule = "must be written as 2024-03-05 10:15:30, or 10:15:30"
+            raise InputError(rule, field="since", value=dialect.since)
+        since_kind, origin = _seconds("since", 0, dialect.since, match, "dmy")
+        if since_kind != kind:
+            rule = "must have a date and a zone where the column has them, and only there"
+            raise InputError(rule, field="since", value=dialect.since)
+        shown = dialect.since
+    unit = dialect.time_unit or "s"
+    factor = Decimal(repr(in_unit(1.0, unit, "s")))
+    values = {number: _without_mark((at - origin) / factor) for number, _, at in moments}
+    words = {
+        "dmy": phrase(", dates read as day.month.year"),
+        "mdy": phrase(", dates read as month/day/year"),
+        "": "",
+    }
+    told.append(
+        phrase(
+            "'{name}' is in {unit} since {moment}{order}",
+            name=name,
+            unit=unit,
+            moment=shown,
+            order=words[order],
+        )
+    )
+    return _told(_replaced(table, place, values, unit), *told)
+
+
+def _order(
+    name: str, matches: Sequence[tuple[int, str, re.Match[str] | None]], dialect: Dialect
+) -> str:
+    """dmy or mdy, "" where years come first.  Raises InputError where the dates do not show it."""
+    given = [(number, cell, match) for number, cell, match in matches if match and match["first"]]
+    if not given:
+        return ""
+    if dialect.dates is not None:
+        return dialect.dates
+    number, cell, match = given[0]
+    if match["mark"] == ".":
+        return "dmy"
+    days = {
+        order
+        for _, _, match in given
+        for order, key in (("dmy", "first"), ("mdy", "second"))
+        if int(match[key]) > 12
+    }
+    if len(days) != 1:
+        rule = "may be day/month or month/day: say --dates dmy or mdy (dates = ... in a campaign)"
+        raise InputError(rule, field=name, value=cell, line=number)
+    return days.pop()
+
+
+def _seconds(
+    name: str, number: int, cell: str, match: re.Match[str] | None, order: str
+) -> tuple[str, Decimal]:
+    """What a moment is, "date", "zone" (with its zone) or "time" (of a day), and its seconds."""
+    if match is None:
+        rule = "must be a date or a time like the first one"
+        raise InputError(rule, field=name, value=cell, line=number)
+    second = Decimal((match["s"] or "0").replace(",", "."))
+    hour, minute = int(match["hour"] or 0), int(match["minute"] or 0)
+    if match["half"]:
+        hour = hour % 12 + 12 * (match["half"][0].lower() == "p")
+    seconds = 3600 * hour + 60 * minute + second
+    if match["y"] is None and match["first"] is None:
+        return "time", seconds
+    parts = (
+        [match["y"], match["m"], match["d"]]
+        if match["y"]
+        else [match["year"], match["second"], match["first"]]
+        if order == "dmy"
+        else [match["year"], match["first"], match["second"]]
+    )
+    try:
+        if hour > 23:
+            raise ValueError
+        days = date(*map(int, parts)).toordinal()
+    except ValueError:
+        raise InputError(
+            "is no date of the calendar", field=name, value=cell, line=number
+        ) from None
+    zone = match["zone"]
+    if zone is None:
+        return "date", days * _DAY + seconds
+    sign = -1 if zone.startswith("-") else 1
+    digits = "".join(mark for mark in zone if mark.isdecimal()) or "0000"
+    offset = sign * (3600 * int(digits[:2]) + 60 * int(digits[2:]))
+    return "zone", days * _DAY + seconds - offset

@@ -1,0 +1,82 @@
+"""Tables as the software of laboratories writes them: one command reads them, or says the cure."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_runner import runner
+from messy_tables import LINE, MESSY
+from workbooks import xlsx
+
+from estim import InputError
+from estim.cli.commands import cli
+from estim.curve_fitting.tables import read_table
+
+
+def _needs_package(file: str) -> None:
+    if file.endswith((".xlsx", ".ods")):
+        pytest.importorskip("python_calamine")
+
+
+@pytest.mark.parametrize("name", list(MESSY))
+def test_a_messy_table_is_read_by_one_command_or_refused_with_the_cure(
+    name: str, tmp_path: Path
+) -> None:
+    messy = MESSY[name]
+    _needs_package(messy.file)
+    path = tmp_path / messy.file
+    path.write_bytes(messy.content)
+    arguments = ["fit", str(path), *LINE, *messy.options, "--figures", "none"]
+    done = runner().invoke(cli, [*arguments, "--out", str(tmp_path / "out")], standalone_mode=False)
+    if messy.refused:
+        assert isinstance(done.exception, InputError)
+        assert all(words in str(done.exception) for words in messy.refused)
+        return
+    assert done.exception is None, done.exception
+    assert all(words in done.stdout for words in messy.told), done.stdout
+    weights = None if messy.u_y is None else 1 / np.array(messy.u_y)
+    b, a = np.polyfit(messy.x, messy.y, 1, w=weights)  # shares no code with the fit
+    found = json.loads((tmp_path / "out" / "result.json").read_text())["parameters"]
+    for key, value in (("a", a), ("b", b)):
+        assert abs(found[key]["mean"] - value) < 0.1 * found[key]["sd"]
+    y_unit = messy.units[1]
+    assert not y_unit or found["a"]["unit"] == y_unit
+
+
+def test_a_workbook_without_its_package_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "python_calamine", None)
+    (tmp_path / "a.xlsx").write_bytes(xlsx({"A": [["t", "U"], [0, 1]]}))
+    with pytest.raises(InputError, match=r"pip install 'estim\[excel\]'"):
+        read_table(tmp_path / "a.xlsx")
+
+
+def test_python_reads_what_the_command_reads(tmp_path: Path) -> None:
+    messy = MESSY["value ± uncertainty"]
+    (tmp_path / messy.file).write_bytes(messy.content)
+    points = read_table(tmp_path / messy.file).points("t", "U")
+    np.testing.assert_array_equal(points["x"], messy.x)
+    np.testing.assert_array_equal(points["y"], messy.y)
+    np.testing.assert_allclose(points["u_y"], messy.u_y, rtol=1e-12)
+    assert (points["axes"].x_unit, points["axes"].y_unit) == messy.units
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        (["t,U", "03/05/2024,1", "04/05/2024,2", "05/05/2024,3"], "--dates dmy or mdy"),
+        (["t,U", "23:59:59,1", "00:00:00,2", "00:00:01,3"], "goes back"),
+        (["t;U", "0;1 V", "1;2", "2;3 V"], "must be written like the cells above it"),
+    ],
+)
+def test_what_may_be_read_in_two_ways_is_refused(
+    tmp_path: Path, rows: list[str], says: str
+) -> None:
+    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=says):
+        read_table(tmp_path / "a.csv")
