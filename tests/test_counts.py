@@ -687,3 +687,21 @@ def test_thousands_of_bins_are_fit_as_they_are(rng: np.random.Generator) -> None
     value, u = fit.values["tau"], fit.sds["tau"]
     assert value == pytest.approx(2.2, abs=4.0 * u)
     assert 2.2 / math.sqrt(20_000) < u < 1.5 * 2.2 / math.sqrt(20_000)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("end", [15.0, 100.0])
+def test_events_in_a_window_whose_ends_expect_none_at_all(end: float) -> None:
+    """At the ends of the window less than 1e-300 events are expected in a cell."""
+    times = np.random.default_rng(1).standard_normal(100)
+    fit = fit_curve(
+        "exp(-((x - mu)/sigma)**2/2)",
+        times,
+        None,
+        noise=EventTimes(-end, end),
+        start={"mu": 0.1, "sigma": 1.2},
+        bounds={"sigma": (0.0, None)},
+    )
+    assert fit.status == "ok"
+    assert fit.values["mu"] == pytest.approx(times.mean(), abs=1e-6)
+    assert fit.values["sigma"] == pytest.approx(times.std(), rel=1e-5)

@@ -383,3 +383,20 @@ def test_starts_are_counted_by_place_and_not_by_how_well_they_fit() -> None:
     n = int(re.match(r"(\d+) of 8 starting points", swing(bounds={"f": (0.0, 2.0)}).message)[1])
     assert 1 <= n <= 5  # four aliases share them
     assert simple(0).message.startswith("8 of 8 starting points")
+
+
+def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
+    """Two peaks over an exponential: far out in its decay length the sum of squares hardly changes,
+    so that the curvature there promises a share of the posterior without end.
+    """
+    x = np.linspace(0.0, 10.0, 40)
+    rng = np.random.default_rng(1)
+    y = 5.0 * np.exp(-x / 5.0) + 0.4 * rng.standard_normal(40)
+    for height, center in ((2.0, 2.0), (3.0, 5.0)):
+        y += height * np.exp(-((x - center) ** 2) / 2.0)
+    curve = "A*exp(-(x-p)**2/(2*s**2)) + 1.5*A*exp(-(x-q)**2/(2*s**2)) + B*exp(-x/w)"
+    start = {"A": 2.0, "s": 1.0, "p": 2.0, "q": 5.0, "w": 4.0, "B": 5.0}
+    settings = {"start": start, "bounds": {"s": (0.0, None)}}
+    near, found = (fit_curve(curve, x, y, n_start=n, **settings) for n in (1, None))
+    assert found.status == near.status == "ok"
+    assert found.chi2 <= near.chi2 * (1.0 + 1e-6)

@@ -104,8 +104,11 @@ def choose(
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
     rate of sampling) that weigh the same the one closest to the start is taken.  Where the user
     gave no range that holds the others and it is the smoothest of all, they are left aside and no
-    solutions; so are other numbers that draw the same curve everywhere.
+    solutions; so are other numbers that draw the same curve everywhere.  A worse end from which
+    the next step would still lead away is no optimum: a parameter on its way to infinity has any
+    share.
     """
+    distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
     least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
@@ -191,6 +194,19 @@ def written(
         )
 
     return min(symmetry.within(values, near), key=order, default=values)
+
+
+def _is_optimum(search: SeparableSearch, end: End) -> bool:
+    """Whether the next step of Gauss and Newton stays within half a standard deviation."""
+    jacobian, residuals = search.scoring(end[0])
+    jacobian = jacobian[:, search.free]
+    if not np.all(np.isfinite(jacobian)):
+        return True
+    step = inverse_information(jacobian)[0] @ (jacobian.T @ residuals)
+    inside = (end[0] > search.low) & (end[0] < search.high)
+    return bool(np.all(np.abs(step) <= PLACE * spread_at(search, end)[search.free])) or not np.all(
+        inside[search.free]
+    )
 
 
 def _log_share(search: SeparableSearch, end: End) -> float:

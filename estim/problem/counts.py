@@ -136,6 +136,7 @@ class CountedResiduals:
                     mean + slack * (1.0 - 0.5 * np.exp(1.0 - 2.0 * by / slack)),
                     moved,
                 )
+        moved = np.maximum(moved, _LEAST)  # a difference of what is alike may leave nothing
         return deviance_residual(self.law, mean + self.sd[:, None] * errors, moved, trials)
 
 
