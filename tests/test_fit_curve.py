@@ -524,3 +524,37 @@ def test_a_narrow_peak_far_from_zero_is_fit_as_well_as_near_it(
         atol=1e-4,
     )
     np.testing.assert_allclose(list(far.sds.values()), sds, rtol=1e-5)
+
+
+def test_a_formula_may_call_its_variable_t() -> None:
+    x = np.linspace(0.0, 5.0, 30)
+    y = 2.0 * np.exp(-x / 1.7) + 0.01 * np.random.default_rng(1).standard_normal(30)
+    there, here = (fit_curve(f"a*exp(-{v}/tau)", x, y, u_y=0.01) for v in "xt")
+    assert here.values == pytest.approx(there.values, rel=1e-9)
+    assert here.text == "a*exp(-t/tau)"
+    given = fit_curve("a*exp(-t/tau)", x, y, u_y=0.01, start={"a": 1.0, "tau": 1.0})
+    assert given.values == pytest.approx(there.values, rel=1e-6)
+    assert given(1.0) == pytest.approx(there(1.0), rel=1e-6)
+    # t with a value of its own is a parameter
+    assert fit_curve("a*x + t", x, y, start={"a": 1.0, "t": 0.0}).names == ("a", "t")
+
+
+def test_one_letter_is_a_constant() -> None:
+    y = [9.8, 9.9, 9.7, 9.85]
+    fit = fit_curve("c", [1.0, 2.0, 3.0, 4.0], y, start={"c": 9.0})
+    assert fit.values["c"] == pytest.approx(np.mean(y))
+    assert fit.sds["c"] == pytest.approx(np.std(y, ddof=1) / 2.0)
+    assert fit_curve("c", [1.0, 2.0, 3.0, 4.0], y).values == fit.values
+
+
+def test_numbers_by_default_are_the_starts_of_a_function() -> None:
+    def decay(x, a=1.0, tau=1.0, c=0.0):
+        return a * np.exp(-x / tau) + c
+
+    x = np.linspace(0.0, 5.0, 30)
+    y = decay(x, 2.0, 1.7) + 0.01 * np.random.default_rng(1).standard_normal(30)
+    fit = fit_curve(decay, x, y, u_y=0.01)
+    assert fit.names == ("a", "tau", "c")
+    assert fit.values["tau"] == pytest.approx(1.7, abs=4.0 * fit.sds["tau"])
+    held = fit_curve(decay, x, y, u_y=0.01, fixed={"c": 0.0}, start={"a": 3.0})
+    assert held.names == ("a", "tau")

@@ -17,6 +17,7 @@ from estim.curves import (
     CurveProblem,
     DataSet,
     Plain,
+    in_time,
     join,
     of_data_set,
     pose_curve,
@@ -24,6 +25,7 @@ from estim.curves import (
     refuse_quantities,
     started,
     unstarted,
+    with_defaults,
     without_units,
 )
 from estim.fitting import N_START
@@ -62,6 +64,8 @@ def fit_curves(
     names = _checked(data)
     _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
     rng = np.random.default_rng(1) if rng is None else rng
+    start = with_defaults(curve, start, fixed, tied)
+    curve = in_time(curve, start, fixed, bounds, priors, tied)
     parts: dict[str, CurveProblem] = {}
     for name, points in data.items():
         options = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}

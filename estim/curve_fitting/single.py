@@ -42,11 +42,13 @@ from estim.curves import (
     CurveProblem,
     JointProblem,
     Plain,
+    in_time,
     pose_curve,
     provisional,
     refuse_quantities,
     started,
     unstarted,
+    with_defaults,
     without_units,
 )
 from estim.fitting import (
@@ -109,7 +111,9 @@ def fit_curve(
     curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
-    start : starting values; the order of magnitude and the sign matter, several further starts are
+        A formula without x may call its variable t.
+    start : starting values; those of a function's arguments with a number by default may be left
+        out; the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
     u_y : standard uncertainty of y, a number or (n_obs,).
@@ -153,9 +157,11 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    start, fixed = {} if start is None else start, {} if fixed is None else fixed
+    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
+    start = {} if start is None else start
     bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
     tied = {} if tied is None else tied
+    curve = in_time(curve, start, fixed, bounds, priors, tied)
     units = {} if units is None else units
     axes = AxisNames() if axes is None else axes
     refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)

@@ -20,10 +20,12 @@ from estim.curves.named import (
     ModelSum,
     Unstarted,
     called_by_name,
+    in_time,
     linear_in,
     provisional,
     read_model,
     started,
+    with_defaults,
     unstarted,
     within,
 )

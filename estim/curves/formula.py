@@ -168,7 +168,7 @@ def _read(text: str, field: str) -> Formula:
             f"must be at most {MAX_LENGTH} characters long", field=field, value=len(text)
         )
     _check_comment(text, field)
-    text = " ".join(text.split())
+    text = " ".join(text.split()).replace("^", "**")  # as it is written elsewhere
     tree = _parse(text, field)
     _check_size(tree, field)
     names: dict[str, None] = {}
@@ -468,8 +468,6 @@ def _refusal(node: ast.AST) -> str:
             return f"must give '{name}' plain arguments, without names or *"
         case ast.Call():
             return "must call functions by their names, and multiply with *"
-        case ast.BinOp(op=ast.BitXor()):
-            return "must write powers with **, not ^"
         case ast.Subscript():
             return "must use ( ), not [ ]"
         case ast.Compare() | ast.BoolOp() | ast.IfExp():

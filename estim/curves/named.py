@@ -4,9 +4,11 @@ them until there are points, and what these give.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +33,8 @@ class BareFormula:
     formula: Formula
 
     @property
-    def expression(self) -> str:
-        return self.formula.text
+    def expression(self) -> Formula:
+        return self.formula
 
     @property
     def called(self) -> str:
@@ -61,15 +63,52 @@ def unstarted(
         models is not None
         or tied
         or not (
-            isinstance(curve, str)
-            and curve.strip()
+            isinstance(curve, str | Formula)
+            and str(curve).strip()
             and isinstance(start, Mapping)
             and isinstance(fixed, Mapping)
         )
     ):
         return models
+    formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
+    constant = formula.names == (formula.text,)
+    missing = {*formula.names} - {*start, *fixed}
+    return BareFormula(formula) if (formula.uses_x or constant) and missing else None
+
+
+def in_time(curve: Any, *named: object) -> Any:
+    """A formula without x whose `t` no collection in `named` speaks of: as a curve along t; every
+    other curve as it is.
+    """
+    if not isinstance(curve, str) or not curve.strip() or names_only(curve):
+        return curve
     formula = read_formula(curve, field="curve")
-    return BareFormula(formula) if formula.uses_x and {*formula.names} - {*start, *fixed} else None
+    given = {name for names in named if isinstance(names, Mapping) for name in names}
+    if formula.uses_x or "t" not in formula.names or "t" in given:
+        return curve
+    return formula.in_terms_of("t")
+
+
+def with_defaults(
+    curve: object, start: Mapping[str, float] | None, *held: Collection[str] | None
+) -> Mapping[str, float] | None:
+    """The starts that were given, and for a function of Python those of its numbers by default but
+    for the arguments `held`.
+    """
+    if not callable(curve) or (start is not None and not isinstance(start, Mapping)):
+        return start
+    try:
+        parameters = inspect.signature(curve).parameters.values()
+    except (TypeError, ValueError):
+        return start
+    known = {
+        p.name: float(p.default)
+        for p in parameters
+        if isinstance(p.default, int | float)
+        and not isinstance(p.default, bool)
+        and not any(p.name in names for names in held if names)
+    }
+    return known | dict(start or {}) if known else start
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
@@ -78,6 +117,8 @@ def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
 
     Raises InputError for names of nothing: no starts, and names alone.
     """
+    if isinstance(curve, str) and len(curve.strip()) == 1:
+        return None  # a constant
     models = named_model(curve) if any(named) or not names_only(curve) else read_model(curve)
     if models is None or any(
         word.strip() in names for word in models.text.split("+") for names in named
