@@ -118,7 +118,7 @@ def oracle(data: bytes) -> dict[str, list[float]] | None:
     text = text[1:] if text.startswith("\ufeff") else text
     if "\0" in text:
         return None
-    header, mark, rows = None, ",", []
+    header, mark, rows, ended = None, ",", [], False
     comments = ("#",)
     for line in io.StringIO(text, newline=None).read().split("\n"):
         bare = line.strip()
@@ -144,7 +144,15 @@ def oracle(data: bytes) -> dict[str, list[float]] | None:
             return None
         while len(cells) > len(header) and not cells[-1]:
             cells.pop()
-        if len(cells) != len(header):
+        if cells == header:  # repeated, as loggers do that are started again
+            continue
+        # notes under the table begin with words, which mark no missing value
+        if cells[0][:1].isalpha() and cells[0].lower() not in ("nan", "na", "n/a", "inf"):
+            if len(cells) == len(header) and any(any(map(str.isdigit, cell)) for cell in cells):
+                return None
+            ended = True
+            continue
+        if len(cells) != len(header) or ended:
             return None
         rows.append(cells)
     if header is None or len(set(header)) != len(header):

@@ -135,9 +135,7 @@ def page() -> str:
         ratios = [row.ratio for row in found if not math.isnan(row.ratio)]
         span = f"{min(ratios):.3f} to {max(ratios):.3f}" if ratios else ""
         title = f"{item.peer}: {item.page}"
-        rows.append(
-            f"| [{number}](#{number}) {title} | {item.needs} | {far:.2g} | {span} | {status or '-'} |"
-        )
+        rows.append(f"| {number} {title} | {item.needs} | {far:.2g} | {span} | {status or '-'} |")
         source = "printed there" if item.printed else "run: " + kept[item.name]["by"]
         table = [
             f"| {r.name} | {shown(*r.ours)} | {r.shown[0]} ± {r.shown[1] or '?'} | {r.apart:.2g} | {r.ratio:.3f} |"

@@ -26,7 +26,7 @@ from estim.deviation.terms import Terms, Weight, side_by_side, terms_of
 from estim.problem import Root, beside
 
 # what the directions left out of a basis may add to the variances, relative to the noise and summed
-_ROUGHNESS = 0.03
+_ROUGHNESS = 1e-3
 
 _FELT = 1e-13  # share of a component below which rounding hides it
 _FEW = 16  # draws of which the calls cost more than the numbers
@@ -300,7 +300,7 @@ def inverse_times(rows: FloatArray, causes: FloatArray, white: float) -> FloatAr
 
 
 def keep_probable(
-    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 1e-2
+    linearised: Linearised, *, columns: FloatArray | None = None, lost: float = 5e-3
 ) -> Mixture:
     """The mixture of the most probable components: those left out hold at most the posterior
     probability `lost` together, and no probability that follows is off by more.

@@ -134,7 +134,11 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
     above = split[:start]
     percent = any(row.line.lstrip().startswith("%") for row in above)
     rows = [row for row in split[start:] if not (percent and row.line.lstrip().startswith("%"))]
-    heads = [_trimmed(row.cells) for row in above if len(_trimmed(row.cells)) > 1]
+    heads = [
+        cells
+        for row in above
+        if len(cells := _trimmed(row.cells)) > 1 and not any(map(says_a_value, cells))
+    ]
     again = [row for row in rows if _trimmed(row.cells) in heads]
     if again:
         rows = [row for row in rows if row not in again]
