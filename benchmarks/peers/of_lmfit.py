@@ -559,12 +559,7 @@ def lmfit_sympy() -> Numbers:
     return of_lmfit(model.fit(SYMPY_Y, params, x=SYMPY_X), "A1", "sigma1", "xc1", "xc2", "B", "xw")
 
 
-@example(
-    "lmfit",
-    "example_sympy.py",
-    "substitutions in a formula",
-    run=lmfit_sympy,
-)
+@example("lmfit", "example_sympy.py", "substitutions in a formula", run=lmfit_sympy)
 def substitutions() -> Any:
     return fit_curve(
         SYMPY, SYMPY_X, SYMPY_Y, tied={"sigma2": "sigma1", "A2": "1.5*A1"},
