@@ -12,7 +12,7 @@ from command_runner import runner
 from messy_tables import LINE, MESSY
 from workbooks import xlsx
 
-from estim import InputError
+from estim import InputError, fit_curve
 from estim.cli.commands import cli
 from estim.curve_fitting.tables import read_table
 
@@ -80,3 +80,16 @@ def test_what_may_be_read_in_two_ways_is_refused(
     (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
     with pytest.raises(InputError, match=says):
         read_table(tmp_path / "a.csv")
+
+
+def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(
+        {"t (s)": [0.0, 1.0, 2.0, 3.0], "U (V)": [2.0, 1.2, 0.8, 0.4], "u_U (V)": [0.1] * 4}
+    )
+    given = read_table(frame).points("t", "U")
+    assert given["x"].tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert given["u_y"].tolist() == [0.1] * 4
+    assert given["axes"].y_unit == "V"
+    fit = fit_curve("a*exp(-x/tau)", **given)
+    assert fit.status == "ok"
