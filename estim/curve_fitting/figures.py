@@ -161,15 +161,10 @@ def curve_figure(
         upper.errorbar(run.x, run.y, **errors, **style, label=label, zorder=5 if bars else 1.9)
         upper.set(ylabel=run.y_label)
         (lower or upper).set(xlabel=run.x_label)
-        upper.set_title(title, fontsize=10, pad=20)
-        upper.legend(
-            fontsize=8,
-            frameon=False,
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=4,
-            borderaxespad=0.1,
-        )
+        upper.set_title(title, fontsize=10, pad=20 if ax is None else 6)
+        above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 4}
+        place = above if ax is None else {"loc": "best"}
+        upper.legend(fontsize=8, frameon=False, borderaxespad=0.1, **place)
         if lower is None:
             return
         if counts is not None:
