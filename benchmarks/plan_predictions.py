@@ -38,7 +38,8 @@ from estim.planning.options import sds_with
 from estim.planning.own_curve import CurveBasis
 from estim.planning.planning import targets_of
 from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
-from estim.problem import Normal, Parameter, Problem, TruncatedNormal
+from estim.problem import Normal, Parameter, Problem
+from estim.problem.priors import TruncatedNormal
 
 FloatArray = NDArray[np.float64]
 

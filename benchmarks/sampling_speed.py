@@ -29,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import load_campaign
 from estim.fitting.least_squares import Fit, fit_least_squares
-from estim.sampling.certificate import Certificate, certify, chain_errors
+from estim.sampling.certificate import Certificate, certify
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.proposal import adapt_proposal
@@ -101,7 +101,10 @@ def from_draws(method: str, seconds: float, names: tuple[str, ...], draws: Float
     chain = Chain(
         names, draws, np.zeros(draws.shape[:-1]), 0, np.ones(draws.shape[0]), 0, convergence
     )
-    u_mean, u_sd = chain_errors(chain)
+    deviation = draws - chain.flat.mean(axis=0)
+    squares, spread = deviation**2, chain.flat.std(axis=0)
+    of_squares = squares.std(axis=(0, 1, 2)) / np.sqrt(effective_size(squares, "mean"))
+    u_mean, u_sd = spread / np.sqrt(effective_size(draws, "mean")), of_squares / (2.0 * spread)
     return Row(
         method,
         seconds,

@@ -605,3 +605,20 @@ def test_no_file_swallows_every_error():
             if isinstance(node, ast.ExceptHandler) and node.type is None
         ]
         assert not bare, module
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "docs"])
+def test_what_a_script_imports_of_the_project_is_there(folder: str) -> None:
+    """A benchmark runs seldom: what it imports may have moved long before."""
+    missing = []
+    for path in sorted((Path(__file__).parents[1] / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.ImportFrom) or node.level:
+                continue
+            if (node.module or "").partition(".")[0] in ("estim", "model"):
+                home = import_module(str(node.module))
+                for alias in node.names:
+                    file = f"{node.module}.{alias.name}"
+                    if not hasattr(home, alias.name) and find_spec(file) is None:
+                        missing.append(f"{path.name}: {file}")
+    assert not missing
