@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,31 @@ def test_a_frame_of_pandas_is_read_as_a_table_with_units_and_uncertainties() -> 
     assert given["axes"].y_unit == "V"
     fit = fit_curve("a*exp(-x/tau)", **given)
     assert fit.status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("name", "parts"),
+    [
+        ("a.xlsx", {"word/document.xml": "<a/>"}),
+        ("a.xlsx", {"xl/workbook.xml": "<workbook><sheets><sheet name='A'/></sheets></workbook>"}),
+        ("a.ods", {"content.xml": "<a"}),
+        ("a.ods", {"content.xml": "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"}),
+        ("a.zip", {"readme.txt": "hello"}),
+    ],
+)
+def test_an_archive_that_is_no_table_is_refused_in_one_line(
+    tmp_path: Path, name: str, parts: dict[str, str]
+) -> None:
+    pytest.importorskip("python_calamine")
+    with zipfile.ZipFile(tmp_path / name, "w") as archive:
+        for part, content in parts.items():
+            archive.writestr(part, content)
+    arguments = ["fit", str(tmp_path / name), "--formula", "a*x + b"]
+    done = runner().invoke(cli, arguments, standalone_mode=False)
+    assert isinstance(done.exception, InputError)
+    assert len(str(done.exception).splitlines()) == 1
+
+
+def test_what_is_neither_a_file_nor_a_frame_is_refused() -> None:
+    with pytest.raises(InputError, match="must be a file or a data frame"):
+        read_table(3)

@@ -11,7 +11,7 @@ import click
 from estim.cli.options import OUT, PATH, report_options
 from estim.cli.tables import dialect_of, dialect_options
 from estim.cli.terminal import conclude, report_at, reserve_output, say, write_report
-from estim.common import FigureChoice, phrase
+from estim.common import FigureChoice, Status, phrase
 
 
 @click.command()
@@ -57,5 +57,6 @@ def mean(
     for line in str(found.mean).splitlines()[1:-1]:
         say(line)
     quoted = found.mean.shown().notes
-    conclude(phrase("mean"), found.mean.status, [mean_statement(found), *quoted], found.facts)
+    # values that contradict each other have a dark uncertainty, which the quoted mean includes
+    conclude(phrase("mean"), Status.OK, [mean_statement(found), *quoted], found.facts)
     report_at(folder / "report.md", ())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,11 +23,12 @@ class Shown:
     best: str = ""
 
 
-class Tabled:
+class Tabled(ABC):
     """A record that says in `shown` what a person sees of it."""
 
+    @abstractmethod
     def shown(self) -> Shown:
-        raise NotImplementedError
+        """What a person sees."""
 
     def __str__(self) -> str:
         shown = self.shown()

@@ -112,8 +112,8 @@ def fit_curve(
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
         A formula without x may call its variable t.
-    start : starting values; those of a function's arguments with a number by default may be left
-        out; the order of magnitude and the sign matter, several further starts are
+    start : starting values; without any, a function's numbers by default are those (beside others
+        they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
     u_y : standard uncertainty of y, a number or (n_obs,).

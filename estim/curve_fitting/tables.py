@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,8 @@ def read_table(
     """
     if hasattr(source, "columns") and hasattr(source, "attrs"):
         return _of_frame(source, columns)
+    if not isinstance(source, str | PathLike):
+        raise InputError("must be a file or a data frame", field="source", value=source)
     stated = {"sheet": sheet, "range": range, "decimal": decimal}
     changes: dict[str, Any] = {key: value for key, value in stated.items() if value is not None}
     layout = read_layout(Path(source), replace(dialect, **changes), needed=columns or ())

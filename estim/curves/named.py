@@ -92,10 +92,11 @@ def in_time(curve: Any, *named: object) -> Any:
 def with_defaults(
     curve: object, start: Mapping[str, float] | None, *held: Collection[str] | None
 ) -> Mapping[str, float] | None:
-    """The starts that were given, and for a function of Python those of its numbers by default but
-    for the arguments `held`.
+    """The starts that were given; where none was, those of the numbers by default of a function of
+    Python, but for the arguments `held`.  Beside a start that was given, an argument with a number
+    by default keeps that.
     """
-    if not callable(curve) or (start is not None and not isinstance(start, Mapping)):
+    if not callable(curve) or start:
         return start
     try:
         parameters = inspect.signature(curve).parameters.values()
@@ -108,7 +109,7 @@ def with_defaults(
         and not isinstance(p.default, bool)
         and not any(p.name in names for names in held if names)
     }
-    return known | dict(start or {}) if known else start
+    return known or start
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:

@@ -30,7 +30,6 @@ from estim.arrays import FloatArray
 from estim.common import (
     InputError,
     Shown,
-    Status,
     Tabled,
     format_p,
     interval,
@@ -121,18 +120,11 @@ class Mean(Tabled):
         """Whether chi^2 does not contradict the stated uncertainties."""
         return not self.p_value < CONSISTENT
 
-    @property
-    def status(self) -> Status:
-        """ok: the recommended mean may be quoted; `reason` says whether the dark uncertainty is
-        needed.
-        """
-        return Status.OK
-
     def shown(self) -> Shown:
         percent = f"{100.0 * self.probability:g} %"
         head = (phrase("method"), phrase("value"), "u", "tau", "dof", "k", percent)
         rows = [(name, *cells(average)) for name, average in self.averages.items()]
-        title = phrase("Mean of {n} values: {status}", n=self.data.size, status=self.status)
+        title = phrase("Mean of {n} values", n=self.data.size)
         quoted = phrase("Quote {name}: {reason}.", name=self.recommended, reason=self.reason)
         return Shown(title, head, rows, (quoted,), self.recommended)
 
@@ -224,12 +216,7 @@ def _of_values(x: FloatArray, u: FloatArray, probability: float) -> Mean:
         math.nan,
         *(value + posterior.quantile(p) for p in tails),
     )
-    test = phrase(
-        "chi2 = {chi2:.3g} with {dof} degrees of freedom, {p}",
-        chi2=chi2,
-        dof=dof,
-        p=format_p(p_value),
-    )
+    test = phrase("chi2 = {chi2:.3g}, dof = {dof}, {p}", chi2=chi2, dof=dof, p=format_p(p_value))
     needed = p_value < CONSISTENT
     reason = (
         phrase(

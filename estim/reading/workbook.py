@@ -11,7 +11,7 @@ from __future__ import annotations
 import csv
 import io
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date, datetime, time, timedelta
 from pathlib import PurePosixPath
 from xml.parsers import expat
@@ -121,7 +121,7 @@ def _uncomputed_of_xlsx(parts: Mapping[str, bytes], index: int) -> Cells:
         elif tag == "Relationship":
             targets[said["Id"]] = said["Target"]
 
-    _walk(parts["xl/workbook.xml"], of_book)
+    _walk(parts.get("xl/workbook.xml", b"<none/>"), of_book)
     _walk(parts.get("xl/_rels/workbook.xml.rels", b"<none/>"), of_book)
     target = targets.get(sheets[index], "") if index < len(sheets) else ""
     part = str(PurePosixPath("/xl") / target)[1:]
@@ -188,7 +188,11 @@ def _uncomputed_of_ods(content: bytes) -> dict[str, Cells]:
     return found
 
 
-def _walk(xml: bytes, ended: object, begun: object = None) -> None:
+def _walk(
+    xml: bytes,
+    ended: Callable[[str, dict[str, str], str], None],
+    begun: Callable[[str, dict[str, str]], None] | None = None,
+) -> None:
     """Calls `begun(tag, attributes)` and `ended(tag, attributes, text)` for each element of an XML
     text, tags without their prefix.  Raises InputError where it is not whole, or has a document
     type.
@@ -200,11 +204,11 @@ def _walk(xml: bytes, ended: object, begun: object = None) -> None:
     def start(tag: str, said: dict[str, str]) -> None:
         stack.append((tag.rpartition(":")[2], said, []))
         if begun is not None:
-            begun(stack[-1][0], said)  # type: ignore[operator]
+            begun(stack[-1][0], said)
 
     def end(_: str) -> None:
         tag, said, texts = stack.pop()
-        ended(tag, said, "".join(texts))  # type: ignore[operator]
+        ended(tag, said, "".join(texts))
 
     def characters(text: str) -> None:
         stack[-1][2].append(text)

@@ -10,6 +10,7 @@ import numpy as np
 
 from estim.common import (
     FigureChoice,
+    Status,
     as_json,
     behind,
     bracketed,
@@ -85,12 +86,14 @@ def mean_statement(found: TableMean) -> str:
             phrase("mean"), name, unit, best.value, best.u, best.k, best.dof, found.mean.probability
         )
     size = best.u if math.isfinite(best.u) else 0.25 * (best.high - best.low)
+    shown = rounded(best.value, size, 2) + unit
+    if math.isfinite(best.u):  # three values and fewer have an interval alone
+        u = rounded(best.u, best.u, 2, beside=best.value) + unit
+        shown = phrase("{value} with standard uncertainty u = {u}", value=shown, u=u)
     return phrase(
-        "{name} = {value} with standard uncertainty u = {u}, {percent} interval {ends}, with a "
-        "dark uncertainty of {tau}.",
+        "{name} = {value}, {percent} interval {ends}, with a dark uncertainty of {tau}.",
         name=name,
-        value=rounded(best.value, size, 2) + unit,
-        u=rounded(best.u, best.u, 2, beside=best.value) + unit,
+        value=shown,
         percent=f"{100.0 * found.mean.probability:g} %",
         ends=interval(best.low, best.high, size, 2) + unit,
         tau=significant(best.tau, 2) + unit,
@@ -103,7 +106,7 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") 
     shown = mean.shown()
     result = MeanResult(
         MEAN_SCHEMA,
-        mean.status,
+        Status.OK,
         found.name,
         mean.data.size,
         mean.recommended,
