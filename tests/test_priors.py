@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.integrate import quad
+from uncertainties import ufloat
 
 from estim import Binomial, InputError, fit_curve
 from estim.campaign.prior_table import PriorTable, read_prior
@@ -27,6 +28,7 @@ from estim.problem.priors import (
     TruncatedNormal,
     Uniform,
     Unstated,
+    of_other_package,
 )
 
 PRIORS = [
@@ -349,3 +351,40 @@ def test_a_beta_prior_and_counted_successes_make_a_beta_posterior():
     a, b = 12.8 + 27.0, 8.2 + 13.0
     assert fit.values["p"] == pytest.approx(a / (a + b), rel=1e-6)
     assert fit.sds["p"] == pytest.approx(math.sqrt(a * b / (a + b) ** 3), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("frozen", "own"),
+    [
+        (stats.norm(1.0, 0.2), Normal(1.0, 0.2)),
+        (stats.norm(scale=0.2, loc=1.0), Normal(1.0, 0.2)),
+        (stats.uniform(-1.0, 3.0), Uniform(-1.0, 2.0)),
+        (stats.halfnorm(scale=2.0), HalfNormal(2.0)),
+        (stats.lognorm(0.3, scale=5.0), LogNormal(5.0, 0.3)),
+        (stats.truncnorm(-1.0, 2.0, 1.0, 0.2), TruncatedNormal(1.0, 0.2, 0.8, 1.4)),
+        (stats.beta(2.0, 3.0, loc=1.0, scale=2.0), Beta(1.8, 0.4, 1.0, 3.0)),
+    ],
+)
+def test_frozen_distribution_of_scipy_is_the_same_density(frozen, own):
+    taken = of_other_package(frozen, "priors[b]")
+    assert type(taken) is type(own)
+    for prior in (taken, own):
+        at = frozen.ppf([0.02, 0.3, 0.5, 0.9])
+        np.testing.assert_allclose(prior.log_density(at), frozen.logpdf(at), rtol=1e-9)
+
+
+def test_distributions_that_are_no_prior_are_refused_by_name():
+    for frozen in (stats.gamma(2.0), stats.lognorm(0.2, loc=1.0)):
+        with pytest.raises(InputError, match=r"'priors\[b\]' must be one of norm, .*scipy\.stats"):
+            of_other_package(frozen, "priors[b]")
+
+
+def test_fit_takes_measured_values_of_uncertainties_and_of_scipy():
+    x = np.linspace(0.0, 10.0, 20)
+    y = 2.0 * x + 1.0 + np.random.default_rng(1).normal(0.0, 0.3, 20)
+    fits = [
+        fit_curve("a*x + b", x, y, u_y=0.3, priors={"b": prior})
+        for prior in ("1.0(2)", ufloat(1.0, 0.2), stats.norm(1.0, 0.2))
+    ]
+    assert fits[0].values == fits[1].values == fits[2].values
+    assert fits[0].sds["b"] < fit_curve("a*x + b", x, y, u_y=0.3).sds["b"]

@@ -29,7 +29,6 @@ from estim.curves import (
     without_units,
 )
 from estim.fitting import N_START
-from estim.problem import Prior
 
 
 def fit_curves(
@@ -39,7 +38,7 @@ def fit_curves(
     shared: Collection[str],
     start: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Prior | str] | None = None,
+    priors: Mapping[str, Any] | None = None,
     rng: np.random.Generator | None = None,
     errors: Sequence[Component] = (),
     units: Mapping[str, str] | None = None,

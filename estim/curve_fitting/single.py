@@ -71,7 +71,7 @@ from estim.fitting import (
     spread,
     with_other_modes,
 )
-from estim.problem import Prior, Problem
+from estim.problem import Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
@@ -89,7 +89,7 @@ def fit_curve(
     start: Mapping[str, float] | None = None,
     u_y: ArrayLike | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
-    priors: Mapping[str, Prior | str] | None = None,
+    priors: Mapping[str, Any] | None = None,
     rng: np.random.Generator | None = None,
     cov_y: ArrayLike | None = None,
     u_x: ArrayLike | None = None,
@@ -103,7 +103,7 @@ def fit_curve(
     noise: Counting | str | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
-    jitter: bool | Prior | str = False,
+    jitter: Any = False,
     robust: str | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
@@ -126,7 +126,8 @@ def fit_curve(
     fixed : name -> exact value of each parameter of the curve that is not fit; it has neither start
         nor prior nor uncertainty.
     bounds : name -> (low, high), None for no limit.
-    priors : name -> prior, or text like "9.81(2)"; else flat.
+    priors : name -> prior (`estim.problem.priors`), text like "9.81(2)", a ufloat, or a frozen
+        distribution of scipy.stats (norm, uniform, halfnorm, lognorm, truncnorm, beta); else flat.
     errors : errors common to all points (`Component`), fit as further parameters.
     units : name -> unit, for tables.
     axes : names and units of x and y (`AxisNames`), for figures, tables and the units of `errors`.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
-from estim.common import InputError, Notation, phrase, read_quantity
+from estim.common import InputError, Notation, Quantity, phrase, read_quantity
 from estim.curves.columns import column, errors_of
 from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
@@ -46,6 +46,7 @@ from estim.problem import (
     as_prior,
     check_covariance,
     hide_the_range,
+    of_other_package,
     plain_words,
     shape_of,
 )
@@ -217,7 +218,7 @@ def pose_curve(
     cov_y: ArrayLike | None,
     u_x: ArrayLike | None,
     bounds: Mapping[str, tuple[float | None, float | None]],
-    priors: Mapping[str, Prior | str],
+    priors: Mapping[str, Any],
     errors: tuple[Component, ...],
     units: Mapping[str, str],
     axes: AxisNames,
@@ -228,7 +229,7 @@ def pose_curve(
     derived: Mapping[str, str] = MappingProxyType({}),
     tied: Mapping[str, str] = MappingProxyType({}),
     chosen: Collection[str] = (),
-    jitter: bool | Prior | str = False,
+    jitter: Any = False,
     robust: str | None = None,
     level: str = "",
 ) -> CurveProblem:
@@ -487,7 +488,7 @@ def _parameters(
     names: tuple[str, ...],
     start: Mapping[str, float],
     bounds: Mapping[str, tuple[float | None, float | None]],
-    priors: Mapping[str, Prior | str],
+    priors: Mapping[str, Any],
     units: Mapping[str, str],
     fixed: Mapping[str, float],
 ) -> tuple[Parameter, ...]:
@@ -517,16 +518,20 @@ def _parameters(
 
 
 def _stated_prior(prior: object, field: str, *, low: float, held: str = "") -> Prior:
-    """A prior as it is, or the one that text like "9.81(2)" stands for, impossible below `low`;
-    held : what to do with an exact number.
+    """A prior as it is, or the one that text like "9.81(2)", a ufloat or a frozen distribution of
+    scipy stands for, a measured value impossible below `low`; held : what to do with an exact
+    number.
     """
+    stated = prior
     if isinstance(prior, str):
-        quantity = read_quantity(prior, field=field)
-        if quantity.exact:
+        prior = read_quantity(prior, field=field)
+    prior = of_other_package(prior, field)
+    if isinstance(prior, Quantity):
+        if prior.exact:
             held = " (an exact number goes into `fixed`)" if held else ""
             rule = 'must have an uncertainty, like "9.81(2)"'
-            raise InputError(rule + held, field=field, value=prior)
-        return as_prior(quantity, low=low)
+            raise InputError(rule + held, field=field, value=stated)
+        return as_prior(prior, low=low)
     if not isinstance(prior, Prior) or isinstance(prior, type):
         rule = 'must be a prior, or text like "9.81(2)"'
         raise InputError(

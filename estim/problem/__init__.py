@@ -62,6 +62,7 @@ from estim.problem.priors import (
     Unstated,
     DefaultError,
     as_prior,
+    of_other_package,
 )
 from estim.problem.readings import Correlated, Readings, check_covariance
 from estim.problem.roots import Root, beside, covariance_of, root_of, stacked_root, with_columns

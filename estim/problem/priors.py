@@ -24,10 +24,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -708,6 +708,47 @@ PRIORS: Mapping[str, type[Prior]] = {
     "beta": Beta,
 }
 """The priors that a file may state, by the name of their kind."""
+
+
+def _beta(a: float, b: float, loc: float, scale: float) -> Prior:
+    sd = scale * math.sqrt(a * b / (a + b + 1.0)) / (a + b)
+    return Beta(loc + scale * a / (a + b), sd, loc, loc + scale)
+
+
+_FROM_ZERO: Mapping[str, Callable[..., Prior]] = {
+    "halfnorm": lambda scale: HalfNormal(scale),
+    "lognorm": lambda s, scale: LogNormal(scale, s),
+}
+_FROZEN: Mapping[str, Callable[..., Prior]] = {
+    "norm": lambda loc, scale: Normal(loc, scale),
+    "uniform": lambda loc, scale: Uniform(loc, loc + scale),
+    "truncnorm": lambda a, b, loc, scale: TruncatedNormal(
+        loc, scale, loc + a * scale, loc + b * scale
+    ),
+    "beta": _beta,
+    **_FROM_ZERO,
+}
+
+
+def of_other_package(stated: Any, field: str) -> Any:
+    """The prior that a frozen distribution of scipy.stats stands for, and the `Quantity` that a
+    `ufloat` of uncertainties does (its correlations with others are left out); anything else as it
+    is.
+
+    Raises InputError naming `field` for a distribution that is none of the priors.
+    """
+    if hasattr(stated, "nominal_value") and hasattr(stated, "std_dev"):
+        return Quantity(float(stated.nominal_value), float(stated.std_dev))
+    name = getattr(getattr(stated, "dist", None), "name", None)
+    if name is None:
+        return stated
+    order = [*filter(None, (stated.dist.shapes or "").split(", ")), "loc", "scale"]
+    given = dict(zip(order, stated.args, strict=False)) | stated.kwds
+    at = {key: float(value) for key, value in ({"loc": 0.0, "scale": 1.0} | given).items()}
+    if name not in _FROZEN or (name in _FROM_ZERO and at.pop("loc") != 0.0):
+        rule = f"must be one of {', '.join(_FROZEN)} ({' and '.join(_FROM_ZERO)} with loc = 0)"
+        raise InputError(rule, field=field, value=f"scipy.stats.{name}")
+    return _FROZEN[name](**at)
 
 
 def as_prior(quantity: Quantity, *, low: float) -> Prior:
