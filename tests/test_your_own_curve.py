@@ -6,8 +6,11 @@ import re
 import tomllib
 from pathlib import Path
 
+import lmfit
 import numpy as np
 import pytest
+
+from estim import fit_curve
 
 
 def blocks(project: Path, language: str) -> list[str]:
@@ -46,6 +49,16 @@ def test_the_code_of_the_page_runs(
     for fit in (honest, misled):
         assert f"g = {fit.values['g']:.2f} ± {fit.sds['g']:.2f} m/s²" in page
     assert f"{refused.values['g']:.2f} ± {refused.sds['g']:.2f}" in page
+    flat, u, v, z = (names[name] for name in ("flat", "u", "v", "z"))
+    peer = lmfit.models.Gaussian2dModel() + lmfit.models.ConstantModel()
+    start = {"amplitude": 40, "centerx": 0, "centery": 0, "sigmax": 1, "sigmay": 1, "c": 0}
+    params = peer.make_params(**start)
+    params["sigmay"].expr = "sigmax"
+    theirs = peer.fit(z, params, x=u, y=v, weights=10.0, scale_covar=False).params
+    assert flat.status == "ok"
+    for ours, name in (("u_0", "centerx"), ("v_0", "centery"), ("width", "sigmax"), ("base", "c")):
+        assert abs(flat.values[ours] - theirs[name].value) < 0.01 * flat.sds[ours]
+        assert flat.sds[ours] == pytest.approx(theirs[name].stderr, rel=0.01)
     assert capsys.readouterr().out.endswith("ok\n")
     assert "turning point" not in (tmp_path / "tea" / "report.md").read_text()
 
@@ -94,3 +107,30 @@ def test_the_page_names_every_function(project: Path) -> None:
         .partition("## What a formula may hold")[2]
     )
     assert set(FUNCTIONS) <= set(re.findall(r"\w+", text))
+
+
+def test_a_function_of_numbered_points_fits_complex_values_and_a_wrong_circuit_is_poor() -> None:
+    rng, w = np.random.default_rng(5), np.linspace(1.0, 20.0, 40)
+    noise = rng.normal(0.0, 0.3, 40) + 1j * rng.normal(0.0, 0.3, 40)
+    measured = 10.0 + 2.0j * w + 1.0 / (0.01j * w) + noise
+
+    def below_each_other(impedance: np.ndarray, point: np.ndarray) -> np.ndarray:
+        k = np.clip(np.rint(np.real(point)).astype(int), 0, 2 * w.size - 1)
+        return np.concatenate([impedance.real, impedance.imag])[k]
+
+    def series(point, r=5.0, coil=1.0, c=0.02):
+        return below_each_other(r + 1j * w * coil + 1.0 / (1j * w * c), point)
+
+    def without_coil(point, r=5.0, c=0.02):
+        return below_each_other(r + 1.0 / (1j * w * c), point)
+
+    y = np.concatenate([measured.real, measured.imag])
+    fit = fit_curve(series, np.arange(80), y, u_y=0.3)
+    assert fit.status == "ok"
+    # real parts know r alone, imaginary ones coil and 1/c, which are linear: the textbook's squares
+    assert abs(fit.values["r"] - measured.real.mean()) < 1e-4
+    assert fit.sds["r"] == pytest.approx(0.3 / np.sqrt(40.0), rel=1e-4)
+    linear, cov = np.polyfit(w**2, measured.imag * w, 1, w=1.0 / w, cov="unscaled")
+    assert abs(fit.values["coil"] - linear[0]) < 0.01 * fit.sds["coil"]
+    assert fit.sds["coil"] == pytest.approx(0.3 * np.sqrt(cov[0, 0]), rel=1e-3)
+    assert fit_curve(without_coil, np.arange(80), y, u_y=0.3).status == "poor-fit"

@@ -85,7 +85,7 @@ class PythonCurve:
             )
             for i in range(n_draw)
         ]
-        return np.array([np.broadcast_to(row, (n_obs,)) for row in rows])
+        return np.array([np.broadcast_to(row, (n_obs,)) for row in rows]).reshape(n_draw, n_obs)
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         n_draw = max(
@@ -290,8 +290,8 @@ def _difference(
                 if name is None
                 else _called(function, x, {**values, name: moved})
             )
-        # of a function of plain numbers, like math.log(0): no value
-        except (ArithmeticError, ValueError):
+        # like math.log(0), or an index beyond a table: no value
+        except (ArithmeticError, LookupError, ValueError):
             called = np.array(np.nan)
         return np.broadcast_to(called, (x.size,))
 
