@@ -76,7 +76,8 @@ class CurveFit:
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first, and the status that follows.
+    findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
+        where there are none.
     remarks : what to know before using it, nothing wrong.
     reasons, notes : the same in words.
     message : how the search went.
@@ -111,6 +112,7 @@ class CurveFit:
 
     @property
     def reasons(self) -> tuple[str, ...]:
+        """Everything wrong, a sentence each, gravest first; empty where the status is ok."""
         return tuple(
             f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings
         )
@@ -127,10 +129,12 @@ class CurveFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
+        """What to know before using it, a sentence each."""
         return tuple(map(tell, self.remarks))
 
     @property
     def problem(self) -> Problem:
+        """Points, parameters and priors, as they were fitted."""
         return self.fit.problem
 
     @cached_property

@@ -21,6 +21,7 @@ from estim.curves.named import (
     Unstarted,
     called_by_name,
     in_time,
+    known_models,
     linear_in,
     provisional,
     read_model,

@@ -23,6 +23,18 @@ from estim.problem import Parameter, Problem
 class DataSet:
     """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
     errors: u_y, cov_y, u_x, or `noise` for counts.
+
+    u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
+    cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
+    y : None for the times of single events.
+
+    It is checked where it is fitted: `fit_curves` raises InputError.
+
+    >>> from estim import DataSet, fit_curves
+    >>> first, second = DataSet([1, 2, 3], [1.1, 2.0, 3.1], 0.1), DataSet([1, 2], [2.0, 3.0], 0.1)
+    >>> fit = fit_curves("k*x + c", {"a": first, "b": second}, shared=["k"])
+    >>> round(fit.values["k"], 2)
+    1.0
     """
 
     x: ArrayLike

@@ -16,6 +16,7 @@ from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
 from estim.curves.models import ModelSum as ModelSum
+from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
