@@ -46,6 +46,7 @@ from estim.curves import (
     pose_curve,
     provisional,
     refuse_quantities,
+    require_points,
     started,
     unstarted,
     with_defaults,
@@ -197,11 +198,11 @@ def fit_curve(
         jitter=jitter,
         robust=robust,
     )
-    posed.require_points()
+    require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if named is not None:
         posed = started(replace(posed, called=named.called), named, held=start)
-    if posed.further or posed.tails.robust:
-        return _fit_errors(posed, rng, n_start)
+    if posed.infers_errors:
+        return fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     usable = (
         complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
@@ -249,7 +250,9 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     )
 
 
-def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_errors(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
     room for outliers: the mode, its curvature, and profiles.
     """
@@ -272,7 +275,10 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
-        *(replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)),
+        *(
+            replace(f, run=f.run if len(goodness) > 1 else "")
+            for f in failed_tests(goodness, dof=fit.dof)
+        ),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
     found = wrong([finding for finding in findings if finding is not None])

@@ -1,0 +1,316 @@
+"""Data sets with curves of their own that have parameters in common, beside likelihoods written by
+hand.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, minimize
+from scipy.special import gammaln, ndtr
+
+from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves
+from estim.common import InputError
+
+EXACT = {"xatol": 1e-8, "fatol": 1e-10, "maxiter": 40000, "maxfev": 40000}
+# SYNTHETIC: current and temperature of a wire that its current heats
+U = np.linspace(0.5, 10.0, 20)
+TRUE = {"p2": 0.65, "p1": 1.1, "p0": 19.0, "r0": 1.02, "alpha": 0.0038}
+HEAT, OHM = "p2*x**2 + p1*x + p0", "x/(r0*(1 + alpha*(p2*x**2 + p1*x + p0)))"
+RNG = np.random.default_rng(11)
+NOISE_T, NOISE_I = 0.5 * RNG.standard_normal(20), 0.1 * RNG.standard_normal(20)
+
+
+def temperature(x: Any, p2: Any = 1.0, p1: Any = 1.0, p0: Any = 0.0) -> Any:
+    return p2 * x**2 + p1 * x + p0
+
+
+def current(
+    x: Any, r0: Any = 1.0, alpha: Any = 0.004, p2: Any = 2.0, p1: Any = 2.0, p0: Any = 1.0
+) -> Any:
+    return x / (r0 * (1.0 + alpha * temperature(x, p2, p1, p0)))
+
+
+HOT = temperature(U, **{name: TRUE[name] for name in ("p2", "p1", "p0")}) + NOISE_T
+FLOWS = current(U, **TRUE) + NOISE_I
+WIRE = {"heat": DataSet(U, HOT, u_y=0.5, curve=HEAT), "flow": DataSet(U, FLOWS, u_y=0.1, curve=OHM)}
+
+
+def by_hand() -> tuple[np.ndarray, np.ndarray, float]:
+    """Values, standard deviations and chi-squared of the wire, in the order of TRUE."""
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        p2, p1, p0, r0, alpha = p
+        warm = p2 * U**2 + p1 * U + p0
+        return np.concatenate([(HOT - warm) / 0.5, (FLOWS - U / (r0 * (1 + alpha * warm))) / 0.1])
+
+    best = least_squares(residuals, list(TRUE.values()), x_scale="jac", xtol=1e-15, ftol=1e-15)
+    return best.x, np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac))), 2.0 * best.cost
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_curves_that_share_parameters_are_least_squares_of_everything_at_once(turned: bool) -> None:
+    sets = dict(reversed(WIRE.items())) if turned else WIRE
+    fit = fit_curves(None, sets, derived={"R20": "r0*(1 + 20*alpha)"})
+    values, sds, chi2 = by_hand()
+    assert [fit.values[name] for name in TRUE] == pytest.approx(values, rel=1e-5)
+    assert [fit.sds[name] for name in TRUE] == pytest.approx(sds, rel=1e-3)
+    assert (fit.chi2, fit.dof, str(fit.status)) == (pytest.approx(chi2), 35, "ok")
+    assert set(fit.names) == set(TRUE)
+    assert [run.name for run in fit.problem.runs] == list(sets)
+    assert fit.derived["R20"].value == pytest.approx(values[3] * (1 + 20 * values[4]), rel=1e-5)
+    assert fit.predict(5.0, data="heat").value[0] == pytest.approx(
+        temperature(5.0, *values[:3]), rel=1e-5
+    )
+
+
+def test_a_function_s_argument_that_another_curve_fits_is_fit() -> None:
+    sets = {
+        "flow": DataSet(U, FLOWS, u_y=0.1, curve=current),
+        "heat": DataSet(U, HOT, u_y=0.5, curve=temperature),
+    }
+    values, sds, _ = by_hand()
+    fit = fit_curves(None, sets)
+    assert [fit.values[name] for name in TRUE] == pytest.approx(values, rel=1e-5)
+    # beside a start an argument with a number by default keeps that, but not what the other fits
+    held = fit_curves(None, sets, start={"r0": 1.0})
+    assert set(held.names) == {"r0", "p2", "p1", "p0"}
+    one = fit_curves(None, sets, start={"r0": 1.0, "alpha": 0.004})
+    assert [one.values[name] for name in TRUE] == pytest.approx(values, rel=1e-5)
+    assert [one.sds[name] for name in TRUE] == pytest.approx(sds, rel=1e-3)
+
+
+def test_a_wrong_curve_of_one_set_is_refused_by_its_name() -> None:
+    cold = {**WIRE, "flow": DataSet(U, FLOWS, u_y=0.1, curve="x/(r0*(1 + 0.1*p1))")}
+    fit = fit_curves(None, cold)
+    assert fit.status == "poor-fit"
+    assert any("flow" in reason for reason in fit.reasons)
+    assert "±" not in str(fit)
+
+
+def test_what_is_not_shared_is_of_each_set() -> None:
+    fit = fit_curves(None, WIRE, shared=["p2", "p1"], fixed={"p0[flow]": 19.0})
+    assert set(fit.names) == {"p2", "p1", "p0[heat]", "r0[flow]", "alpha[flow]"}
+    assert fit.fixed == {"p0[flow]": 19.0}
+    values = fit_curves(None, WIRE, fixed={"p0": 19.0})
+    assert values.fixed == {"p0": 19.0}
+    assert set(values.names) == {"p2", "p1", "r0", "alpha"}
+
+
+def test_one_curve_without_a_word_of_what_is_shared_is_one_curve_of_all_points() -> None:
+    x, y = (
+        np.concatenate([U, U + 0.1]),
+        np.concatenate([HOT, temperature(U + 0.1, 0.65, 1.1, 19.0)]),
+    )
+    fit = fit_curves(
+        HEAT, {"one": DataSet(U, HOT, u_y=0.5), "two": DataSet(U + 0.1, y[20:], u_y=0.5)}
+    )
+    whole = fit_curve(HEAT, x, y, u_y=0.5)
+    assert fit.values == pytest.approx(whole.values, rel=1e-6)
+    assert fit.sds == pytest.approx(whole.sds, rel=1e-4)
+
+
+def test_a_set_may_have_fewer_points_than_parameters() -> None:
+    """A single point of I(U) tells r0, where alpha is known."""
+    few = {**WIRE, "flow": DataSet(U[:1], FLOWS[:1], u_y=0.1, curve=OHM)}
+    fit = fit_curves(None, few, fixed={"alpha": 0.004})
+    heat = fit_curve(HEAT, U, HOT, u_y=0.5)
+    assert fit.values["p2"] == pytest.approx(heat.values["p2"], rel=1e-5)
+    assert fit(U[:1], data="flow") == pytest.approx(FLOWS[:1], rel=1e-4)
+    with pytest.raises(InputError, match="at least as many points as parameters"):
+        fit_curves(None, {"flow": few["flow"]})
+
+
+# --- two kinds of noise
+
+T = np.linspace(0.25, 9.75, 20)
+EDGES = np.linspace(0.0, 10.0, 21)
+COUNTS = np.random.default_rng(5).poisson(400.0 * np.exp(-T / 3.0) + 10.0)
+VOLTS = 2.0 * np.exp(-T / 3.0) + 0.05 * np.random.default_rng(6).standard_normal(20)
+TIMES = np.random.default_rng(7).exponential(3.0, 400)
+TIMES = TIMES[TIMES < 10.0]
+
+
+def mixed(volts: np.ndarray, volts_curve: str = "V*exp(-x/tau)") -> Any:
+    return fit_curves(
+        None,
+        {
+            "read": DataSet(T, volts, u_y=0.05, curve=volts_curve),
+            "counted": DataSet(T, COUNTS, noise=Poisson(), curve="N*exp(-x/tau) + B"),
+            "times": DataSet(TIMES, None, noise=EventTimes(0, 10), curve="exp(-x/tau)"),
+        },
+        start={"V": 1.0, "tau": 2.0, "N": 300.0, "B": 5.0},
+        bounds={"tau": (0.1, 50.0), "B": (0.0, None), "N": (0.0, None)},
+    )
+
+
+def test_readings_counts_and_times_share_a_lifetime() -> None:
+    """Beside the sum of the three negative log-likelihoods, as iminuit's CostSum is."""
+
+    def minus(p: np.ndarray) -> float:
+        v, tau, n, b = p
+        mean = n * np.exp(-T / tau) + b
+        return float(
+            0.5 * np.sum(((VOLTS - v * np.exp(-T / tau)) / 0.05) ** 2)
+            + np.sum(mean - COUNTS * np.log(mean) + gammaln(COUNTS + 1.0))
+            + np.sum(TIMES / tau + np.log(tau * (1.0 - np.exp(-10.0 / tau))))
+        )
+
+    best = minimize(minus, [2.0, 3.0, 400.0, 10.0], method="Nelder-Mead", options=EXACT)
+    steps = 1e-3 * best.x
+    hessian = np.array(
+        [
+            [
+                sum(
+                    a * b * minus(best.x + a * steps * np.eye(4)[i] + b * steps * np.eye(4)[j])
+                    for a in (-1, 1)
+                    for b in (-1, 1)
+                )
+                / (4 * steps[i] * steps[j])
+                for j in range(4)
+            ]
+            for i in range(4)
+        ]
+    )
+    sds = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    fit = mixed(VOLTS)
+    assert fit.status == "ok"
+    names = ("V", "tau", "N", "B")
+    assert np.abs([fit.values[name] for name in names] - best.x) / sds == pytest.approx(0, abs=0.01)
+    assert [fit.sds[name] for name in names] == pytest.approx(sds, rel=0.05)
+    alone = fit_curve("N*exp(-x/tau) + B", T, COUNTS, noise="poisson")
+    assert fit.sds["tau"] < 0.9 * alone.sds["tau"]
+
+
+def test_a_wrong_curve_beside_other_noise_is_refused() -> None:
+    fit = mixed(VOLTS, "V*exp(-(x/tau)**2)")
+    assert fit.status == "poor-fit"
+    assert any("read" in reason for reason in fit.reasons)
+
+
+PEAK = "{0}*exp(-(x - mu)**2/(2*(w**2 + {1}**2)))/sqrt(2*pi*(w**2 + {1}**2)) + {2}/10"
+
+
+def histograms(other: float) -> tuple[Any, list[tuple[np.ndarray, np.ndarray]]]:
+    """The fit of two histograms, and their edges and counts; other : place of the second peak."""
+    rng = np.random.default_rng(2)
+    drawn = []
+    sizes = ((30, 0.66, 160, 40, 6.66), (50, 0.11, 125, 375, other))
+    for bins, blur, signal, flat, place in sizes:
+        raw = (rng.normal(place, np.hypot(0.33, blur), signal), rng.uniform(0, 10, flat))
+        counts, edges = np.histogram(np.concatenate(raw), bins=bins, range=(0, 10))
+        drawn.append((edges, counts))
+    fit = fit_curves(
+        None,
+        {
+            name: DataSet(
+                0.5 * (edges[1:] + edges[:-1]),
+                counts,
+                noise=Poisson(bins=edges),
+                curve=PEAK.format(f"S{name}", f"r{name}", f"B{name}"),
+            )
+            for name, (edges, counts) in zip("12", drawn, strict=True)
+        },
+        start={"mu": 6.5, "w": 0.4, "S1": 150, "B1": 50, "S2": 100, "B2": 400}
+        | {"r1": 0.66, "r2": 0.11},
+        bounds={"w": (0.01, 3.0), **dict.fromkeys(("S1", "S2", "B1", "B2"), (0.0, None))},
+        priors={"r1": "0.66(17)", "r2": "0.110(55)"},
+        n_start=1,
+    )
+    return fit, drawn
+
+
+def test_two_histograms_share_place_and_width() -> None:
+    """Beside the brute-force maximum of the Poisson likelihood of both."""
+    fit, drawn = histograms(6.66)
+    names = ("mu", "w", "S1", "B1", "S2", "B2", "r1", "r2")
+
+    def minus(p: np.ndarray) -> float:
+        mu, w, s1, b1, s2, b2, r1, r2 = p
+        total = 0.5 * ((r1 - 0.66) / 0.17) ** 2 + 0.5 * ((r2 - 0.11) / 0.055) ** 2
+        for (e, c), s, b, r in zip(drawn, (s1, s2), (b1, b2), (r1, r2), strict=True):
+            shares = np.diff(ndtr((e - mu) / np.hypot(w, r)))
+            mean = s * shares + b * np.diff(e) / 10
+            total += np.sum(mean - c * np.log(mean))
+        return float(total)
+
+    at = np.array([fit.values[name] for name in names])
+    assert fit.status == "ok"
+    best = minimize(minus, at, method="Nelder-Mead", options=EXACT)
+    sds = np.array([fit.sds[name] for name in names])
+    assert np.abs(at - best.x) / sds == pytest.approx(0, abs=0.05)
+
+
+def test_a_place_that_is_not_shared_is_refused() -> None:
+    fit, _ = histograms(5.2)
+    assert fit.status == "poor-fit"
+
+
+# --- words
+
+
+def test_what_follows_from_several_sets() -> None:
+    fit = fit_curves(
+        None,
+        WIRE,
+        shared=["p2", "p1"],
+        fixed={"alpha": 0.0038},
+        derived={"warm": "p0 - 20", "ratio": "p0[heat]/p0[flow]", "next": "ratio/2"},
+    )
+    assert fit.derived["ratio"].value == pytest.approx(
+        fit.values["p0[heat]"] / fit.values["p0[flow]"]
+    )
+    assert {"warm[heat]", "warm[flow]", "ratio"} < set(fit.derived)
+    apart = fit_curves(
+        None,
+        {
+            "a": DataSet(U, 2.0 * U + NOISE_I, u_y=0.1, curve="a*x"),
+            "b": DataSet(U, 3.0 * U + NOISE_I, u_y=0.1, curve="b*x"),
+        },
+        derived={"ratio": "a/b"},
+    )
+    a, b = apart.values["a"], apart.values["b"]
+    assert apart.derived["ratio"].value == pytest.approx(a / b)
+    assert apart.derived["ratio"].sd == pytest.approx(
+        a / b * np.hypot(apart.sds["a"] / a, apart.sds["b"] / b), rel=1e-3
+    )
+
+
+def test_every_set_has_its_axes_and_what_is_shared_one_unit() -> None:
+    volt, kelvin = AxisNames("U", "V", "I", "A"), AxisNames("U", "V", "T", "K")
+    axes = {
+        "heat": DataSet(U, HOT, u_y=0.5, curve=HEAT, axes=kelvin),
+        "flow": DataSet(U, FLOWS, u_y=0.1, curve=OHM, axes=volt),
+    }
+    fit = fit_curves(None, axes)
+    units = {p.name: p.unit for p in fit.problem.parameters}
+    assert (units["p2"], units["p0"]) == ("K/V²", "K")
+    assert [run.y_label for run in fit.problem.runs] == ["T (K)", "I (A)"]
+    lines = {
+        "s": DataSet(U, U, u_y=0.5, curve="a*x", axes=AxisNames("t", "s", "s", "m")),
+        "v": DataSet(U, U, u_y=0.5, curve="a + b*x", axes=AxisNames("t", "s", "s", "m")),
+    }
+    with pytest.raises(InputError, match="'a' is shared, but in m/s for one data set and in m"):
+        fit_curves(None, lines)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"data": {"heat": DataSet(U, HOT, u_y=0.5)}}, "'data\\[heat\\].curve' is missing: give"),
+        ({"start": {"q": 1.0}}, "'start' of data set 'heat' names 'q', which is not in the form"),
+        ({"priors": {"p9": "1.0(1)"}}, "names 'p9', which is not a parameter"),
+        ({"shared": ["q"]}, "'shared' names 'q', which is not a fitted parameter"),
+        ({"derived": {"g": "q + r0"}}, "'g' of data set 'flow' names 'q', which is neither"),
+        ({"derived": {"g": "r0[cold]"}}, r"'g' names 'r0\[cold\]', which no data set has"),
+        ({"tied": 1.0}, "'tied' must be a mapping"),
+        ({"start": [1.0]}, "'start' must be a mapping"),
+        ({"priors": {"r0[flow]": "1.0(1)"}}, "refers to one data set, but 'r0' is shared by all"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(change: dict[str, Any], said: str) -> None:
+    arguments: dict[str, Any] = {"data": WIRE} | change
+    with pytest.raises(InputError, match=said):
+        fit_curves(None, **arguments)
