@@ -12,26 +12,19 @@ import numpy as np
 
 from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
-from estim.curve_fitting.single import fit_errors, fit_stated
+from estim.curve_fitting.single import fit_errors, fit_stated, pose_points
 from estim.curves import (
     AxisNames,
     Component,
     CurveProblem,
     DataSet,
-    Plain,
     arguments_of,
     in_time,
     join,
     of_data_set,
-    pose_curve,
-    provisional,
     read_formula,
-    refuse_quantities,
     seek,
-    started,
-    unstarted,
     with_defaults,
-    without_units,
 )
 from estim.fitting import N_START
 
@@ -121,7 +114,12 @@ def fit_curves(
             for one, value in begun.items()
             if one in known and (shared is None or one in shared)
         }
-        parts[name] = _posed(sets[name], own, tuple(errors), name)
+        try:
+            parts[name] = pose_points(sets[name], own, errors, level=f"[{name}]")
+        except InputError as error:
+            raise InputError(
+                f"of data set '{name}' {error.rule}", field=error.field, value=error.value
+            ) from None
         if begun:
             begun = {p.name: p.prior.centre for p in parts[name].parameters} | begun
     alike = {
@@ -147,7 +145,8 @@ def fit_curves(
         units=units or {},
         order=data,
     )
-    n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
+    if n_start is None:
+        n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
     return (fit_errors if joint.infers_errors else fit_stated)(joint, rng, n_start)
 
 
@@ -188,68 +187,8 @@ def _of_one(
         for field, given in written.items()
     }
     own["start"] = with_defaults(sets[name].curve, own["start"], own["fixed"], own["tied"])
-    return {field: of_data_set(given, name, list(sets), field) for field, given in own.items()}
-
-
-def _posed(
-    points: DataSet, own: Mapping[str, Any], errors: tuple[Component, ...], name: str
-) -> CurveProblem:
-    """The problem of one data set.  own : field -> what is said of it.  Raises InputError."""
-    curve: Any = points.curve
-    refuse_quantities(cov_y=points.cov_y)
-    plain = without_units(
-        Plain(
-            points.x,
-            points.y,
-            points.u_x,
-            points.u_y,
-            own["start"],
-            own["fixed"],
-            own["bounds"],
-            own["units"],
-            points.axes or AxisNames(),
-        )
-    )
-    begin = {item: value for item, value in plain.start.items() if item not in plain.fixed}
-    named = unstarted(curve, begin, plain.fixed, own["tied"])
-    limits = plain.bounds
-    if named is not None:
-        held, (begin, limits) = (
-            begin,
-            provisional(named, begin, plain.bounds, own["priors"], {*plain.fixed, *own["tied"]}),
-        )
-    try:
-        posed = pose_curve(
-            curve if named is None else named.expression,
-            plain.x,
-            plain.y,
-            start=begin,
-            u_y=plain.u_y,
-            cov_y=points.cov_y,
-            u_x=plain.u_x,
-            bounds=limits,
-            priors=own["priors"],
-            errors=errors,
-            units=plain.units,
-            axes=plain.axes,
-            fixed=plain.fixed,
-            noise=points.noise,
-            derived=own["derived"],
-            tied=own["tied"],
-            chosen={*begin} - {*plain.start},
-            jitter=bool(points.jitter) if points.jitter is None else points.jitter,
-            robust=points.robust,
-            level=f"[{name}]",
-        )
-        return (
-            posed
-            if named is None
-            else started(replace(posed, called=named.called), named, held=held)
-        )
-    except InputError as error:
-        raise InputError(
-            f"of data set '{name}' {error.rule}", field=error.field, value=error.value
-        ) from None
+    own = {field: of_data_set(given, name, list(sets), field) for field, given in own.items()}
+    return own | {"start": {one: v for one, v in own["start"].items() if one not in own["fixed"]}}
 
 
 def _check_shared(

@@ -40,6 +40,7 @@ from estim.curves import (
     Component,
     Counting,
     CurveProblem,
+    DataSet,
     JointProblem,
     Plain,
     in_time,
@@ -159,48 +160,20 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
-    start = {} if start is None else start
-    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied = {} if tied is None else tied
-    curve = in_time(curve, start, fixed, bounds, priors, tied)
-    units = {} if units is None else units
-    axes = AxisNames() if axes is None else axes
-    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
-    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
-    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
-    named = unstarted(curve, start, fixed, tied)
-    begin, limits = (
-        (start, bounds)
-        if named is None
-        else provisional(named, start, bounds, priors, {*fixed, *tied})
-    )
-    posed = pose_curve(
-        curve if named is None else named.expression,
-        plain.x,
-        plain.y,
-        start=begin,
-        u_y=plain.u_y,
-        cov_y=cov_y,
-        u_x=plain.u_x,
-        bounds=limits,
-        priors=priors,
-        errors=tuple(errors),
-        units=plain.units,
-        axes=plain.axes,
-        fixed=fixed,
-        deviation=deviation,
-        correlated=correlated,
-        noise=noise,
-        derived={} if derived is None else derived,
-        tied=tied,
-        chosen={*begin} - {*start},
-        jitter=jitter,
-        robust=robust,
-    )
+    said: dict[str, Any] = {
+        "start": with_defaults(curve, start, fixed, tied),
+        "bounds": bounds,
+        "priors": priors,
+        "fixed": fixed,
+        "tied": tied,
+        "derived": derived,
+        "units": units,
+    }
+    said = {field: {} if given is None else given for field, given in said.items()}
+    curve = in_time(curve, said["start"], said["fixed"], bounds, priors, tied)
+    points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust)
+    posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
     require_points(posed.parameters, posed.x.size, stated=posed.stated)
-    if named is not None:
-        posed = started(replace(posed, called=named.called), named, held=start)
     if posed.infers_errors:
         return fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
@@ -209,6 +182,75 @@ def fit_curve(
     )
     return (
         _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
+    )
+
+
+def pose_points(
+    points: DataSet,
+    said: Mapping[str, Any],
+    errors: Sequence[Component],
+    *,
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
+    level: str = "",
+) -> CurveProblem:
+    """The problem of one data set, with starts found from its points where none is given.
+
+    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
+        of its parameters.
+    level : behind the names of what is unknown of its errors.  Raises InputError.
+    """
+    curve: Any = points.curve
+    refuse_quantities(cov_y=points.cov_y, deviation=deviation, correlated=correlated)
+    plain = without_units(
+        Plain(
+            points.x,
+            points.y,
+            points.u_x,
+            points.u_y,
+            said["start"],
+            said["fixed"],
+            said["bounds"],
+            said["units"],
+            points.axes or AxisNames(),
+        )
+    )
+    named = unstarted(curve, plain.start, plain.fixed, said["tied"])
+    begin, limits = (
+        (plain.start, plain.bounds)
+        if named is None
+        else provisional(
+            named, plain.start, plain.bounds, said["priors"], {*plain.fixed, *said["tied"]}
+        )
+    )
+    posed = pose_curve(
+        curve if named is None else named.expression,
+        plain.x,
+        plain.y,
+        start=begin,
+        u_y=plain.u_y,
+        cov_y=points.cov_y,
+        u_x=plain.u_x,
+        bounds=limits,
+        priors=said["priors"],
+        errors=tuple(errors),
+        units=plain.units,
+        axes=plain.axes,
+        fixed=plain.fixed,
+        deviation=deviation,
+        correlated=correlated,
+        noise=points.noise,
+        derived=said["derived"],
+        tied=said["tied"],
+        chosen={*begin} - {*plain.start},
+        jitter=points.jitter,
+        robust=points.robust,
+        level=level,
+    )
+    return (
+        posed
+        if named is None
+        else started(replace(posed, called=named.called), named, held=plain.start)
     )
 
 
