@@ -4,12 +4,14 @@ hand.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import least_squares, minimize
 from scipy.special import gammaln, ndtr
+from scipy.stats import t as student_t
 
 from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves
 from estim.common import InputError
@@ -36,6 +38,20 @@ def current(
 HOT = temperature(U, **{name: TRUE[name] for name in ("p2", "p1", "p0")}) + NOISE_T
 FLOWS = current(U, **TRUE) + NOISE_I
 WIRE = {"heat": DataSet(U, HOT, u_y=0.5, curve=HEAT), "flow": DataSet(U, FLOWS, u_y=0.1, curve=OHM)}
+
+
+def curvature_sds(minus: Callable[[np.ndarray], float], at: Any, steps: Any) -> Any:
+    """Standard deviations by the second differences of a negative log-likelihood."""
+    moves = np.diag(steps)
+    hessian = [
+        [
+            sum(a * b * minus(at + a * one + b * other) for a in (-1, 1) for b in (-1, 1))
+            / (4.0 * np.max(one) * np.max(other))
+            for other in moves
+        ]
+        for one in moves
+    ]
+    return np.sqrt(np.diag(np.linalg.inv(np.array(hessian))))
 
 
 def by_hand() -> tuple[np.ndarray, np.ndarray, float]:
@@ -159,22 +175,7 @@ def test_readings_counts_and_times_share_a_lifetime() -> None:
         )
 
     best = minimize(minus, [2.0, 3.0, 400.0, 10.0], method="Nelder-Mead", options=EXACT)
-    steps = 1e-3 * best.x
-    hessian = np.array(
-        [
-            [
-                sum(
-                    a * b * minus(best.x + a * steps * np.eye(4)[i] + b * steps * np.eye(4)[j])
-                    for a in (-1, 1)
-                    for b in (-1, 1)
-                )
-                / (4 * steps[i] * steps[j])
-                for j in range(4)
-            ]
-            for i in range(4)
-        ]
-    )
-    sds = np.sqrt(np.diag(np.linalg.inv(hessian)))
+    sds = curvature_sds(minus, best.x, 1e-3 * best.x)
     fit = mixed(VOLTS)
     assert fit.status == "ok"
     names = ("V", "tau", "N", "B")
@@ -246,6 +247,124 @@ def test_two_histograms_share_place_and_width() -> None:
 def test_a_place_that_is_not_shared_is_refused() -> None:
     fit, _ = histograms(5.2)
     assert fit.status == "poor-fit"
+
+
+# --- what is unknown of the errors, of each data set
+
+DAYS = {
+    name: np.sort(np.random.default_rng(seed).uniform(0.0, 60.0, n))
+    for seed, (name, n) in enumerate({"k": 60, "j": 40, "a": 50}.items())
+}
+JITTERS = {"k": 3.0, "j": 0.0, "a": 1.5}
+SPEEDS = {
+    name: 5.0 * np.sin(2 * np.pi * x / 11.0 + 0.4)
+    + {"k": 1.0, "j": -2.0, "a": 0.5}[name]
+    + np.hypot(1.0, JITTERS[name]) * np.random.default_rng(10 + i).standard_normal(x.size)
+    for i, (name, x) in enumerate(DAYS.items())
+}
+STAR = "K*sin(2*pi*x/P + phi) + gamma"
+STAR_START = {"K": 4.0, "P": 11.0, "phi": 0.3, "gamma": 0.0}
+
+
+def star(curve: str = STAR, **choices: Any) -> Any:
+    data = {name: DataSet(x, SPEEDS[name], u_y=1.0) for name, x in DAYS.items()}
+    start = {name: value for name, value in STAR_START.items() if name in curve}
+    shared = [name for name in ("K", "P", "phi") if name in start]
+    return fit_curves(curve, data, shared=shared, start=start, **choices)
+
+
+def test_each_instrument_has_its_jitter() -> None:
+    """Beside the normal likelihood whose variance is u_y^2 + jitter^2, of each instrument."""
+    order = ("K", "P", "phi", "gamma[k]", "gamma[j]", "gamma[a]", "jitter[k]", "jitter[a]")
+
+    def minus(p: np.ndarray, last: float = 0.0) -> float:
+        k, period, phi = p[:3]
+        total = 0.0
+        for name, zero, scatter in zip("kja", p[3:6], (p[6], last, p[7]), strict=True):
+            size = 1.0 + scatter**2
+            mean = k * np.sin(2 * np.pi * DAYS[name] / period + phi) + zero
+            total += 0.5 * np.sum((SPEEDS[name] - mean) ** 2 / size + np.log(size))
+        return float(total)
+
+    fit = star(jitter=True)
+    assert fit.status == "ok"
+    assert {"jitter[k]", "jitter[j]", "jitter[a]"} < set(fit.names)
+    begin = [5.0, 11.0, 0.4, 1.0, -2.0, 0.5, 3.0, 1.5]
+    best = minimize(lambda p: minus(p, fit.values["jitter[j]"]), begin, method="Nelder-Mead",
+                    options={**EXACT, "adaptive": True})  # fmt: skip
+    sds = curvature_sds(lambda p: minus(p, fit.values["jitter[j]"]), best.x, np.full(8, 1e-3))
+    values = np.array([fit.values[name] for name in order])
+    assert np.abs(values - best.x) / sds == pytest.approx(0, abs=0.01)
+    assert [fit.sds[name] for name in order] == pytest.approx(sds, rel=0.02)
+    # the one without any is found small, by the profile of the same likelihood
+    low, high = fit.intervals["jitter[j]"][0.95]
+    assert low == 0.0
+    rise = [
+        minimize(lambda p, at=at: minus(p, at), best.x, method="BFGS").fun
+        for at in (fit.values["jitter[j]"], high)
+    ]
+    assert 2.0 * (rise[1] - rise[0]) == pytest.approx(1.96**2, abs=0.2)
+
+
+def test_jitter_of_one_set_is_not_that_of_the_others() -> None:
+    data = {
+        name: DataSet(x, SPEEDS[name], u_y=1.0, jitter=True if name == "k" else None)
+        for name, x in DAYS.items()
+    }
+    fit = fit_curves(STAR, data, shared=["K", "P", "phi"], start=STAR_START)
+    assert [name for name in fit.names if "jitter" in name] == ["jitter[k]"]
+    assert fit.status == "poor-fit"
+    assert all("run a" in reason for reason in fit.reasons)
+    known = {**data, "a": DataSet(DAYS["a"], SPEEDS["a"], u_y=1.0, jitter="1.5(2)")}
+    assert fit_curves(STAR, known, shared=["K", "P", "phi"], start=STAR_START).status == "ok"
+
+
+def test_jitter_does_not_hide_a_wrong_curve() -> None:
+    wrong = star("K*x + gamma", jitter=True)
+    assert wrong.status == "poor-fit"
+    assert star(jitter=False).status == "poor-fit"
+
+
+def test_robust_errors_of_one_set_beside_normal_ones_of_another() -> None:
+    """Beside Student's t with 4 degrees of freedom of the first, the normal law of the second."""
+    volts = VOLTS + np.where(np.arange(20) == 7, 1.5, 0.0)
+    sets = {
+        "bad": DataSet(T, volts, u_y=0.05, robust="student-t"),
+        "good": DataSet(T, VOLTS - 0.01, u_y=0.05),
+    }
+
+    def minus(p: np.ndarray) -> float:
+        curve = p[0] * np.exp(-T / p[1])
+        return float(
+            -student_t.logpdf((volts - curve) / 0.05, 4).sum()
+            + 0.5 * np.sum(((VOLTS - 0.01 - curve) / 0.05) ** 2)
+        )
+
+    fit = fit_curves("V*exp(-x/tau)", sets)
+    best = minimize(minus, [2.0, 3.0], method="Nelder-Mead", options=EXACT)
+    sds = np.array([fit.sds["V"], fit.sds["tau"]])
+    assert fit.status == "ok"
+    assert np.abs(np.array([fit.values["V"], fit.values["tau"]]) - best.x) / sds == pytest.approx(
+        0, abs=0.01
+    )
+    # expected information, not that of these data
+    assert sds == pytest.approx(curvature_sds(minus, best.x, np.full(2, 1e-3)), rel=0.15)
+    assert fit_curves("V*exp(-x/tau)", sets, robust="student-t").status == "ok"
+    plain = {**sets, "bad": DataSet(T, volts, u_y=0.05)}
+    assert fit_curves("V*exp(-x/tau)", plain).status == "poor-fit"
+
+
+def test_jitter_beside_counts() -> None:
+    counted = DataSet(T, COUNTS, noise=Poisson(), curve="N*exp(-x/tau) + B")
+    start = {"V": 2.0, "tau": 3.0, "N": 400.0, "B": 10.0}
+    read = DataSet(T, VOLTS, u_y=0.02, jitter=True, curve="V*exp(-x/tau)")
+    fit = fit_curves(None, {"read": read, "counted": counted}, start=start)
+    alone = fit_curve("V*exp(-x/tau)", T, VOLTS, u_y=0.02, jitter=True)
+    assert fit.status == "ok"
+    assert fit.values["jitter[read]"] == pytest.approx(alone.values["jitter"], rel=0.1)
+    assert fit.sds["tau"] < alone.sds["tau"]
+    with pytest.raises(InputError, match="'jitter' of data set 'counted'"):
+        fit_curves(None, {"read": read, "counted": counted}, start=start, jitter=True)
 
 
 # --- words
