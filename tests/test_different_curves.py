@@ -4,6 +4,7 @@ hand.
 
 from __future__ import annotations
 
+import doctest
 from collections.abc import Callable
 from typing import Any
 
@@ -15,6 +16,7 @@ from scipy.stats import t as student_t
 
 from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves
 from estim.common import InputError
+from estim.curve_fitting import several
 
 EXACT = {"xatol": 1e-8, "fatol": 1e-10, "maxiter": 40000, "maxfev": 40000}
 # SYNTHETIC: current and temperature of a wire that its current heats
@@ -367,7 +369,54 @@ def test_jitter_beside_counts() -> None:
         fit_curves(None, {"read": read, "counted": counted}, start=start, jitter=True)
 
 
+def test_errors_of_x_in_common_by_true_values_as_parameters() -> None:
+    """Beside least squares over the true voltages; here one meter serves both instruments."""
+    k, read = np.arange(20), U + 0.2 * np.random.default_rng(3).standard_normal(20)
+
+    def voltage(k: Any, **true: Any) -> Any:
+        return sum(value * (k == i) for i, value in enumerate(true.values()))
+
+    def warm(k: Any, p2: Any, p1: Any, p0: Any, **true: Any) -> Any:
+        return temperature(voltage(k, **true), p2, p1, p0)
+
+    def flow(k: Any, r0: Any, alpha: Any, p2: Any, p1: Any, p0: Any, **true: Any) -> Any:
+        return current(voltage(k, **true), r0, alpha, p2, p1, p0)
+
+    fit = fit_curves(
+        None,
+        {
+            "U": DataSet(k, read, u_y=0.2, curve=voltage),
+            "T": DataSet(k, HOT, u_y=0.5, curve=warm),
+            "I": DataSet(k, FLOWS, u_y=0.1, curve=flow),
+        },
+        start={**TRUE, **{f"U{i}": u for i, u in enumerate(read)}},
+        n_start=1,
+    )
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        hot = p[0] * p[5:] ** 2 + p[1] * p[5:] + p[2]
+        flows = p[5:] / (p[3] * (1 + p[4] * hot))
+        return np.concatenate([(HOT - hot) / 0.5, (FLOWS - flows) / 0.1, (read - p[5:]) / 0.2])
+
+    best = least_squares(
+        residuals, [*TRUE.values(), *read], x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
+    )
+    sds = np.sqrt(np.diag(np.linalg.inv(best.jac.T @ best.jac)))[:5]
+    assert fit.status == "ok"
+    assert fit.dof == 35
+    assert fit.chi2 == pytest.approx(2.0 * best.cost, rel=1e-5)
+    assert np.abs([fit.values[name] for name in TRUE] - best.x[:5]) / sds == pytest.approx(
+        0, abs=0.01
+    )
+    assert [fit.sds[name] for name in TRUE] == pytest.approx(sds, rel=0.01)
+
+
 # --- words
+
+
+def test_the_example_of_the_docstring_runs() -> None:
+    done = doctest.testmod(several)
+    assert (done.attempted, done.failed) == (6, 0)
 
 
 def test_what_follows_from_several_sets() -> None:

@@ -45,7 +45,7 @@ def fit_curves(
     fixed: Mapping[str, float] | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
-    jitter: bool | Prior | str = False,
+    jitter: Any = False,
     robust: str | None = None,
 ) -> CurveFit:
     """The curve fit to several data sets at once, or curves that have parameters in common.

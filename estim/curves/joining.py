@@ -17,7 +17,7 @@ from estim.common import InputError, same_unit
 from estim.curves.counting import Counting
 from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
 from estim.curves.posing import AxisNames, CurveProblem, require_points
-from estim.problem import Parameter, Prior, Problem
+from estim.problem import Parameter, Problem
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class DataSet:
     noise: Counting | str | None = None
     curve: str | Callable[..., Any] | None = None
     axes: AxisNames | None = None
-    jitter: bool | Prior | str | None = None
+    jitter: Any = None
     robust: str | None = None
 
 
