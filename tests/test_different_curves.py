@@ -100,6 +100,20 @@ def test_a_function_s_argument_that_another_curve_fits_is_fit() -> None:
     assert [one.sds[name] for name in TRUE] == pytest.approx(sds, rel=1e-3)
 
 
+def test_a_start_that_one_curve_finds_is_that_of_the_next() -> None:
+    """What a tie follows has a start from the other curve's points."""
+    sets = {
+        "square": DataSet(U, 6.0 * U**2 + 1.0 + NOISE_I, u_y=0.1, curve="d*x**2 + c"),
+        "line": DataSet(U, 2.0 * U + NOISE_I, u_y=0.1, curve="a*x"),
+    }
+    fit = fit_curves(None, sets, tied={"d": "3*a"}, start={"c": 0.0})
+    weights = np.concatenate([3.0 * U**2, U]), np.concatenate([np.ones(20), np.zeros(20)])
+    y = np.concatenate([6.0 * U**2 + 1.0 + NOISE_I, 2.0 * U + NOISE_I])
+    best = np.linalg.lstsq(np.column_stack(weights), y, rcond=None)[0]
+    assert [fit.values["a"], fit.values["c"]] == pytest.approx(best, rel=1e-6)
+    assert fit.derived["d"].value == pytest.approx(3.0 * best[0])
+
+
 def test_a_wrong_curve_of_one_set_is_refused_by_its_name() -> None:
     cold = {**WIRE, "flow": DataSet(U, FLOWS, u_y=0.1, curve="x/(r0*(1 + 0.1*p1))")}
     fit = fit_curves(None, cold)
@@ -467,6 +481,7 @@ def test_every_set_has_its_axes_and_what_is_shared_one_unit() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
+        ({"data": {"heat": DataSet(U, HOT, u_y=0.5, curve="")}}, "'curve' of data set 'heat' must"),
         ({"data": {"heat": DataSet(U, HOT, u_y=0.5)}}, "'data\\[heat\\].curve' is missing: give"),
         ({"start": {"q": 1.0}}, "'start' of data set 'heat' names 'q', which is not in the form"),
         ({"priors": {"p9": "1.0(1)"}}, "names 'p9', which is not a parameter"),

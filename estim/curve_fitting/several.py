@@ -4,7 +4,8 @@ engine as `fit_curve`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -92,7 +93,9 @@ def fit_curves(
     sets = {
         name: replace(
             points,
-            curve=in_time(points.curve or curve, start, fixed, bounds, priors, tied),
+            curve=in_time(
+                curve if points.curve is None else points.curve, start, fixed, bounds, priors, tied
+            ),
             axes=points.axes or axes or AxisNames(),
             jitter=jitter if points.jitter is None else points.jitter,
             robust=robust if points.robust is None else points.robust,
@@ -101,10 +104,10 @@ def fit_curves(
     }
     taken, foreign = _names(sets, written)
     settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
+    differ = any(points.curve is not None for points in data.values())
     begun: dict[str, float] = {}  # of what is shared by curves that differ
-    if any(points.curve is not None for points in data.values()):
-        for own in settings.values():
-            begun = {**own["start"], **begun}
+    for own in settings.values() if differ else ():
+        begun = own["start"] | begun
     parts: dict[str, CurveProblem] = {}
     for name in sorted(sets, key=lambda name: -len(foreign[name])):
         own = settings[name]
@@ -114,13 +117,9 @@ def fit_curves(
             for one, value in begun.items()
             if one in known and (shared is None or one in shared)
         }
-        try:
+        with _named(name):
             parts[name] = pose_points(sets[name], own, errors, level=f"[{name}]")
-        except InputError as error:
-            raise InputError(
-                f"of data set '{name}' {error.rule}", field=error.field, value=error.value
-            ) from None
-        if begun:
+        if differ:
             begun = {p.name: p.prior.centre for p in parts[name].parameters} | begun
     alike = {
         (part.axes.x_unit, part.axes.y_unit)
@@ -150,6 +149,17 @@ def fit_curves(
     return (fit_errors if joint.infers_errors else fit_stated)(joint, rng, n_start)
 
 
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """An InputError from within says of which data set it speaks."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            f"of data set '{name}' {error.rule}", field=error.field, value=error.value
+        ) from None
+
+
 def _names(
     sets: Mapping[str, DataSet], written: Mapping[str, Any]
 ) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
@@ -159,9 +169,9 @@ def _names(
     tied, derived = ({**(written[field] or {})} for field in ("tied", "derived"))
     taken = {}
     for name, points in sets.items():
-        taken[name] = {
-            *arguments_of(points.curve, written["start"] or (), written["fixed"] or (), tied)
-        }
+        with _named(name):
+            given = written["start"] or (), written["fixed"] or (), tied
+            taken[name] = {*arguments_of(points.curve, *given)}
         for tie in reversed(tied):
             if tie in taken[name]:
                 taken[name] |= {*read_formula(tied[tie], field=f"tied[{tie}]").names}
