@@ -14,7 +14,7 @@ from scipy.optimize import least_squares, minimize
 from scipy.special import gammaln, ndtr
 from scipy.stats import t as student_t
 
-from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves
+from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves, sample_curve
 from estim.common import InputError
 from estim.curve_fitting import several
 
@@ -320,6 +320,17 @@ def test_each_instrument_has_its_jitter() -> None:
         for at in (fit.values["jitter[j]"], high)
     ]
     assert 2.0 * (rise[1] - rise[0]) == pytest.approx(1.96**2, abs=0.2)
+
+
+def test_a_fit_with_jitter_is_sampled_of_one_set_and_of_several() -> None:
+    """A flat prior of the jitter says nothing of it; means and widths are those of the fit."""
+    one = fit_curve(STAR, DAYS["k"], SPEEDS["k"], u_y=1.0, jitter=True, start=STAR_START)
+    for fit in (one, star(jitter=True)):
+        analysis = sample_curve(fit, seed=1)
+        assert analysis.diagnosis.status == "ok"
+        draws = analysis.chain.flat[:, analysis.problem.names.index("K")]
+        assert abs(draws.mean() - fit.values["K"]) < 0.2 * fit.sds["K"]
+        assert draws.std() == pytest.approx(fit.sds["K"], rel=0.15)
 
 
 def test_jitter_of_one_set_is_not_that_of_the_others() -> None:
