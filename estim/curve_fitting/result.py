@@ -146,10 +146,11 @@ class CurveFit:
         values = np.array([self.values[name] for name in self.names])
         quantities: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
+            across = {sought.name for sought in run.sought if sought.others}
             for quantity in linear_derived(
                 run, self.names, values, self.cov, dof=self._dof, unknown=unknown
             ):
-                of_run = any(
+                of_run = quantity.name not in across and any(
                     "[" in name
                     for name, slope in zip(self.names, quantity.gradient, strict=True)
                     if slope != 0.0
@@ -226,6 +227,7 @@ class CurveFit:
         x = np.linspace(low - room, high + room, _ALONG)
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
+        one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,
             self.predict(run.x, data=data).value,
@@ -236,7 +238,7 @@ class CurveFit:
             title=": ".join(
                 [
                     *([data] if data else []),
-                    *([self.called] if len(self.called) <= _TITLE else []),
+                    *([self.called] if len(self.called) <= _TITLE and one_curve else []),
                     str(self.status),
                 ]
             ),

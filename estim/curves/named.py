@@ -113,6 +113,24 @@ def with_defaults(
     return known or start
 
 
+def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
+    """Names of the parameters that a curve takes; those that a function of Python itself names.
+
+    named : as for `called_by_name`.  Raises InputError.
+    """
+    if callable(curve):
+        try:
+            _, *parameters = inspect.signature(getattr(curve, "rhs", curve)).parameters.values()
+        except (TypeError, ValueError):
+            return ()
+        begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]
+        return (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *begin)
+    models = called_by_name(curve, *named)
+    if models is not None:
+        return models.parameters
+    return (curve if isinstance(curve, Formula) else read_formula(str(curve), field="curve")).names
+
+
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
     """The models that the text `curve` names; None where a name in it is that of a parameter, in
     one of the collections `named`.
