@@ -364,6 +364,7 @@ def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
                 )
         column[0].axhline(95.0, color="0.5", lw=0.8)
         column[0].set_title(curve)
+        column[0].set_ylim(0.0, 104.0)
         column[1].set_xticks(at, list(DISTURBANCES), rotation=90)
     axes[0, 0].set_ylabel("95 % intervals that hold\nthe truth, of the answers, %")
     axes[1, 0].set_ylabel("sets with an answer, %")
