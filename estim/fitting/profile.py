@@ -153,9 +153,10 @@ def contour(
 
 def dof_of_size(fit: Fit) -> float:
     """Degrees of freedom of the size of one run's errors where it is one of the unknowns; infinite
-    where it is stated.
+    where it is stated, and where several runs have sizes of their own.
     """
-    return max(fit.dof, 1) if fit.problem.runs[0].noise.size.parameters else math.inf
+    runs = fit.problem.runs
+    return max(fit.dof, 1) if len(runs) == 1 and runs[0].noise.size.parameters else math.inf
 
 
 def _beside_size(fit: Fit, rises: dict[float, float], dof: float) -> dict[float, float]:
