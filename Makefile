@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery bench docs site lock clean
+.PHONY: report test statistics lint reports gallery bench coverage docs site lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -33,6 +33,11 @@ gallery: $(VENV)/.installed
 PEERS ?= $(BIN)/python
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)
+
+# disturbances of real laboratories, beside lmfit and SciPy: docs/coverage.md; cells in COVERAGE are taken up where they stopped
+COVERAGE ?= out/coverage
+coverage: $(VENV)/.installed
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/coverage.py --out $(COVERAGE) --docs docs
 
 # docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
 docs: $(VENV)/.installed

@@ -38,6 +38,7 @@ from estim.fitting import (
     Fit,
     LinearDerived,
     contour,
+    dof_of_size,
     linear_derived,
     profile_intervals,
     shown_value,
@@ -442,7 +443,9 @@ class CurveFit:
 
     @property
     def _dof(self) -> float:
-        return math.inf if self.sigma is None or self.deviation is not None else self.dof
+        if self.sigma is None or self.deviation is not None:
+            return dof_of_size(self.held)
+        return self.dof
 
     @property
     def correlation(self) -> FloatArray:

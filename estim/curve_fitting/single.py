@@ -60,6 +60,7 @@ from estim.fitting import (
     Optimum,
     at_mode,
     chi2_p,
+    dof_of_size,
     find_optimum,
     fit_discrepancy,
     fit_optimum,
@@ -309,7 +310,7 @@ def fit_errors(
         amount = Amount(fit.mover or fit.names[0])
         findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
     else:
-        intervals, left_open = profiled(fit, math.inf)
+        intervals, left_open = profiled(fit, dof_of_size(fit))
         findings += [*left_open, *values_outside(values, intervals)]
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:

@@ -6,6 +6,8 @@
   shares the work with the data, so that s is known better than they alone say: the degrees of
   freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance
   (Welch-Satterthwaite, JCGM 100:2008, G.4.1).
+- Where that size is one of the parameters (a jitter, `sigma_y` of robust errors): profiles, with
+  Student's t too; for a line they are the same as those above.
 - Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
