@@ -116,7 +116,9 @@ def fit_curve(
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
-    u_y : standard uncertainty of y, a number or (n_obs,).
+    u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
+        of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
+        of each reading, 0.15 |y|, which pulls the curve down.
     cov_y : (n_obs, n_obs) covariance matrix in its place.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
@@ -289,7 +291,7 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
         status=decide(found),
         findings=found,
         remarks=(),
-        message=fit.message,
+        message="; ".join([fit.message, *posed.said]),
         goodness=goodness,
         fit=fit,
         held=fit,
@@ -393,8 +395,8 @@ def _concluded(
     )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    # chi^2 is only nearly what it is called
-    if goodness and any(item.normal is None for item in inner.posterior.likelihoods):
+    # chi^2 is only nearly what it is called; of several data sets there is no simulated one
+    if len(goodness) == 1 and any(item.normal is None for item in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -432,7 +434,7 @@ def _concluded(
             ),
             *lacking,
         ),
-        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]),
+        message=_message(best, posed, sigma, perfect, [tell(f) for f in same_curve(inner)]),
         goodness=goodness,
         fit=inner,
         held=fixed,
@@ -476,8 +478,14 @@ def _inner_fit(
     return with_other_modes(fit, best, rng)
 
 
-def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
-    words = [led_here(best.n_same, best.n_start), *same]
+def _message(
+    best: Optimum,
+    posed: CurveProblem | JointProblem,
+    sigma: float | None,
+    perfect: bool,
+    same: list[str],
+) -> str:
+    words = [led_here(best.n_same, best.n_start), *same, *posed.said]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

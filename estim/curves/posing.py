@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
-from estim.curves.columns import column, errors_of
+from estim.curves.columns import column, errors_of, share_of
 from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
@@ -64,6 +64,8 @@ class CurveProblem:
 
     x, y : (n_obs,).
     relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
+    share : standard deviation of y over the curve, 0 where it is not stated so; `relative` is then
+        what y themselves show of it.  said : the share that was stated, in words, if any.
     cov : (n_obs, n_obs), or None.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.
@@ -95,6 +97,8 @@ class CurveProblem:
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
     called: str = ""
+    share: float = 0.0
+    said: tuple[str, ...] = ()
 
     def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -162,6 +166,8 @@ class CurveProblem:
             relative_x=self.relative_x,
             tails=self.tails,
             jitter=self.jitter,
+            share=self.share,
+            said=self.said,
         )
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
@@ -196,6 +202,8 @@ def _reading_noise(
     relative_x: FloatArray | None,
     tails: Tails,
     jitter: Scale,
+    share: float,
+    said: tuple[str, ...],
 ) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the
     stated covariance matrix.
@@ -203,7 +211,15 @@ def _reading_noise(
     if cov is None:
         sigma_x = None if relative_x is None else Scale(1.0)
         return Readings(
-            sigma, jitter, relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what
+            sigma,
+            jitter,
+            relative,
+            sigma_x=sigma_x,
+            relative_x=relative_x,
+            tails=tails,
+            share=share,
+            what=what,
+            said=said,
         )
     return Correlated(cov, what)
 
@@ -277,6 +293,15 @@ def pose_curve(
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(points["x"], kind="stable")
+    share, said = 0.0, tuple[str, ...]()
+    if isinstance(u_y, str):
+        share, said, u_y = _share_of_y(u_y, points["y"])
+        if share and not (deviation == 0.0 and correlated is False and robust is None):
+            rule = (
+                "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
+                "'robust'"
+            )
+            raise InputError(rule, field="u_y", value=f"{100.0 * share:.4g}%")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
     if u_x is not None and u_y is None:
         raise InputError(
@@ -284,7 +309,7 @@ def pose_curve(
             "residuals",
             field="u_x",
         )
-    relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x")[order]
+    relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x", some_exact=True)[order]
     if relative_x is not None and hide_the_range(points["x"][order], relative_x):
         spread = float(np.std(points["x"], ddof=1))
         rule = (
@@ -366,7 +391,26 @@ def pose_curve(
         lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
+        share=share,
+        said=said,
     )
+
+
+def _share_of_y(text: str, y: FloatArray) -> tuple[float, tuple[str], FloatArray]:
+    """The share of the curve that errors of y are, 0 where it is one of each reading; that in
+    words; and standard deviations (n_obs,) as the readings show them.
+    """
+    share, of_readings = share_of(text, "u_y")
+    if not np.all(y):
+        rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
+        raise InputError(rule, field="y", value=0.0, index=int(np.argmin(np.abs(y))))
+    percent = 100.0 * share
+    said = (
+        phrase("standard deviations of {percent:.4g} % of each reading", percent=percent)
+        if of_readings
+        else phrase("standard deviations of {percent:.4g} % of the curve", percent=percent)
+    )
+    return 0.0 if of_readings else share, (said,), share * np.abs(y)
 
 
 def _errors_of_y(

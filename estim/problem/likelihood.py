@@ -316,6 +316,11 @@ class Noise(ABC):
         return False
 
     @property
+    def share_of_curve(self) -> float:
+        """Standard deviation of a reading over the curve; 0 where it is not stated so."""
+        return 0.0
+
+    @property
     def counted(self) -> Counted | None:
         """How y were counted; None where they are readings, which have errors."""
         return None
@@ -391,8 +396,10 @@ class Noise(ABC):
         """The noise in words."""
 
 
-def reading_sd(noise: Noise, named: Named) -> FloatArray:
+def reading_sd(noise: Noise, named: Named, curve: FloatArray | None = None) -> FloatArray:
     """Standard deviation of each point from the instrument alone, without scatter: broadcasts to
-    (n_draw, n_obs).
+    (n_draw, n_obs).  curve : (n_draw, n_obs) at the points, where it is known.
     """
+    if curve is not None and noise.share_of_curve:
+        return np.asarray(noise.share_of_curve * np.abs(curve))
     return np.asarray(np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain())

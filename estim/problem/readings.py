@@ -24,15 +24,20 @@ from estim.problem.size import Named, Scale, Size
 
 @dataclass(frozen=True, eq=False)
 class Readings(Independent):
-    """Independent errors of readings; `what` is read ("temperature")."""
+    """Independent errors of readings; `what` is read ("temperature").  said : the share
+    that their size is, in words, if it is one.
+    """
 
     what: str = field(default="y", kw_only=True)
+    said: tuple[str, ...] = field(default=(), kw_only=True)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
         if self.sigma.parameter is not None:
             size = phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
+        elif self.said:
+            size = self.said[0]
         elif np.ptp(self.relative) > 0.0:
             size = phrase("standard deviations as stated row by row")
         else:
