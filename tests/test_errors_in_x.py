@@ -450,3 +450,43 @@ def test_two_parameters_that_do_the_same_at_a_limit_are_told_apart_by_it(seed: i
         bounds=bounds,
     )
     assert fit.status == "ok", fit.reasons
+
+
+def test_some_x_may_be_exact_while_others_have_errors() -> None:
+    x, y = data(lambda x: 2.0 * np.exp(0.8 * x), np.linspace(0.1, 2.0, 12), 0.0, 0.1, 4)
+    u_x = np.where(np.arange(12) % 3 == 0, 0.1, 0.0)
+    start = {"a": 2.0, "b": 0.8}
+    fit = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=u_x)
+    named = {name: np.array([[value]]) for name, value in fit.values.items()}
+    (pointwise,) = fit.problem.runs[0].likelihood(fit.values).pointwise(named)
+    a, b = fit.values.values()
+    # mean and variance of the true abscissas are those of the x less the errors of all
+    tau2 = np.var(x, ddof=1) - np.mean(u_x**2)
+    for i in range(12):
+        if u_x[i] == 0.0:
+            expected = -0.5 * ((y[i] - a * np.exp(b * x[i])) / 0.1) ** 2 - np.log(0.1)
+            expected -= 0.5 * np.log(2.0 * np.pi)
+        else:
+            share = u_x[i] ** 2 / (u_x[i] ** 2 + tau2)
+            centre, sd = x[i] - share * (x[i] - x.mean()), u_x[i] * np.sqrt(1.0 - share)
+
+            def curve(z, centre=centre, sd=sd):
+                return a * np.exp(b * (centre + sd * z))
+
+            expected = brute_force(y[i], curve, sd=0.1)
+        # components are narrow normal ones: `abscissas` says how exactly they make the integral
+        assert pointwise[i] == pytest.approx(expected, abs=1e-9 if u_x[i] == 0.0 else 2e-3)
+    nearly = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=np.maximum(u_x, 1e-5))
+    assert list(fit.values.values()) == pytest.approx(list(nearly.values.values()), rel=1e-4)
+    assert list(fit.sds.values()) == pytest.approx(list(nearly.sds.values()), rel=1e-3)
+    alike = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=0.1)
+    assert alike.sds["a"] > 1.2 * fit.sds["a"]
+
+
+@pytest.mark.parametrize(
+    ("u_x", "value"), [(0.0, "0.0"), (np.zeros(9), "0.0"), (np.r_[0.1, -0.1, np.zeros(7)], "-0.1")]
+)
+def test_x_that_are_all_exact_have_no_errors_to_state(u_x: object, value: str) -> None:
+    x = np.linspace(0.0, 1.0, 9)
+    with pytest.raises(InputError, match=rf"'u_x'.* must be > 0.*: {value}"):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, u_y=0.1, u_x=u_x)
