@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from estim import Component
 from estim.calibration.experiment import PointDesign
 from estim.checks.goodness import check_goodness
 from estim.common.errors import InputError
@@ -20,7 +21,9 @@ from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem.abscissas import predictive, true_abscissas
+from estim.problem.curve import POINTS
 from estim.problem.posterior import Problem
+from estim.problem.roots import covariance_of
 from estim.problem.tails import GAUSSIAN, Mixture
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -490,3 +493,106 @@ def test_x_that_are_all_exact_have_no_errors_to_state(u_x: object, value: str) -
     x = np.linspace(0.0, 1.0, 9)
     with pytest.raises(InputError, match=rf"'u_x'.* must be > 0.*: {value}"):
         fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, u_y=0.1, u_x=u_x)
+
+
+def test_a_covariance_of_x_is_a_common_zero_beside_errors_of_each(rng: np.random.Generator) -> None:
+    true, n = rng.normal(0.0, 1.0, 25), 25
+    x, y = true + 0.15 * rng.standard_normal(n) + 0.2, 1.0 + 2.0 * true
+    y += 0.1 * rng.standard_normal(n)
+    start, each = {"a": 0.0, "b": 1.0}, 0.15**2 * np.eye(n)
+    zero = [Component("zero_x", 0.2)]
+    known = fit_curve("a + b*x", x, y, start=start, u_x=0.15, u_y=0.1, errors=zero)
+    whole = fit_curve("a + b*x", x, y, start=start, cov_x=each + 0.2**2, cov_y=0.01 * np.eye(n))
+    for name in "ab":
+        # one takes the size of the residuals as told by the slope, the other does not
+        assert whole.values[name] == pytest.approx(known.values[name], abs=0.3 * known.sds[name])
+        assert whole.sds[name] == pytest.approx(known.sds[name], rel=0.05)
+    without = fit_curve("a + b*x", x, y, start=start, cov_x=each, u_y=0.1)
+    assert without.sds["a"] < 0.3 * whole.sds["a"]
+    alone = fit_curve("a + b*x", x, y, start=start, u_x=0.15, cov_y=0.01 * np.eye(n))
+    assert alone.values == pytest.approx(without.values, rel=1e-9)
+    far = fit_curve("a + b*x", x, y, start={"a": 1e5, "b": -1e5}, cov_x=each, u_y=0.1)
+    assert far.values == pytest.approx(without.values, rel=1e-6)
+    assert "errors of x with a standard deviation of about 0.15" in (
+        alone.problem.runs[0].noise.describe(x_unit="1", y_unit="1", words=POINTS)
+    )
+
+
+def test_the_covariance_of_y_is_that_of_a_line_about_the_expected_abscissas() -> None:
+    x, y = data(lambda x: 1.0 + 2.0 * x, np.linspace(0.0, 3.0, 9), 0.2, 0.1, 2)
+    x, y = x[np.argsort(x)], y[np.argsort(x)]  # as a problem holds them
+    rng = np.random.default_rng(6)
+    root_x, root_y = (0.1 * rng.standard_normal((9, 9)) for _ in range(2))
+    cov_x, cov_y = root_x @ root_x.T + 0.01 * np.eye(9), root_y @ root_y.T + 0.01 * np.eye(9)
+    start = {"a": 0.0, "b": 1.0}
+    fit = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y)
+    # by draws of what is not known: mean and ln variance of the true abscissas, these, and y
+    mean, at_mean = np.mean(x), np.sum(cov_x) / 81.0
+    error = (np.trace(cov_x) - 9.0 * at_mean) / 8.0
+    tau2 = np.var(x, ddof=1) - error
+    n_draw = 200_000
+    mu = mean + np.sqrt(tau2 / 9.0 + at_mean) * rng.standard_normal(n_draw)
+    gain = np.linalg.solve(cov_x + tau2 * np.eye(9), cov_x).T
+    centre = x - (x - mu[:, None]) @ gain.T
+    steeper = np.linalg.solve(cov_x + (tau2 + 1e-4) * np.eye(9), cov_x).T
+    by_tau2 = ((gain - steeper) @ (x - mean)) / 1e-4
+    centre += np.outer(rng.standard_normal(n_draw), by_tau2 * np.sqrt(2.0 / 8.0) * (tau2 + error))
+    rest = np.linalg.inv(np.linalg.inv(cov_x) + np.eye(9) / tau2)
+    centre += rng.multivariate_normal(np.zeros(9), rest, n_draw)
+    drawn = fit.values["b"] * centre + rng.multivariate_normal(np.zeros(9), cov_y, n_draw)
+    likelihood = fit.problem.runs[0].likelihood(fit.values)
+    assert likelihood.normal is not None
+    found, expected = covariance_of(likelihood.normal.root(fit.values)), np.cov(drawn.T)
+    sds = np.sqrt(np.diag(expected))
+    assert np.max(np.abs(found - expected) / np.outer(sds, sds)) < 6.0 / np.sqrt(n_draw)
+    assert likelihood.points.x == pytest.approx(np.mean(centre, axis=0), abs=6e-3)
+    # and the fit is generalised least squares with it
+    columns = np.column_stack([np.ones(9), likelihood.points.x])
+    weighed = columns.T @ np.linalg.inv(found)
+    solution = np.linalg.solve(weighed @ columns, weighed @ y)
+    assert list(fit.values.values()) == pytest.approx(solution, rel=1e-6)
+    assert fit.cov == pytest.approx(np.linalg.inv(weighed @ columns), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        ({"cov_x": np.eye(9)}, "'cov_x' needs a known u_y"),
+        ({"cov_x": np.eye(9), "u_y": 0.1}, "'cov_x' must be below the standard deviation of x"),
+        ({"cov_x": np.eye(8), "u_y": 0.1}, "'cov_x' must have the shape"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_x": 0.1, "u_y": 0.1}, "'cov_x' cannot be combined"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": "2%"}, "'cov_x' does not go with"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": 0.1, "robust": "mixture"}, "'cov_x' cannot be comb"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": 0.1, "correlated": True}, "'u_x'|'correlated'"),
+    ],
+)
+def test_what_does_not_go_with_a_covariance_of_x_is_refused(
+    arguments: dict[str, object], rule: str
+) -> None:
+    x = np.linspace(1.0, 2.0, 9)
+    with pytest.raises(InputError, match=rule):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, **arguments)
+
+
+@pytest.mark.statistics
+def test_intervals_with_covariances_of_x_and_y_cover_what_they_say() -> None:
+    rng, n, n_set, truth = np.random.default_rng(8), 25, 300, {"a": 1.0, "b": 2.0}
+    cov_x = 0.3**2 * np.eye(n) + 0.2**2
+    cov_y = 0.04 * 0.6 ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    root, start = np.linalg.cholesky(cov_y), {"a": 0.0, "b": 1.0}
+    inside, flat = np.zeros(2), np.zeros(2)
+    for _ in range(n_set):
+        true = rng.normal(0.0, 1.0, n)
+        x = true + 0.3 * rng.standard_normal(n) + 0.2 * rng.standard_normal()
+        y = 1.0 + 2.0 * true + root @ rng.standard_normal(n)
+        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, n_start=1)
+        # errors of x as errors of y by the slope, at the x that were read
+        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, n_start=1)
+        for fit, count in ((right, inside), (wrong, flat)):
+            ends = (fit.intervals[name][0.68] for name in truth)
+            count += [
+                low <= true <= high for (low, high), true in zip(ends, truth.values(), strict=True)
+            ]
+    error = np.sqrt(0.68 * 0.32 / n_set)
+    assert np.all(np.abs(inside / n_set - 0.68) < 4.0 * error)
+    assert flat[1] / n_set < 0.68 - 4.0 * error

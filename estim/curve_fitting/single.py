@@ -75,6 +75,7 @@ from estim.problem import Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
+_SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
@@ -105,6 +106,7 @@ def fit_curve(
     tied: Mapping[str, str] | None = None,
     jitter: Any = False,
     robust: str | None = None,
+    cov_x: ArrayLike | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -119,7 +121,8 @@ def fit_curve(
     u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
         of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
         of each reading, 0.15 |y|, which pulls the curve down.
-    cov_y : (n_obs, n_obs) covariance matrix in its place.
+    cov_y, cov_x : (n_obs, n_obs) covariance matrices in place of u_y and u_x.  With either beside
+        errors of x the curve is taken as straight within these.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
         (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
@@ -167,7 +170,7 @@ def fit_curve(
     curve = in_time(curve, start, fixed, bounds, priors, tied)
     units = {} if units is None else units
     axes = AxisNames() if axes is None else axes
-    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
+    refuse_quantities(cov_y=cov_y, cov_x=cov_x, deviation=deviation, correlated=correlated)
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = unstarted(curve, start, fixed, tied)
@@ -198,6 +201,7 @@ def fit_curve(
         chosen={*begin} - {*start},
         jitter=jitter,
         robust=robust,
+        cov_x=cov_x,
     )
     posed.require_points()
     if named is not None:
@@ -219,6 +223,12 @@ def fit_stated(
     """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
+    for _ in range(rounds):
+        before, best = best.values, _on(problem, best, rng, unstated=False)
+        moved = np.abs(best.values - before)
+        if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
+            break
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
 
 
@@ -229,14 +239,23 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, best.values)
         problem = posed.with_sigma(sigma)
-        best = find_optimum(problem, best.values, rng=rng, n_start=1, unstated=True)
+        best = _on(problem, best, rng, unstated=True)
         if abs(sigma / before - 1.0) < 1e-10:
             break
-    best = replace(
+    estimated = _residual_sd(posed, best.values)
+    return _concluded(
+        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    )
+
+
+def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated: bool) -> Optimum:
+    """The optimum from `first` on, with what was learnt there of others."""
+    best = find_optimum(problem, first.values, rng=rng, n_start=1, unstated=unstated)
+    return replace(
         best,
         n_start=first.n_start,
         n_same=first.n_same,
@@ -244,10 +263,6 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         symmetry=first.symmetry,
         aliases=first.aliases,
         unheld=first.unheld,
-    )
-    estimated = _residual_sd(posed, best.values)
-    return _concluded(
-        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
     )
 
 

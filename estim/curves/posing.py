@@ -66,7 +66,7 @@ class CurveProblem:
     relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
     share : standard deviation of y over the curve, 0 where it is not stated so; `relative` is then
         what y themselves show of it.  said : the share that was stated, in words, if any.
-    cov : (n_obs, n_obs), or None.
+    cov, cov_x : (n_obs, n_obs) of the errors of y and of x, or None.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.
     counted : the points where y are counts, else None.
@@ -99,6 +99,7 @@ class CurveProblem:
     called: str = ""
     share: float = 0.0
     said: tuple[str, ...] = ()
+    cov_x: FloatArray | None = None
 
     def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -168,6 +169,7 @@ class CurveProblem:
             jitter=self.jitter,
             share=self.share,
             said=self.said,
+            cov_x=self.cov_x,
         )
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
@@ -204,6 +206,7 @@ def _reading_noise(
     jitter: Scale,
     share: float,
     said: tuple[str, ...],
+    cov_x: FloatArray | None,
 ) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the
     stated covariance matrix.
@@ -221,7 +224,7 @@ def _reading_noise(
             what=what,
             said=said,
         )
-    return Correlated(cov, what)
+    return Correlated(cov, what, cov_x)
 
 
 def pose_curve(
@@ -248,6 +251,7 @@ def pose_curve(
     jitter: Any = False,
     robust: str | None = None,
     level: str = "",
+    cov_x: ArrayLike | None = None,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
     the start of those `chosen`.  level : behind the names of what is unknown of the errors, like
@@ -283,7 +287,8 @@ def pose_curve(
         raise InputError(
             f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
         )
-    most = MAX_DENSE if cov_y is not None or u_x is not None else MAX_OBS
+    dense = cov_y is not None or u_x is not None or cov_x is not None
+    most = MAX_DENSE if dense else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
             ""
@@ -303,21 +308,17 @@ def pose_curve(
             )
             raise InputError(rule, field="u_y", value=f"{100.0 * share:.4g}%")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
-    if u_x is not None and u_y is None:
-        raise InputError(
-            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
-            "residuals",
-            field="u_x",
-        )
-    relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x", some_exact=True)[order]
-    if relative_x is not None and hide_the_range(points["x"][order], relative_x):
-        spread = float(np.std(points["x"], ddof=1))
-        rule = (
-            f"must be below the standard deviation of x, {spread:.4g}: points that may lie "
-            "anywhere along x hold no curve"
-        )
-        raise InputError(rule, field="u_x", value=float(np.sqrt(np.mean(relative_x**2))))
-    ordered_cov = None if cov is None else cov[np.ix_(order, order)]
+    relative_x, of_x = _errors_of_x(
+        u_x, cov_x, points["x"], stated=u_y is not None or cov_y is not None
+    )
+    if of_x is None and cov is not None and relative_x is not None:
+        of_x = np.diag(np.square(relative_x))
+    if of_x is not None and share:
+        rule = "does not go with a 'u_y' that is a share of the curve"
+        raise InputError(rule, field="cov_x")
+    if of_x is not None and cov is None:
+        cov = np.diag(np.square(relative))
+    square = np.ix_(order, order)
     names, values = _start(start)
     exact = _fixed(fixed, names)
     following, all_of = {**tied, **derived}, (*names, *exact)
@@ -353,7 +354,8 @@ def pose_curve(
         jitter, robust, points["y"], axes.y_unit, level=level, stated=u_y is not None
     )
     if further or tails.robust:
-        for field, given_too in (("cov_y", cov is not None), ("deviation", deviation != 0.0)):
+        matrices = (("cov_x", cov_x is not None), ("cov_y", cov_y is not None))
+        for field, given_too in (*matrices, ("deviation", deviation != 0.0)):
             if given_too:
                 raise InputError("cannot be combined with 'jitter' or 'robust'", field=field)
         if correlated is not False:
@@ -379,8 +381,9 @@ def pose_curve(
         x=points["x"][order],
         y=points["y"][order],
         relative=relative[order],
-        relative_x=relative_x,
-        cov=ordered_cov,
+        relative_x=None if relative_x is None else relative_x[order],
+        cov=None if cov is None else cov[square],
+        cov_x=None if of_x is None else of_x[square],
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
@@ -388,7 +391,9 @@ def pose_curve(
         jitter=scatter,
         tails=tails,
         further=further,
-        lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
+        lacks=discrepancy_of(
+            deviation, correlated, order, stated=stated, exact_x=u_x is None and cov_x is None
+        ),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
         share=share,
@@ -425,6 +430,37 @@ def _errors_of_y(
     if u_y is None:
         return np.ones(n_obs), None
     return errors_of(u_y, n_obs, "u_y"), None
+
+
+def _errors_of_x(
+    u_x: ArrayLike | None, cov_x: ArrayLike | None, x: FloatArray, *, stated: bool
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Standard deviations (n_obs,) of x and the covariance matrix, if one is given; None where x is
+    exact.
+    """
+    field, cov = "u_x" if cov_x is None else "cov_x", None
+    if cov_x is not None:
+        if u_x is not None:
+            raise InputError("cannot be combined with u_x", field=field)
+        cov = check_covariance(cov_x, x.size, field=field)
+        sizes = np.sqrt(np.diag(cov))
+    elif u_x is not None:
+        sizes = errors_of(u_x, x.size, field, some_exact=True)
+    else:
+        return None, None
+    if not stated:
+        rule = (
+            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
+            "residuals"
+        )
+        raise InputError(rule, field=field)
+    if hide_the_range(x, sizes):
+        rule = (
+            f"must be below the standard deviation of x, {float(np.std(x, ddof=1)):.4g}: points "
+            "that may lie anywhere along x hold no curve"
+        )
+        raise InputError(rule, field=field, value=float(np.sqrt(np.mean(sizes**2))))
+    return sizes, cov
 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:

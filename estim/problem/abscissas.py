@@ -98,6 +98,28 @@ def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
     )
 
 
+def correlated_abscissas(
+    x: FloatArray, cov: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The same of readings x (n_obs,) whose errors have the covariance cov (n_obs, n_obs): centre
+    (n_obs,) and covariance (n_obs, n_obs) of the true abscissas, and `common` (n_obs, 2).
+    """
+    n_obs = x.size
+    of_mean = np.sum(cov) / n_obs**2
+    variance = float(np.var(x, ddof=1))
+    error = (np.trace(cov) - n_obs * of_mean) / max(1, n_obs - 1)
+    tau2 = max(variance - error, _LEAST_SPREAD * variance, _TINY)
+    shares = np.linalg.solve(cov + tau2 * np.eye(n_obs), cov).T
+    off = shares @ (x - np.mean(x))
+    common = np.column_stack(
+        [
+            np.sum(shares, axis=1) * np.sqrt(tau2 / n_obs + of_mean),
+            (off - shares @ off) * np.sqrt(2.0 / max(1, n_obs - 1)) * (1.0 + error / tau2),
+        ]
+    )
+    return x - off, tau2 * shares, common
+
+
 @dataclass(frozen=True, eq=False)
 class Predictive:
     """The density of y given x, a sum over components: weight x density of (y -

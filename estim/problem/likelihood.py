@@ -316,6 +316,13 @@ class Noise(ABC):
         return False
 
     @property
+    def holds_slopes(self) -> bool:
+        """Whether its likelihood takes the slopes of the curve at the values that it is made
+        with, so that a fit must be repeated with those of its result.
+        """
+        return False
+
+    @property
     def share_of_curve(self) -> float:
         """Standard deviation of a reading over the curve; 0 where it is not stated so."""
         return 0.0
