@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize
 
 from estim import Component
@@ -596,3 +597,71 @@ def test_intervals_with_covariances_of_x_and_y_cover_what_they_say() -> None:
     error = np.sqrt(0.68 * 0.32 / n_set)
     assert np.all(np.abs(inside / n_set - 0.68) < 4.0 * error)
     assert flat[1] / n_set < 0.68 - 4.0 * error
+
+
+def test_correlated_errors_of_a_point_are_the_integral_of_their_joint_density() -> None:
+    rng, n = np.random.default_rng(11), 14
+    true = np.linspace(0.2, 2.0, n)
+    u_x, u_y, r_xy = np.full(n, 0.08), np.linspace(0.1, 0.3, n), np.linspace(-0.9, 0.8, n)
+    u_x[3] = 0.0
+    e = rng.standard_normal((2, n))
+    x = true + u_x * e[0]
+    y = 2.0 * np.exp(0.8 * true) + u_y * (r_xy * e[0] + np.sqrt(1.0 - r_xy**2) * e[1])
+    start = {"a": 2.0, "b": 0.8}
+    fit = fit_curve("a*exp(b*x)", x, y, start=start, u_y=u_y, u_x=u_x, r_xy=r_xy)
+    a, b = fit.values.values()
+    draw = {name: np.array([[value]]) for name, value in fit.values.items()}
+    (pointwise,) = fit.problem.runs[0].likelihood(fit.values).pointwise(draw)
+    mu, tau2, off = np.mean(x), np.var(x, ddof=1) - np.mean(u_x**2), []
+    for k, i in enumerate(np.argsort(x)):
+        if u_x[i] == 0.0:
+            alone = -0.5 * ((y[i] - a * np.exp(b * x[i])) / u_y[i]) ** 2
+            expected = alone - np.log(u_y[i]) - 0.5 * np.log(2.0 * np.pi)
+        else:
+            xi = np.linspace(x[i] - 8.0 * u_x[i], x[i] + 8.0 * u_x[i], 20_001)
+            cov = r_xy[i] * u_x[i] * u_y[i]
+            joint = stats.multivariate_normal([0.0, 0.0], [[u_x[i] ** 2, cov], [cov, u_y[i] ** 2]])
+            weight = stats.norm(mu, np.sqrt(tau2)).pdf(xi)
+            both = joint.pdf(np.column_stack([x[i] - xi, y[i] - a * np.exp(b * xi)]))
+            of_x = stats.norm(0.0, u_x[i]).pdf(x[i] - xi)
+            expected = np.log(np.sum(both * weight) / np.sum(of_x * weight))
+        off.append(pointwise[k] - expected)
+    assert np.max(np.abs(off)) < 5e-3
+    without = fit_curve("a*exp(b*x)", x, y, start=start, u_y=u_y, u_x=u_x)
+    (apart,) = without.problem.runs[0].likelihood(fit.values).pointwise(draw)
+    assert np.max(np.abs(apart - pointwise)) > 0.1
+
+
+def test_the_scores_of_correlated_errors_are_derivatives() -> None:
+    x, y = data(lambda x: 2.0 * np.exp(0.8 * x), np.linspace(0.1, 2.0, 8), 0.1, 0.1, 3)
+    fit = fit_curve("a*exp(b*x)", x, y, start={"a": 2.0, "b": 0.8}, u_y=0.1, u_x=0.1, r_xy=0.7)
+    likelihood, names, h = fit.problem.runs[0].likelihood(fit.values), ("a", "b"), 1e-5
+    scores = likelihood.scores({"a": 2.1, "b": 0.75}, names, {})
+    for i, (da, db) in enumerate(np.eye(2)):
+        high, low = (
+            likelihood.pointwise(
+                {"a": np.array([[2.1 + s * da]]), "b": np.array([[0.75 + s * db]])}
+            )[0]
+            for s in (h, -h)
+        )
+        assert scores[:, i] == pytest.approx((high - low) / (2.0 * h), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        ({"u_y": 0.1, "r_xy": 0.5}, "needs u_x and u_y"),
+        ({"u_y": "2%", "u_x": 0.1, "r_xy": 0.5}, "needs u_x and u_y in their units"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": 0.5, "robust": "mixture"}, "normal errors alone"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": 1.0}, "between -1 and 1"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": [0.1, 0.2]}, "between -1 and 1"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": float("nan")}, "between -1 and 1"),
+        ({"cov_y": np.eye(9), "u_x": 0.1, "r_xy": 0.1}, "needs u_x and u_y"),
+    ],
+)
+def test_a_correlation_that_has_no_meaning_is_refused(
+    arguments: dict[str, object], rule: str
+) -> None:
+    x = np.linspace(1.0, 2.0, 9)
+    with pytest.raises(InputError, match=f"'r_xy' .*{rule}"):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, **arguments)

@@ -107,6 +107,7 @@ def fit_curve(
     jitter: Any = False,
     robust: str | None = None,
     cov_x: ArrayLike | None = None,
+    r_xy: ArrayLike | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -123,6 +124,8 @@ def fit_curve(
         of each reading, 0.15 |y|, which pulls the curve down.
     cov_y, cov_x : (n_obs, n_obs) covariance matrices in place of u_y and u_x.  With either beside
         errors of x the curve is taken as straight within these.
+    r_xy : correlation of the errors of x and y of the same point, a number or (n_obs,), beside u_x
+        and u_y.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
         (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
@@ -170,7 +173,9 @@ def fit_curve(
     curve = in_time(curve, start, fixed, bounds, priors, tied)
     units = {} if units is None else units
     axes = AxisNames() if axes is None else axes
-    refuse_quantities(cov_y=cov_y, cov_x=cov_x, deviation=deviation, correlated=correlated)
+    refuse_quantities(
+        cov_y=cov_y, cov_x=cov_x, r_xy=r_xy, deviation=deviation, correlated=correlated
+    )
     plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
     start, fixed, bounds = plain.start, plain.fixed, plain.bounds
     named = unstarted(curve, start, fixed, tied)
@@ -202,6 +207,7 @@ def fit_curve(
         jitter=jitter,
         robust=robust,
         cov_x=cov_x,
+        r_xy=r_xy,
     )
     posed.require_points()
     if named is not None:

@@ -27,7 +27,7 @@ from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
-from estim.given_numbers import real_number
+from estim.given_numbers import real_number, real_numbers
 from estim.problem import (
     Correlated,
     Curve,
@@ -63,7 +63,8 @@ class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
     x, y : (n_obs,).
-    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
+    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None;
+        r_xy : (n_obs,) the correlation of both.
     share : standard deviation of y over the curve, 0 where it is not stated so; `relative` is then
         what y themselves show of it.  said : the share that was stated, in words, if any.
     cov, cov_x : (n_obs, n_obs) of the errors of y and of x, or None.
@@ -100,6 +101,7 @@ class CurveProblem:
     share: float = 0.0
     said: tuple[str, ...] = ()
     cov_x: FloatArray | None = None
+    r_xy: FloatArray | None = None
 
     def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -170,6 +172,7 @@ class CurveProblem:
             share=self.share,
             said=self.said,
             cov_x=self.cov_x,
+            r_xy=self.r_xy,
         )
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
@@ -207,6 +210,7 @@ def _reading_noise(
     share: float,
     said: tuple[str, ...],
     cov_x: FloatArray | None,
+    r_xy: FloatArray | None,
 ) -> Noise:
     """Noise of readings of `what`: independent, with errors of x if there are any, or with the
     stated covariance matrix.
@@ -221,6 +225,7 @@ def _reading_noise(
             relative_x=relative_x,
             tails=tails,
             share=share,
+            r_xy=r_xy,
             what=what,
             said=said,
         )
@@ -252,6 +257,7 @@ def pose_curve(
     robust: str | None = None,
     level: str = "",
     cov_x: ArrayLike | None = None,
+    r_xy: ArrayLike | None = None,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
     the start of those `chosen`.  level : behind the names of what is unknown of the errors, like
@@ -316,6 +322,15 @@ def pose_curve(
     if of_x is not None and share:
         rule = "does not go with a 'u_y' that is a share of the curve"
         raise InputError(rule, field="cov_x")
+    both = None if r_xy is None else real_numbers(r_xy, "r_xy")
+    if both is not None:
+        if u_x is None or u_y is None or share or robust is not None:
+            rule = "needs u_x and u_y in their units, and goes with normal errors alone"
+            raise InputError(rule, field="r_xy")
+        if both.shape not in ((), (n_obs,)) or not np.all(np.abs(both) < 1.0):
+            rule = f"must be a number between -1 and 1, or as many as values of x ({n_obs})"
+            raise InputError(rule, field="r_xy", value=r_xy)
+        both = np.broadcast_to(both, n_obs)
     if of_x is not None and cov is None:
         cov = np.diag(np.square(relative))
     square = np.ix_(order, order)
@@ -384,6 +399,7 @@ def pose_curve(
         relative_x=None if relative_x is None else relative_x[order],
         cov=None if cov is None else cov[square],
         cov_x=None if of_x is None else of_x[square],
+        r_xy=None if both is None else both[order],
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),

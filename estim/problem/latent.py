@@ -60,6 +60,8 @@ class LatentErrors(Likelihood):
 
     weight : (n_obs,) variance of y for a unit sigma^2.  tails : the shape of the errors of y.
     sigma_x : of the errors of x, times relative_x (n_obs,), 0 where x is exact.
+    lean : (n_obs,) how far a known error of x moves the y that is expected, over that error: r
+        u_y/u_x of errors with the correlation r, where `weight` is 1 - r^2 of the variance.
     """
 
     points: Points
@@ -69,6 +71,7 @@ class LatentErrors(Likelihood):
     sigma_x: Scale
     relative_x: FloatArray
     share: float = 0.0
+    lean: FloatArray | float = 0.0
 
     creeps = True
 
@@ -164,7 +167,7 @@ class LatentErrors(Likelihood):
         """As wide as the slope of the curve makes an error of x: the size of a residual, not what
         its density is made of.
         """
-        steep = self.points.slope(named) * self._sd_of_x(named)[0]
+        steep = (self.points.slope(named) - self.lean) * self._sd_of_x(named)[0]
         of_curve = self.share * np.broadcast_to(self.points.value(named), (1, self.y.size))[0]
         return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2))
 
@@ -242,20 +245,25 @@ class LatentErrors(Likelihood):
         return true_abscissas(self.x, self._sd_of_x(named))
 
     def _values(self, named: Named, nodes: FloatArray) -> FloatArray:
-        """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own
-        sees increasing x.
+        """The y expected at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's
+        own sees increasing x.
         """
+        leant = self._leant(nodes)
         with np.errstate(all="ignore"):
             if nodes.shape[0] > 1:
                 value = self.points.curve.value(
                     nodes.reshape(nodes.shape[0], -1), self.points.bind(named)
                 )
-                return np.asarray(value).reshape(-1, *nodes.shape[1:])
+                return np.asarray(value).reshape(-1, *nodes.shape[1:]) + leant
             order = np.argsort(nodes.ravel(), kind="stable")
             value = np.atleast_2d(
                 self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
             )
-        return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:])
+        return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:]) + leant
+
+    def _leant(self, nodes: FloatArray) -> FloatArray:
+        """What errors of x, to the nodes (..., n_obs, n_node), add to the y expected there."""
+        return np.reshape(self.lean, (-1, 1)) * (self.x[:, None] - nodes)
 
     def _own_variance(self, named: Named) -> FloatArray:
         """(n, n_obs) variance of y at a given abscissa."""
@@ -309,6 +317,7 @@ class LatentErrors(Likelihood):
         with np.errstate(all="ignore"):
             local = self.points.curve.local(at_nodes.x, self.points.bind(named))
         values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
+        values = values + self._leant(abscissas.nodes[0])
         common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         )

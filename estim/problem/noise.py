@@ -57,6 +57,7 @@ class Independent(Noise):
 
     relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma =
         1 otherwise.
+    r_xy : (n_obs,) correlation of the two errors of a point, None for none; those stated alone.
     share : standard deviation of y over the curve f, 0 where `relative` says it; else this is what
         y themselves show of it, for searches and figures.
     sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.
@@ -73,6 +74,7 @@ class Independent(Noise):
     tails: Tails = GAUSSIAN
     exposure: float = 0.0
     share: float = 0.0
+    r_xy: FloatArray | None = None
 
     @property
     def size(self) -> Size:
@@ -109,7 +111,11 @@ class Independent(Noise):
             if self.tails.robust:
                 return RobustErrors(points, self.size, weight, self.tails)
             return GaussianErrors(points, self.size, Diagonal(weight), exact)
-        return LatentErrors(points, self.size, weight, self.tails, self.sigma_x, self.x_gain())
+        u_x, lean = self.x_gain(), exact
+        if self.r_xy is not None:
+            lean = np.divide(self.r_xy * self.relative, u_x, out=exact, where=u_x > 0.0)
+            weight = weight * (1.0 - np.square(self.r_xy * (u_x > 0.0)))
+        return LatentErrors(points, self.size, weight, self.tails, self.sigma_x, u_x, lean=lean)
 
     def for_search(self) -> Independent:
         """Without its errors of x, and with known ones of y: there linear parameters can be solved
@@ -117,7 +123,7 @@ class Independent(Noise):
         """
         if self.sigma_x is None and not self.share:
             return self
-        return replace(self, sigma_x=None, relative_x=None, share=0.0)
+        return replace(self, sigma_x=None, relative_x=None, share=0.0, r_xy=None)
 
     def outlier_share(self, named: Named) -> float:
         return self.tails.outlier_share(named)
