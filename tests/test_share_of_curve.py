@@ -172,10 +172,10 @@ def table(tmp_path: Path) -> Path:
 def test_a_campaign_says_it_in_the_same_words(table: Path) -> None:
     (table / "c.toml").write_text(CAMPAIGN.format(u_y="15%"))
     (run,) = load_campaign(table / "c.toml").problem(["one"]).runs
-    assert run.noise.share_of_curve == 0.15
+    assert run.noise.share == 0.15
     (table / "c.toml").write_text(CAMPAIGN.format(u_y="15% of y"))
     (run,) = load_campaign(table / "c.toml").problem(["one"]).runs
-    assert run.noise.share_of_curve == 0.0
+    assert run.noise.share == 0.0
     assert run.noise.reading_gain() == pytest.approx(0.15 * run.y)
     (table / "c.toml").write_text(CAMPAIGN.format(u_y="15% of x"))
     with pytest.raises(InputError, match=r"c\.toml:7: 'u_y' must be numbers, or a share"):

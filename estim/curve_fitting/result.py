@@ -223,7 +223,7 @@ class CurveFit:
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
         along = self.predict(run.x, data=data).value
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
-        gain = share * np.abs(along) if (share := run.noise.share_of_curve) else gain
+        gain = share * np.abs(along) if (share := run.noise.share) else gain
         return curve_figure(
             run,
             along,

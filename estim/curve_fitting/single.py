@@ -312,7 +312,7 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
         status=decide(found),
         findings=found,
         remarks=(),
-        message="; ".join([fit.message, *posed.said]),
+        message="; ".join([fit.message, *_said(fit.problem)]),
         goodness=goodness,
         fit=fit,
         held=fit,
@@ -455,7 +455,7 @@ def _concluded(
             ),
             *lacking,
         ),
-        message=_message(best, posed, sigma, perfect, [tell(f) for f in same_curve(inner)]),
+        message=_message(best, sigma, perfect, [*map(tell, same_curve(inner)), *_said(problem)]),
         goodness=goodness,
         fit=inner,
         held=fixed,
@@ -499,14 +499,13 @@ def _inner_fit(
     return with_other_modes(fit, best, rng)
 
 
-def _message(
-    best: Optimum,
-    posed: CurveProblem | JointProblem,
-    sigma: float | None,
-    perfect: bool,
-    same: list[str],
-) -> str:
-    words = [led_here(best.n_same, best.n_start), *same, *posed.said]
+def _said(problem: Problem) -> list[str]:
+    """The shares that errors are, in words, each once."""
+    return [*dict.fromkeys(words for run in problem.runs for words in run.noise.said)]
+
+
+def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
+    words = [led_here(best.n_same, best.n_start), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

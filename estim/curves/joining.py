@@ -59,11 +59,6 @@ class JointProblem:
     def _first(self) -> CurveProblem:
         return next(iter(self.parts.values()))
 
-    @property
-    def said(self) -> tuple[str, ...]:
-        """The shares that errors are, in words, each once."""
-        return tuple(dict.fromkeys(words for part in self.parts.values() for words in part.said))
-
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times the stated ones."""
         runs = []

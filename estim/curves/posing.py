@@ -161,19 +161,20 @@ class CurveProblem:
 
     def observed(self, sigma: Scale) -> Observations:
         """The points whose errors are `sigma` times u_y (or times 1)."""
-        noise = _reading_noise(
+        noise: Noise = Readings(
             sigma,
+            self.jitter,
             self.relative,
-            self.cov,
-            what=self.axes.y_name,
+            sigma_x=None if self.relative_x is None else Scale(1.0),
             relative_x=self.relative_x,
             tails=self.tails,
-            jitter=self.jitter,
             share=self.share,
-            said=self.said,
-            cov_x=self.cov_x,
             r_xy=self.r_xy,
+            what=self.axes.y_name,
+            said=self.said,
         )
+        if self.cov is not None:
+            noise = Correlated(self.cov, self.axes.y_name, self.cov_x)
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
@@ -196,40 +197,6 @@ class CurveProblem:
             sought=self.sought,
             order=self.order,
         )
-
-
-def _reading_noise(
-    sigma: Scale,
-    relative: FloatArray,
-    cov: FloatArray | None,
-    *,
-    what: str,
-    relative_x: FloatArray | None,
-    tails: Tails,
-    jitter: Scale,
-    share: float,
-    said: tuple[str, ...],
-    cov_x: FloatArray | None,
-    r_xy: FloatArray | None,
-) -> Noise:
-    """Noise of readings of `what`: independent, with errors of x if there are any, or with the
-    stated covariance matrix.
-    """
-    if cov is None:
-        sigma_x = None if relative_x is None else Scale(1.0)
-        return Readings(
-            sigma,
-            jitter,
-            relative,
-            sigma_x=sigma_x,
-            relative_x=relative_x,
-            tails=tails,
-            share=share,
-            r_xy=r_xy,
-            what=what,
-            said=said,
-        )
-    return Correlated(cov, what, cov_x)
 
 
 def pose_curve(

@@ -98,10 +98,6 @@ class Independent(Noise):
     def robust(self) -> bool:
         return self.tails.robust
 
-    @property
-    def share_of_curve(self) -> float:
-        return self.share
-
     def likelihood(self, points: Points, named: Named) -> Likelihood:
         weight, exact = np.square(self.relative), np.zeros(points.x.size)
         if self.share:

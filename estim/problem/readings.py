@@ -89,7 +89,7 @@ class Correlated(Noise):
         return GaussianErrors.rooted(points, root_of(cov), np.zeros(points.x.size))
 
     @property
-    def holds_slopes(self) -> bool:
+    def holds_slopes(self) -> bool:  # type: ignore[override]
         return self.cov_x is not None
 
     def for_search(self) -> Correlated:

@@ -138,7 +138,7 @@ def _new_errors(
     the same for all positions of a draw, or a share of the curve (n_draw, n_x).
     """
     n_draw = scale.size
-    if run.noise.share_of_curve:
+    if run.noise.share:
         reading = reading_sd(run.noise, named, curve)
     else:
         reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(
