@@ -98,12 +98,18 @@ _NEGLIGIBLE = 1e-3  # share of an optimum whose ridges are not followed
 class Analysis:
     """Everything that one fit of one or more runs produced.
 
+    problem : points, parameters and priors.  fit : the posterior mode.
     certificate : the second computation; None where there are too many parameters for it.
+    chain : draws of the posterior.  comparison : how chain and second computation agree.
+    goodness : of each run, tests of its residuals.
+    identifiability : how well the data determine each parameter.
+    modes : other optima that were found.  outliers : of each run, points that are far off.
     consistency : whether several runs agree about what they share; None where that cannot be asked.
     conflict : whether the data agree with what was stated of the parameters.
     influences : what errors that no residual can show would do.
     rolling : whether bodies rolled without slipping; none for a curve that is no body's.
     explanation : candidates for what the curve lacks, where that was asked.
+    diagnosis : all findings and the status.  seed : of every random number.
     title, kind : of the campaign, "" where there is none.
     """
 

@@ -97,7 +97,8 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
     stated = (*choices.start, *choices.low, *choices.high, *choices.value)
-    model = called_by_name(choices.formula, [*stated, "x", "t"])
+    variables = {*_ABSCISSAS}.intersection(choices.formula.replace("+", " ").split())
+    model = called_by_name(choices.formula, stated, variables)
     formula = read_formula(
         choices.formula if model is None else model.expression, field="--formula"
     )

@@ -27,7 +27,7 @@ from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_file
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
-from estim.cli.models import compare_models
+from estim.cli.models import compare_models, list_models
 from estim.cli.new import new_campaign
 from estim.cli.options import (
     CAMPAIGN,
@@ -89,6 +89,7 @@ if TYPE_CHECKING:
         compare_models,
         import_file,
         line,
+        list_models,
         mean,
         map_motions,
         new_campaign,

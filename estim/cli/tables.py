@@ -44,8 +44,6 @@ _AS_SAID = (
     "track",
     "release",
 )
-_TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
-
 _DIALECT = (
     click.option(
         "--columns",
@@ -234,6 +232,7 @@ def load_or_make(
     table `file`; and the folder of its report.
     """
     from estim.campaign import campaign_of_table, load_campaign
+    from estim.reading import is_table
 
     given = [
         f"--{name.replace('_', '-')}"
@@ -249,7 +248,7 @@ def load_or_make(
                 else "needs --formula as well"
             )
             raise InputError(rule, field=given[0])
-        if file.suffix.lower() in _TABLES:
+        if is_table(file):
             rule = (
                 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for '
                 "it (estim new NAME --from FILE)"

@@ -76,7 +76,8 @@ class CurveFit:
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first, and the status that follows.
+    findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
+        where there are none.
     remarks : what to know before using it, nothing wrong.
     reasons, notes : the same in words.
     message : how the search went.
@@ -111,6 +112,7 @@ class CurveFit:
 
     @property
     def reasons(self) -> tuple[str, ...]:
+        """Everything wrong, a sentence each, gravest first; empty where the status is ok."""
         return tuple(
             f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings
         )
@@ -127,10 +129,12 @@ class CurveFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
+        """What to know before using it, a sentence each."""
         return tuple(map(tell, self.remarks))
 
     @property
     def problem(self) -> Problem:
+        """Points, parameters and priors, as they were fitted."""
         return self.fit.problem
 
     @cached_property
@@ -142,10 +146,11 @@ class CurveFit:
         values = np.array([self.values[name] for name in self.names])
         quantities: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
+            across = {sought.name for sought in run.sought if sought.others}
             for quantity in linear_derived(
                 run, self.names, values, self.cov, dof=self._dof, unknown=unknown
             ):
-                of_run = any(
+                of_run = quantity.name not in across and any(
                     "[" in name
                     for name, slope in zip(self.names, quantity.gradient, strict=True)
                     if slope != 0.0
@@ -224,6 +229,7 @@ class CurveFit:
         along = self.predict(run.x, data=data).value
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
         gain = share * np.abs(along) if (share := run.noise.share) else gain
+        one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,
             along,
@@ -234,7 +240,7 @@ class CurveFit:
             title=": ".join(
                 [
                     *([data] if data else []),
-                    *([self.called] if len(self.called) <= _TITLE else []),
+                    *([self.called] if len(self.called) <= _TITLE and one_curve else []),
                     str(self.status),
                 ]
             ),

@@ -40,12 +40,14 @@ from estim.curves import (
     Component,
     Counting,
     CurveProblem,
+    DataSet,
     JointProblem,
     Plain,
     in_time,
     pose_curve,
     provisional,
     refuse_quantities,
+    require_points,
     started,
     unstarted,
     with_defaults,
@@ -166,23 +168,74 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
-    start = {} if start is None else start
-    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied = {} if tied is None else tied
-    curve = in_time(curve, start, fixed, bounds, priors, tied)
-    units = {} if units is None else units
-    axes = AxisNames() if axes is None else axes
-    refuse_quantities(
-        cov_y=cov_y, cov_x=cov_x, r_xy=r_xy, deviation=deviation, correlated=correlated
+    said: dict[str, Any] = {
+        "start": with_defaults(curve, start, fixed, tied),
+        "bounds": bounds,
+        "priors": priors,
+        "fixed": fixed,
+        "tied": tied,
+        "derived": derived,
+        "units": units,
+    }
+    said = {field: {} if given is None else given for field, given in said.items()}
+    curve = in_time(curve, said["start"], said["fixed"], bounds, priors, tied)
+    points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
+    posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
+    require_points(posed.parameters, posed.x.size, stated=posed.stated)
+    if posed.infers_errors:
+        return fit_errors(posed, rng, n_start)
+    complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
+    usable = (
+        complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
     )
-    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
-    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
-    named = unstarted(curve, start, fixed, tied)
+    return (
+        _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
+    )
+
+
+def pose_points(
+    points: DataSet,
+    said: Mapping[str, Any],
+    errors: Sequence[Component],
+    *,
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
+    level: str = "",
+) -> CurveProblem:
+    """The problem of one data set, with starts found from its points where none is given.
+
+    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
+        of its parameters.
+    level : behind the names of what is unknown of its errors.  Raises InputError.
+    """
+    curve: Any = points.curve
+    refuse_quantities(
+        cov_y=points.cov_y,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        deviation=deviation,
+        correlated=correlated,
+    )
+    plain = without_units(
+        Plain(
+            points.x,
+            points.y,
+            points.u_x,
+            points.u_y,
+            said["start"],
+            said["fixed"],
+            said["bounds"],
+            said["units"],
+            points.axes or AxisNames(),
+        )
+    )
+    named = unstarted(curve, plain.start, plain.fixed, said["tied"])
     begin, limits = (
-        (start, bounds)
+        (plain.start, plain.bounds)
         if named is None
-        else provisional(named, start, bounds, priors, {*fixed, *tied})
+        else provisional(
+            named, plain.start, plain.bounds, said["priors"], {*plain.fixed, *said["tied"]}
+        )
     )
     posed = pose_curve(
         curve if named is None else named.expression,
@@ -190,36 +243,30 @@ def fit_curve(
         plain.y,
         start=begin,
         u_y=plain.u_y,
-        cov_y=cov_y,
+        cov_y=points.cov_y,
         u_x=plain.u_x,
         bounds=limits,
-        priors=priors,
+        priors=said["priors"],
         errors=tuple(errors),
         units=plain.units,
         axes=plain.axes,
-        fixed=fixed,
+        fixed=plain.fixed,
         deviation=deviation,
         correlated=correlated,
-        noise=noise,
-        derived={} if derived is None else derived,
-        tied=tied,
-        chosen={*begin} - {*start},
-        jitter=jitter,
-        robust=robust,
-        cov_x=cov_x,
-        r_xy=r_xy,
-    )
-    posed.require_points()
-    if named is not None:
-        posed = started(replace(posed, called=named.called), named, held=start)
-    if posed.further or posed.tails.robust:
-        return _fit_errors(posed, rng, n_start)
-    complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
-    usable = (
-        complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
+        noise=points.noise,
+        derived=said["derived"],
+        tied=said["tied"],
+        chosen={*begin} - {*plain.start},
+        jitter=points.jitter,
+        robust=points.robust,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        level=level,
     )
     return (
-        _fit_discrepancy(posed, complete, rng) if posed.lacks is not None and usable else complete
+        posed
+        if named is None
+        else started(replace(posed, called=named.called), named, held=plain.start)
     )
 
 
@@ -272,7 +319,9 @@ def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated:
     )
 
 
-def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_errors(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
     room for outliers: the mode, its curvature, and profiles.
     """
@@ -295,7 +344,10 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
-        *(replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)),
+        *(
+            replace(f, run=f.run if len(goodness) > 1 else "")
+            for f in failed_tests(goodness, dof=fit.dof)
+        ),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
     found = wrong([finding for finding in findings if finding is not None])

@@ -16,6 +16,7 @@ from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
 from estim.curves.models import ModelSum as ModelSum
+from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
@@ -110,6 +111,24 @@ def with_defaults(
         and not any(p.name in names for names in held if names)
     }
     return known or start
+
+
+def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
+    """Names of the parameters that a curve takes; those that a function of Python itself names.
+
+    named : as for `called_by_name`.  Raises InputError.
+    """
+    if callable(curve):
+        try:
+            _, *parameters = inspect.signature(getattr(curve, "rhs", curve)).parameters.values()
+        except (TypeError, ValueError):
+            return ()
+        begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]
+        return (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *begin)
+    models = called_by_name(curve, *named)
+    if models is not None:
+        return models.parameters
+    return (curve if isinstance(curve, Formula) else read_formula(str(curve), field="curve")).names
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:

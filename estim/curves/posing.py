@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -103,6 +103,11 @@ class CurveProblem:
     cov_x: FloatArray | None = None
     r_xy: FloatArray | None = None
 
+    @property
+    def infers_errors(self) -> bool:
+        """Whether anything is unknown of stated errors, or they leave room for outliers."""
+        return bool(self.further) or self.tails.robust
+
     def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
         problem = self.with_sigma(sigma)
@@ -138,23 +143,6 @@ class CurveProblem:
             self.fixed
         )
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
-
-    def require_points(self) -> None:
-        """Raises InputError where there are fewer points than the parameters that are fit need."""
-        if not self.parameters:
-            raise InputError(
-                "must give a parameter that is fit its starting value, like {'a': 1.0}",
-                field="start",
-            )
-        pulls = sum(p.prior.informative for p in self.parameters)
-        if self.x.size + pulls < len(self.parameters) + (0 if self.stated else 1):
-            rule = f"must have at least as many points as parameters ({len(self.parameters)})"
-            if not self.stated:
-                rule = (
-                    f"must have more points than parameters ({len(self.parameters)}), one at "
-                    "least, where u_y is not given"
-                )
-            raise InputError(rule, field="x", value=self.x.size)
 
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
         return Problem((*self.parameters, *further, *self.further), (self.observed(sigma),))
@@ -197,6 +185,23 @@ class CurveProblem:
             sought=self.sought,
             order=self.order,
         )
+
+
+def require_points(parameters: Sequence[Parameter], n_obs: int, *, stated: bool = True) -> None:
+    """Raises InputError where there are fewer points than the parameters that are fit need."""
+    if not parameters:
+        raise InputError(
+            "must give a parameter that is fit its starting value, like {'a': 1.0}", field="start"
+        )
+    pulls = sum(p.prior.informative for p in parameters)
+    if n_obs + pulls < len(parameters) + (0 if stated else 1):
+        rule = f"must have at least as many points as parameters ({len(parameters)})"
+        if not stated:
+            rule = (
+                f"must have more points than parameters ({len(parameters)}), one at "
+                "least, where u_y is not given"
+            )
+        raise InputError(rule, field="x", value=n_obs)
 
 
 def pose_curve(
