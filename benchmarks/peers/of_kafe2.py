@@ -236,6 +236,28 @@ def resonance() -> Any:
     )  # fmt: skip
 
 
+SHARE_X, SHARE_Y = (
+    [19.8, 3.0, 5.1, 16.1, 8.2, 11.7, 6.2, 10.1],
+    [23.2, 3.2, 4.5, 19.9, 7.1, 12.5, 4.5, 7.2],
+)
+
+
+def kafe2_relative() -> Numbers:
+    def model(x: Any, a: float = 1.0, b: float = 0.0) -> Any:
+        return a * x + b
+
+    fit = xy_fit(SHARE_X, SHARE_Y, model, 0.3)
+    fit.add_error("y", 0.15, relative=True, reference="model")
+    return of_kafe2(fit)
+
+
+@example("kafe2", "006_advanced_errors/03_relative_uncertainties.py", "errors of y in per cent of the curve, errors of x",
+         run=kafe2_relative, within=0.1, spread=0.2, why=X_ERRORS + " Standard deviations are from the expected "
+         "information in estim, from the curvature at the best point in kafe2.")  # fmt: skip
+def relative() -> Any:
+    return fit_curve("a*x + b", SHARE_X, SHARE_Y, u_x=0.3, u_y="15%", start={"a": 1, "b": 0})
+
+
 DIODE_U = [0.450, 0.470, 0.490, 0.510, 0.530, 0.550, 0.560, 0.570, 0.580, 0.590, 0.600, 0.610, 0.620, 0.630,
            0.640, 0.645, 0.650, 0.655, 0.660, 0.665]  # fmt: skip
 DIODE_I = [0.056, 0.198, 0.284, 0.404, 0.739, 1.739, 1.962, 2.849, 3.265, 5.706, 6.474, 7.866, 11.44, 18.98,

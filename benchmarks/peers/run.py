@@ -91,7 +91,6 @@ These examples ask for what `fit_curve` and `fit_curves` do not have yet:
 
 | example | asks for |
 |---|---|
-| kafe2 006_advanced_errors/03_relative_uncertainties.py | errors of y in per cent of the curve, each on its own |
 | kafe2 011_multifit/01_fit_with_parameter_constraints.py | priors given as a matrix |
 | kafe2 012_custom_fit; iminuit generic_least_squares.ipynb; bumps constraints/inequality.py | a likelihood or a penalty of one's own |
 | lmfit example_complex_resonator_model.py | complex y |

@@ -336,13 +336,15 @@ def _number(text: str, option: str) -> float:
 
 
 def _error(key: str, written: str | None) -> object:
-    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column;
-    None where nothing is said.
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, a share (of
+    y), or a column; None where nothing is said.
     """
     if written is None:
         return None
     if not re.match(r"\s*[+-]?[.\d]", written):
         return {"column": written}
+    if key == "u_y" and "%" in written:
+        return written
     return _stated(written, f"--{key.replace('_', '-')}")
 
 

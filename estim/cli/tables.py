@@ -124,9 +124,9 @@ _CURVE = (
     ),
     click.option(
         "--u-y",
-        metavar="U|COLUMN",
-        help="Standard uncertainty of y.  [default: the column u_NAME if there, else from the "
-        "residuals]",
+        metavar="U|SHARE|COLUMN",
+        help='Standard uncertainty of y; "2%" is a share of the curve, "2% of y" of each reading.  '
+        "[default: the column u_NAME if there, else from the residuals]",
     ),
     click.option(
         "--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."

@@ -227,11 +227,13 @@ class CurveFit:
         room = 0.0 if run.noise.counted is not None else 0.02 * (high - low)
         x = np.linspace(low - room, high + room, _ALONG)
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
+        along = self.predict(run.x, data=data).value
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
+        gain = share * np.abs(along) if (share := run.noise.share) else gain
         one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,
-            self.predict(run.x, data=data).value,
+            along,
             outer,
             inner,
             sd=gain * (1.0 if self.sigma is None else self.sigma),

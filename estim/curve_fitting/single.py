@@ -78,6 +78,7 @@ from estim.problem import Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
+_SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
@@ -108,6 +109,8 @@ def fit_curve(
     tied: Mapping[str, str] | None = None,
     jitter: Any = False,
     robust: str | None = None,
+    cov_x: ArrayLike | None = None,
+    r_xy: ArrayLike | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
@@ -119,8 +122,13 @@ def fit_curve(
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
-    u_y : standard uncertainty of y, a number or (n_obs,).
-    cov_y : (n_obs, n_obs) covariance matrix in its place.
+    u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
+        of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
+        of each reading, 0.15 |y|, which pulls the curve down.
+    cov_y, cov_x : (n_obs, n_obs) covariance matrices in place of u_y and u_x.  With either beside
+        errors of x the curve is taken as straight within these.
+    r_xy : correlation of the errors of x and y of the same point, a number or (n_obs,), beside u_x
+        and u_y.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
         (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
@@ -172,7 +180,7 @@ def fit_curve(
     }
     said = {field: {} if given is None else given for field, given in said.items()}
     curve = in_time(curve, said["start"], said["fixed"], bounds, priors, tied)
-    points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust)
+    points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
     require_points(posed.parameters, posed.x.size, stated=posed.stated)
     if posed.infers_errors:
@@ -202,7 +210,13 @@ def pose_points(
     level : behind the names of what is unknown of its errors.  Raises InputError.
     """
     curve: Any = points.curve
-    refuse_quantities(cov_y=points.cov_y, deviation=deviation, correlated=correlated)
+    refuse_quantities(
+        cov_y=points.cov_y,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        deviation=deviation,
+        correlated=correlated,
+    )
     plain = without_units(
         Plain(
             points.x,
@@ -246,6 +260,8 @@ def pose_points(
         chosen={*begin} - {*plain.start},
         jitter=points.jitter,
         robust=points.robust,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
         level=level,
     )
     return (
@@ -261,6 +277,12 @@ def fit_stated(
     """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
+    for _ in range(rounds):
+        before, best = best.values, _on(problem, best, rng, unstated=False)
+        moved = np.abs(best.values - before)
+        if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
+            break
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
 
 
@@ -271,14 +293,23 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, best.values)
         problem = posed.with_sigma(sigma)
-        best = find_optimum(problem, best.values, rng=rng, n_start=1, unstated=True)
+        best = _on(problem, best, rng, unstated=True)
         if abs(sigma / before - 1.0) < 1e-10:
             break
-    best = replace(
+    estimated = _residual_sd(posed, best.values)
+    return _concluded(
+        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    )
+
+
+def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated: bool) -> Optimum:
+    """The optimum from `first` on, with what was learnt there of others."""
+    best = find_optimum(problem, first.values, rng=rng, n_start=1, unstated=unstated)
+    return replace(
         best,
         n_start=first.n_start,
         n_same=first.n_same,
@@ -286,10 +317,6 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         symmetry=first.symmetry,
         aliases=first.aliases,
         unheld=first.unheld,
-    )
-    estimated = _residual_sd(posed, best.values)
-    return _concluded(
-        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
     )
 
 
@@ -338,7 +365,7 @@ def fit_errors(
         status=decide(found),
         findings=found,
         remarks=(),
-        message=fit.message,
+        message="; ".join([fit.message, *_said(fit.problem)]),
         goodness=goodness,
         fit=fit,
         held=fit,
@@ -442,8 +469,8 @@ def _concluded(
     )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    # chi^2 is only nearly what it is called
-    if goodness and any(item.normal is None for item in inner.posterior.likelihoods):
+    # chi^2 is only nearly what it is called; of several data sets there is no simulated one
+    if len(goodness) == 1 and any(item.normal is None for item in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -481,7 +508,7 @@ def _concluded(
             ),
             *lacking,
         ),
-        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]),
+        message=_message(best, sigma, perfect, [*map(tell, same_curve(inner)), *_said(problem)]),
         goodness=goodness,
         fit=inner,
         held=fixed,
@@ -525,8 +552,13 @@ def _inner_fit(
     return with_other_modes(fit, best, rng)
 
 
-def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
-    words = [led_here(best.n_same, best.n_start), *same]
+def _said(problem: Problem) -> list[str]:
+    """The shares that errors are, in words, each once."""
+    return [*dict.fromkeys(words for run in problem.runs for words in run.noise.said)]
+
+
+def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
+    words = [led_here(best.n_same, best.n_start), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

@@ -27,6 +27,7 @@ class DataSet:
 
     u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
     cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
+    cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.
     y : None for the times of single events.
     curve, axes : of this data set, in the place of those of `fit_curves`; jitter and robust too,
         where they are not None.
@@ -50,6 +51,8 @@ class DataSet:
     axes: AxisNames | None = None
     jitter: Any = None
     robust: str | None = None
+    cov_x: ArrayLike | None = None
+    r_xy: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)
