@@ -113,7 +113,7 @@ def fit_curve(
     curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
-        A formula without x may call its variable t.
+        A formula without x may call its variable t, or as `axes` call it.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
@@ -216,6 +216,17 @@ def pose_points(
         )
     )
     named = unstarted(curve, plain.start, plain.fixed, said["tied"])
+    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
+    start = {} if start is None else start
+    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
+    tied = {} if tied is None else tied
+    units = {} if units is None else units
+    axes = AxisNames() if axes is None else axes
+    curve = in_time(curve, getattr(axes, "x_name", ""), start, fixed, bounds, priors, tied)
+    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
+    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
+    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
+    named = unstarted(curve, start, fixed, tied)
     begin, limits = (
         (plain.start, plain.bounds)
         if named is None

@@ -77,17 +77,16 @@ def unstarted(
     return BareFormula(formula) if (formula.uses_x or constant) and missing else None
 
 
-def in_time(curve: Any, *named: object) -> Any:
-    """A formula without x whose `t` no collection in `named` speaks of: as a curve along t; every
-    other curve as it is.
+def in_time(curve: Any, axis: str, *named: object) -> Any:
+    """A formula without x whose `t`, or word of the name of its axis, no collection in `named`
+    speaks of: as a curve along that; every other curve as it is.
     """
     if not isinstance(curve, str) or not curve.strip() or names_only(curve):
         return curve
     formula = read_formula(curve, field="curve")
     given = {name for names in named if isinstance(names, Mapping) for name in names}
-    if formula.uses_x or "t" not in formula.names or "t" in given:
-        return curve
-    return formula.in_terms_of("t")
+    words = [word for word in ("t", *axis.split()) if word in formula.names and word not in given]
+    return formula.in_terms_of(words[0]) if words and not formula.uses_x else curve
 
 
 def with_defaults(
