@@ -17,6 +17,7 @@ from typing import Any
 
 import click
 
+from estim.cli.machine import found
 from estim.cli.options import FOLDER, PATH
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
@@ -84,6 +85,8 @@ def verify(report: Path, root: Path | None) -> None:
             comparison.wrong.extend([*comparison.changed_outputs(Path(), origin), trouble])
         else:
             comparison.compare()
+    lists = {key: getattr(comparison, key) for key in ("wrong", "compared", "aside")}
+    found("verification", {"verified": not comparison.wrong} | lists)
     for line in comparison.wrong:
         say(line)
     aside = f"; not compared: {_listed(comparison.aside)}" if comparison.aside else ""
@@ -382,17 +385,19 @@ def diff(first: str, second: str, r: float | None) -> None:
     if one is None or other is None:
         from estim.means import compare_values
 
-        found = compare_values(
+        two = compare_values(
             first if one is None else only_estimate(one),
             second if other is None else only_estimate(other),
             r=r or 0.0,
         )
-        for line in str(found).splitlines():
+        found("difference", two)
+        for line in str(two).splitlines():
             say(line)
         return
     if r is not None:
         raise InputError("is for two values, not for two analyses", field="--r", value=r)
     pair = compare_results(one, other)
+    found("comparison", pair)
     for line in pair.inputs:
         say(line)
     if pair.same:
