@@ -205,9 +205,14 @@ def _in_order(
     asked: ModelSum, starts: Mapping[str, float], limits: Mapping[str, Limits]
 ) -> dict[str, float]:
     """Starts whose terms of one model, where nothing else tells them apart, come in the order of
-    their places, rates or frequencies.
+    their places, rates or frequencies; oscillations have positive amplitudes
+    and phases within half a turn.
     """
     ordered = dict(starts)
+    for size, turn in ((t.prefix + "amplitude", t.prefix + "phase") for t in asked.terms):
+        if limits.get(size) == limits.get(turn) == (None, None):
+            phase = ordered[turn] + (math.pi if ordered[size] < 0.0 else 0.0)
+            ordered |= {size: abs(ordered[size]), turn: math.remainder(phase, 2.0 * math.pi)}
     for model in {term.model.name: term.model for term in asked.terms}.values():
         names = [
             [term.prefix + name for name in model.parameters]
@@ -217,7 +222,7 @@ def _in_order(
         ends = [[limits.get(name, "known") for name in own] for own in names]
         if any("known" in own or own != ends[0] for own in ends):
             continue
-        values = sorted(([starts[name] for name in own] for own in names), key=lambda own: own[1:])
+        values = sorted(([ordered[name] for name in own] for own in names), key=lambda own: own[1:])
         for own, found in zip(names, values, strict=True):
             ordered.update(zip(own, found, strict=True))
     return ordered
