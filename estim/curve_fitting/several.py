@@ -94,34 +94,17 @@ def fit_curves(
         name: replace(
             points,
             curve=in_time(
-                curve if points.curve is None else points.curve, start, fixed, bounds, priors, tied
+                curve if points.curve is None else points.curve,
+                getattr(points.axes or axes, "x_name", ""),
+                start,
+                fixed,
+                bounds,
+                priors,
+                tied,
             ),
             axes=points.axes or axes or AxisNames(),
             jitter=jitter if points.jitter is None else points.jitter,
             robust=robust if points.robust is None else points.robust,
-    start = with_defaults(curve, start, fixed, tied)
-    curve = in_time(curve, getattr(axes, "x_name", ""), start, fixed, bounds, priors, tied)
-    parts: dict[str, CurveProblem] = {}
-    for name, points in data.items():
-        options = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
-        settings = {
-            field: of_data_set({} if given is None else given, name, names, field)
-            for field, given in options.items()
-        }
-        refuse_quantities(cov_y=points.cov_y)
-        seen = AxisNames() if axes is None else axes
-        plain = without_units(
-            Plain(
-                points.x,
-                points.y,
-                points.u_x,
-                points.u_y,
-                settings["start"],
-                settings["fixed"],
-                settings["bounds"],
-                units or {},
-                seen,
-            )
         )
         for name, points in data.items()
     }

@@ -170,7 +170,9 @@ def fit_curve(
         "units": units,
     }
     said = {field: {} if given is None else given for field, given in said.items()}
-    curve = in_time(curve, said["start"], said["fixed"], bounds, priors, tied)
+    curve = in_time(
+        curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
+    )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust)
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
     require_points(posed.parameters, posed.x.size, stated=posed.stated)
@@ -216,17 +218,6 @@ def pose_points(
         )
     )
     named = unstarted(curve, plain.start, plain.fixed, said["tied"])
-    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
-    start = {} if start is None else start
-    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied = {} if tied is None else tied
-    units = {} if units is None else units
-    axes = AxisNames() if axes is None else axes
-    curve = in_time(curve, getattr(axes, "x_name", ""), start, fixed, bounds, priors, tied)
-    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
-    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
-    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
-    named = unstarted(curve, start, fixed, tied)
     begin, limits = (
         (plain.start, plain.bounds)
         if named is None
