@@ -66,6 +66,7 @@ def fit_curves(
     Raises InputError where an argument breaks a rule.
 
     >>> import numpy as np
+    >>> from estim import DataSet, fit_curves
     >>> t = np.linspace(0.0, 4.0, 9)
     >>> swing = np.exp(-0.5 * t) + 0.01 * np.cos(7.0 * t)
     >>> data = {
