@@ -34,6 +34,7 @@ from estim.line.regression import prediction_band as prediction_band
 from estim.line.series import read_theta_min as read_theta_min
 from estim.means.averages import Mean as Mean
 from estim.means.averages import mean as mean
+from estim.means.two_values import compare_values as compare_values
 from estim.pipeline import Analysis as Analysis
 from estim.pipeline import analyse as analyse
 from estim.pipeline import sample_curve as sample_curve

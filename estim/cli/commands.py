@@ -58,6 +58,7 @@ from estim.cli.terminal import (
     reserve_output,
     say,
     together,
+    with_json,
     write_report,
 )
 from estim.cli.verifying import diff, verify
@@ -394,6 +395,10 @@ def simulate(design: Path, out: Path) -> None:
     contents = {name: text.encode() for name, text in files.items()}
     write_report(out, contents, manifest=SIMULATION)
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+for _command in cli.commands.values():
+    with_json(_command)
 
 
 def main() -> None:

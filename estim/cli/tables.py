@@ -40,6 +40,7 @@ _AS_SAID = (
     "correlated",
     "jitter",
     "robust",
+    "noise",
     "title",
     "track",
     "release",
@@ -153,6 +154,11 @@ _CURVE = (
         "--robust",
         type=click.Choice(["student-t", "mixture"]),
         help="Allow for points that are far off: by heavy tails, or by a share of outliers.",
+    ),
+    click.option(
+        "--noise",
+        type=click.Choice(["poisson"]),
+        help="y are numbers of events, whose noise follows from the curve.",
     ),
     click.option(
         "--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"

@@ -95,7 +95,13 @@ def fit_curves(
         name: replace(
             points,
             curve=in_time(
-                curve if points.curve is None else points.curve, start, fixed, bounds, priors, tied
+                curve if points.curve is None else points.curve,
+                getattr(points.axes or axes, "x_name", ""),
+                start,
+                fixed,
+                bounds,
+                priors,
+                tied,
             ),
             axes=points.axes or axes or AxisNames(),
             jitter=jitter if points.jitter is None else points.jitter,

@@ -117,7 +117,7 @@ def fit_curve(
     curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
-        A formula without x may call its variable t.
+        A formula without x may call its variable t, or as `axes` call it.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
@@ -179,7 +179,9 @@ def fit_curve(
         "units": units,
     }
     said = {field: {} if given is None else given for field, given in said.items()}
-    curve = in_time(curve, said["start"], said["fixed"], bounds, priors, tied)
+    curve = in_time(
+        curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
+    )
     points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
     posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
     require_points(posed.parameters, posed.x.size, stated=posed.stated)

@@ -250,13 +250,13 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             Model(
                 "oscillation",
                 "amplitude*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "phase", "frequency"),
+                ("amplitude", "frequency", "phase"),
                 {"frequency": _POSITIVE},
             ),
             Model(
                 "damped_oscillation",
                 "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "phase", "frequency", "damping"),
+                ("amplitude", "frequency", "phase", "damping"),
                 {"frequency": _POSITIVE},
             ),
             Model(

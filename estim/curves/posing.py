@@ -523,9 +523,11 @@ def _curve(
     formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
     for name in formula.names:
         if name not in names:
-            hint = "" if formula.uses_x else ", which calls its variable x"
+            if not formula.uses_x:
+                rule = "must hold x, its variable, or the name of its axis (axes)"
+                raise InputError(rule, field="curve", value=formula.text)
             raise InputError(
-                f"has no starting value for '{name}' of the formula{hint}",
+                f"has no starting value for '{name}' of the formula",
                 field="start",
                 value=", ".join(names),
             )
