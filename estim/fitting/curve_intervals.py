@@ -46,6 +46,7 @@ from estim.fitting.profile import profile_intervals
 
 Ends = Mapping[float, tuple[float, float]]
 
+_TINY = 1e-3  # of the 68 % interval, of a standard deviation that the density does not feel
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -110,6 +111,10 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                     parameters=(Amount(name, edge),),
                 )
             )
+            sds[i] = np.nan
+        elif counted and sds[i] < _TINY * np.ptp(intervals[name][PROBABILITIES[0]]):
+            # a count of 0 is expected to be 0 there: beyond, the curve has no meaning
+            notes.append(Finding(Kind.NO_FURTHER, parameters=(Amount(name),)))
             sds[i] = np.nan
         elif np.any(beside) and _lopsided(
             intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])
