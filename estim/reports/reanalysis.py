@@ -21,6 +21,7 @@ from estim.common import (
     percentage,
     phrase,
     signed,
+    significant,
     split_level,
     table,
     with_unit,
@@ -371,30 +372,14 @@ def _energies(result: ReanalysisResult) -> dict[str, str]:
 
 
 def _narrowing(result: ReanalysisResult) -> str:
-    """How much narrower the points make the bands of the curves."""
-    widths = {
-        name: [band.median_ratio for band in body.bands.values()]
-        for name, body in result.bodies.items()
-        if body.joint.status == "ok"
-    }
-    shares = [
-        phrase(
-            "{low} to {high} ({name})",
-            low=percentage(min(ratios)),
-            high=percentage(max(ratios)),
-            name=name,
-        )
-        for name, ratios in widths.items()
-        if ratios
-    ]
-    return (
-        phrase(
-            "the points narrow the bands to {shares} of those of the stated inputs",
-            shares=listed(shares),
-        )
-        if shares
-        else ""
-    )
+    """How wide the bands of the curves are beside those of the stated inputs, as part of a
+    caption.
+    """
+    ratios = [band.median_ratio for body in result.bodies.values() for band in body.bands.values()]
+    if not ratios:
+        return ""
+    shares = f"{significant(100.0 * min(ratios), 2)}–{percentage(max(ratios))}"
+    return phrase(", {shares} as wide", shares=shares)
 
 
 def _story(result: ReanalysisResult) -> list[str]:
