@@ -45,6 +45,7 @@ from estim.cli.options import (
 from estim.cli.origin_record import SIMULATION
 from estim.cli.planning import plan_next
 from estim.cli.propagating import propagate
+from estim.cli.serving import serve
 from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     announced,
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
         new_campaign,
         plan_next,
         propagate,
+        serve,
         verify,
         diff,
     ],
