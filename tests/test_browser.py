@@ -114,7 +114,7 @@ def test_a_dropped_file_becomes_a_report(page: Any) -> None:
     report = page.frame_locator("iframe")
     assert report.locator("h2").first.inner_text(timeout=MINUTES)
     page.click("text=Ask something else")
-    assert page.is_checked("#kind-line")
+    assert page.is_checked("#asked-line")
     page.go_back()
     page.wait_for_selector(".state")
 
@@ -128,7 +128,7 @@ def test_a_real_recording_of_tracker(page: Any) -> None:
     assert "calibration stick" in page.text_content("details")
     page.select_option("#x", "t")
     page.select_option("#y", "y")
-    wait_until(page, "document.getElementById('points')?.src.endsWith('?x=0&y=2')")
+    wait_until(page, "document.getElementById('points')?.src.endsWith('points-0-2.png')")
     page.click("button:has-text('polynomial2')")
     assert page.input_value("#formula") == "polynomial2"
     page.click(".end button")
@@ -140,11 +140,11 @@ def test_a_bad_formula_stands_beside_its_message_and_the_back_button_works(page:
     drop(page, {"line.csv": LINE})
     page.wait_for_selector("#formula")
     page.fill("#formula", "a*(x + b")
-    page.fill("#known", "b = 2")
+    page.fill("#value", "b = 2")
     page.click(".end button")
     page.wait_for_selector("#wrong-formula", timeout=MINUTES)
     assert page.input_value("#formula") == "a*(x + b"
-    assert page.input_value("#known") == "b = 2"
+    assert page.input_value("#value") == "b = 2"
     assert page.evaluate("document.activeElement.id") == "formula"
     page.reload()
     assert page.input_value("#formula") == "a*(x + b"
@@ -183,10 +183,10 @@ def test_the_whole_way_by_keyboard_in_spanish(page: Any) -> None:
     page.focus("button:has-text('té')")
     page.keyboard.press("Enter")
     page.wait_for_selector("#formula")
-    page.focus("#kind-formula")
+    page.focus("#asked-formula")
     page.keyboard.press("ArrowRight")
-    assert page.is_checked("#kind-line")
-    page.focus("#u_y")
+    assert page.is_checked("#asked-line")
+    page.focus("#u-y")
     page.keyboard.type("0.3")
     page.keyboard.press("Enter")
     page.wait_for_selector(".state", timeout=MINUTES)
@@ -235,7 +235,7 @@ def test_no_serious_finding_of_accessibility(page: Any) -> None:
 def test_a_report_runs_no_script_and_reaches_no_page(page: Any, address: str) -> None:
     """The report is in a sandbox, and so it is as a page of its own."""
     drop(page, {"<img src=x onerror=alert(1)>.csv": LINE})
-    page.wait_for_selector("#kind-line")
+    page.wait_for_selector("#asked-line")
     page.check("text=A straight line")
     page.click(".end button")
     page.wait_for_selector(".state", timeout=MINUTES)

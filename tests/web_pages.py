@@ -16,7 +16,6 @@ from urllib.parse import urlencode
 import uvicorn
 
 from estim.web import At
-from estim.web.listening import listening
 from estim.web.serving import application
 
 TOKEN = "a-token-of-the-tests"
@@ -113,7 +112,7 @@ class Browser:
 def served(folder: Path, *, passphrase: str = "") -> Iterator[str]:
     """The address of a server of `folder`, which ends with the block."""
     at = At("127.0.0.1", 0, folder, passphrase)
-    with listening(at) as (listener, address), application(at, TOKEN, address) as app:
+    with application(at, TOKEN) as (app, listener, address):
         config = uvicorn.Config(app, lifespan="off", ws="none", log_config=None)
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})

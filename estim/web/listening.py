@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import socket
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from ipaddress import ip_address
 from pathlib import Path
 
 from estim.common import InputError
 
 PORT = 8765
+ALL = ("0.0.0.0", "::")
 
 
 @dataclass(frozen=True)
@@ -29,39 +26,20 @@ class At:
     @property
     def is_local(self) -> bool:
         """Whether no other machine reaches the page."""
-        if self.host == "localhost":
-            return True
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return self.host in ("127.0.0.1", "localhost", "::1")
 
 
-@contextmanager
-def listening(at: At) -> Iterator[tuple[socket.socket, str]]:
+def listening(at: At) -> tuple[socket.socket, str]:
     """A socket that listens, and the host and port to reach it by.  Raises InputError."""
     family = socket.AF_INET6 if ":" in at.host else socket.AF_INET
-    for port in (PORT, 0) if at.port is None else (at.port,):
-        listener = socket.socket(family)
-        try:
-            if os.name == "posix":  # elsewhere it would share the port with others
-                listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            listener.bind((at.host, port))
-            listener.listen(500)
-        except OSError as error:
-            listener.close()
-            if port == (at.port or 0):
-                rule = f"cannot be listened on ({(error.strerror or str(error)).lower()})"
-                value = f"{at.host} {port}"
-                raise InputError(rule, field="--port", value=value) from None
-            continue
-        with listener:
-            yield listener, f"{_shown(at.host)}:{listener.getsockname()[1]}"
-        return
-
-
-def _shown(host: str) -> str:
-    """A host as a browser wants it; of one that stands for all addresses, the machine's name."""
-    if host in ("0.0.0.0", "::"):
-        return socket.gethostname()
-    return f"[{host}]" if ":" in host else host
+    try:
+        listener = socket.create_server(
+            (at.host, PORT if at.port is None else at.port), family=family, backlog=500
+        )
+    except OSError as error:
+        if at.port is None:
+            return listening(At(at.host, 0, at.folder))
+        rule = f"cannot be listened on ({(error.strerror or str(error)).lower()})"
+        raise InputError(rule, field="--port", value=f"{at.host} {at.port}") from None
+    host = socket.gethostname() if at.host in ALL else f"[{at.host}]" if ":" in at.host else at.host
+    return listener, f"{host}:{listener.getsockname()[1]}"

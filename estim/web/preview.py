@@ -6,109 +6,95 @@ It runs in a worker process, in the folder of the file, and is shown by `pages`.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from estim.arrays import FloatArray
-from estim.common import EstimError, as_json, language, spoken, write_whole
+from estim.common import EstimError, as_json, spoken, write_whole
 
 if TYPE_CHECKING:
     from estim.drawing import Figure
 
 
-def preview(lang: str, file: str, *numbers: str) -> int:
-    """The exit code.  Writes what was read of `file`, or the message why it cannot be read, told in
-    the language `lang`; with two numbers of columns the picture of their points instead.
+@dataclass(frozen=True, eq=False)
+class _Column:
+    name: str
+    unit: str
+    values: FloatArray
+
+
+def preview(lang: str, file: str, *numbers: str) -> None:
+    """Writes what was read of `file`, or the message why it cannot be read, told in the language
+    `lang`; with two numbers of columns the picture of their points instead.
     """
     with spoken(lang):
-        return _preview(Path(), file, *numbers)
+        try:
+            seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *numbers)
+        except EstimError as error:
+            seen = {"error": str(error)}
+    name = picture_name(*numbers) if isinstance(seen, bytes) else preview_name(lang)
+    write_whole(Path(name), seen if isinstance(seen, bytes) else as_json(seen))
 
 
-def _preview(folder: Path, file: str, *numbers: str) -> int:
-    try:
-        if file.endswith(".toml"):
-            write_whole(folder / preview_name(), as_json(_campaign(Path(file))))
-            return 0
-        columns, told = _columns(Path(file))
-    except EstimError as error:
-        write_whole(folder / preview_name(), as_json({"error": str(error)}))
-        return 2
-    if numbers:
-        from estim.drawing import png
-
-        x, y = map(int, numbers)
-        picture = png(lambda: _points(columns[x], columns[y]))
-        write_whole(folder / picture_name(x, y), picture)
-        return 0
-    x, y = _first_two([name for name, *_ in columns])
-    seen = {"columns": _shown(columns), "told": told, "x": x, "y": y}
-    write_whole(folder / preview_name(), as_json(seen))
-    return 0
+def preview_name(lang: str) -> str:
+    return f"preview-{lang}.json"
 
 
-def preview_name() -> str:
-    return f"preview-{language()}.json"
-
-
-def picture_name(x: int, y: int) -> str:
+def picture_name(x: str, y: str) -> str:
     return f"points-{x}-{y}.png"
 
 
-def _columns(file: Path) -> tuple[list[tuple[str, str, FloatArray]], Sequence[str]]:
-    """Name, unit and numbers of each column, and what the import told."""
+def _table(file: Path, *numbers: str) -> dict[str, Any] | bytes:
+    """The columns of a file and which two a fit would take, or the picture of two of them."""
+    columns, told = _read(file)
+    if numbers:
+        from estim.drawing import png
+
+        return png(lambda: _points(*(columns[int(number)] for number in numbers)))
+    values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
+    shown = [
+        {
+            "name": column.name,
+            "unit": column.unit,
+            "n": column.values.size,
+            "low": column.values.min(),
+            "high": column.values.max(),
+        }
+        for column in columns
+    ]
+    return {"columns": shown, "told": told, "x": values[0], "y": values[:2][-1]}
+
+
+def _read(file: Path) -> tuple[list[_Column], Sequence[str]]:
+    """The columns of a table or a track, and what the import told."""
     from estim.curve_fitting import read_table
     from estim.reading import Choices, import_track, is_tracker_file, track_columns
 
     if is_tracker_file(file):
         imported = import_track(file, Choices())
-        table = track_columns(imported, [])
-        units = {"t": "s", "t_s": "s", "frame": ""}
-        names = [name for name in ("t", "x", "y", "x_m") if name in table.columns]
-        found = [(name, units.get(name, "m"), table.columns[name]) for name in names]
-        return found, (*imported.facts, *imported.warnings)
-    read = read_table(file)
-    return [(name, read.units[name], column) for name, column in read.columns.items()], read.notes
+        track = track_columns(imported, []).columns
+        units = {"t": "s", "x": "m", "y": "m", "x_m": "m"}
+        columns = [_Column(name, unit, track[name]) for name, unit in units.items()]
+        return columns, (*imported.facts, *imported.warnings)
+    table = read_table(file)
+    found = [_Column(name, table.units[name], values) for name, values in table.columns.items()]
+    return found, table.notes
 
 
-def _shown(columns: Sequence[tuple[str, str, FloatArray]]) -> list[dict[str, Any]]:
-    return [
-        {
-            "name": name,
-            "unit": unit,
-            "n": int(column.size),
-            "low": float(np.min(column)),
-            "high": float(np.max(column)),
-        }
-        for name, unit, column in columns
-    ]
-
-
-def _first_two(names: Sequence[str]) -> tuple[int, int]:
-    """Numbers of the first two columns that are not called as uncertainties of others."""
-    values = [i for i, n in enumerate(names) if not n.startswith(("u_", "u("))] or [0]
-    return values[0], values[min(1, len(values) - 1)]
-
-
-def _points(x: tuple[str, str, FloatArray], y: tuple[str, str, FloatArray]) -> Figure:
+def _points(x: _Column, y: _Column) -> Figure:
     from estim.drawing import BLUE, new_figure
 
     figure = new_figure(3.2)
     ax = figure.subplots()
-    ax.plot(x[2], y[2], "o", ms=3.5, color=BLUE)
-    ax.set_xlabel(_label(x))
-    ax.set_ylabel(_label(y))
+    ax.plot(x.values, y.values, "o", ms=3.5, color=BLUE)
+    for column, name in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
+        name(f"{column.name} ({column.unit})" if column.unit else column.name)
     return figure
-
-
-def _label(column: tuple[str, str, FloatArray]) -> str:
-    name, unit, _ = column
-    return f"{name} ({unit})" if unit else name
 
 
 def _campaign(file: Path) -> dict[str, Any]:
     from estim.campaign import load_campaign
 
     campaign = load_campaign(file)
-    return {"runs": list(campaign.run_names), "told": [campaign.source.title]}
+    return {"runs": campaign.run_names, "told": [campaign.source.title]}

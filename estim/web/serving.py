@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import secrets
+import socket
 import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,7 +17,7 @@ from estim.common import Interrupted, held
 from estim.web.listening import At, listening
 
 if TYPE_CHECKING:
-    from starlette.types import ASGIApp
+    from estim.web.gate import Gate
 
 _NEEDED = ("starlette", "uvicorn", "python_multipart")
 _QUEUE = 100  # questions that may wait
@@ -40,8 +41,7 @@ def serve(at: At, tell: Callable[[str], None], *, browser: bool) -> None:
     with (
         suppress(Interrupted, KeyboardInterrupt),  # its usual end
         held(at.folder / ".serving" / ".lock", within=at.folder),
-        listening(at) as (listener, address),
-        application(at, token, address) as app,
+        application(at, token) as (app, listener, address),
     ):
         config = uvicorn.Config(
             app,
@@ -61,8 +61,10 @@ def serve(at: At, tell: Callable[[str], None], *, browser: bool) -> None:
 
 
 @contextmanager
-def application(at: At, token: str, address: str) -> Iterator[ASGIApp]:
-    """The page behind its gate; its workers end with the block."""
+def application(at: At, token: str) -> Iterator[tuple[Gate, socket.socket, str]]:
+    """The page behind its gate, the socket that it is to listen on, and its address; its workers
+    end with the block.  Raises InputError where the port is taken.
+    """
     from estim.web.gate import Gate
     from estim.web.pages import Pages
     from estim.web.store import Store
@@ -70,9 +72,11 @@ def application(at: At, token: str, address: str) -> Iterator[ASGIApp]:
 
     cores = os.cpu_count() or 1
     fits, previews = Workers(cores, _QUEUE), Workers(cores, _QUEUE)
+    listener, address = listening(at)
     try:
-        pages = Pages(Store(at.folder), fits, previews)
-        yield Gate(pages.app(), address=address, token=token, at=at)
+        app = Pages(Store(at.folder), fits, previews).app()
+        yield Gate(app, address=address, token=token, at=at), listener, address
     finally:
+        listener.close()
         fits.close()
         previews.close()

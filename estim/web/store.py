@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import re
 import secrets
-import unicodedata
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 import msgspec
 
@@ -36,10 +36,10 @@ ENDINGS = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls", ".ods", ".trk", ".tr
 MOST_BYTES = 20 * 1024**2  # of one request
 MOST_FILES = 20  # in one request
 MOST_KEPT = 2000  # files handed in, and answers
+_FOR_READERS = (".html", ".md", ".csv", ".tex", ".json", ".png", ".nc")
 _LARGEST = 2**28  # bytes of anything that a command writes
-_ID = re.compile(r"[0-9a-f]{20}")
 _PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,79}")
-_RESERVED = re.compile(r"con|prn|aux|nul|com\d|lpt\d|report")  # on Windows; the last is ours
+_RESERVED = re.compile(r"|con|prn|aux|nul|com\d|lpt\d|report")  # on Windows; the last is ours
 _RECORD = "record.json"
 
 
@@ -53,44 +53,68 @@ class Upload:
     given: str
     file: str
     names: tuple[str, ...]
-    when: str
-    asked: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def is_campaign(self) -> bool:
-        return self.file.endswith(".toml")
+    asked: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Answer:
-    """upload : id of the file, "" without one.  fields : of the form, as they were filled in.
-    arguments : of `estim`.
+    """upload : id of the file, "" without one.  given : what it is about, to be shown.  fields : of
+    the form, as they were filled in.  arguments : of `estim`.
 
-    state : "waiting", "running", "done", "cancelled", "interrupted" (the server ended) or "stopped"
-        (a limit).
-    code : exit code of the command once it has ended.  said : its lines.  error, field : its
-        message where the input was wrong, and the option that it is about.
+    state : "running" (or waiting for that), "done", "cancelled", "interrupted" (the server ended)
+        or "stopped" (a limit).
+    code : exit code of the command.  said : its lines.  error, field : its message where the input
+        was wrong, and the option that it is about.
     """
 
     id: str
     upload: str
     given: str
-    fields: dict[str, str]
+    fields: Mapping[str, str]
     arguments: tuple[str, ...]
-    lang: str
-    when: str
-    state: str = "waiting"
+    state: str = "running"
     code: int | None = None
     said: tuple[str, ...] = ()
     error: str = ""
     field: str = ""
 
     @property
-    def ended(self) -> bool:
-        return self.state not in ("waiting", "running")
+    def standing(self) -> str:
+        """The state, and of one that is done how it ended."""
+        ended = {0: "ok", 2: "refused", 3: "doubtful"}
+        return ended.get(self.code or 0, "failed") if self.state == "done" else self.state
 
 
 Kept = TypeVar("Kept", Upload, Answer)
+
+
+class Shelf(Generic[Kept]):
+    """Records of one kind, the oldest first, each in a folder of its own below `folder`."""
+
+    def __init__(self, root: Path, part: str, kind: type[Kept]) -> None:
+        self.root, self.folder = root, root / part
+        self.records: dict[str, Kept] = {}
+        for name in names_in(self.folder, within=root):
+            with suppress(EstimError, msgspec.MsgspecError):  # a kill before the first record
+                data = self.read(name, _RECORD) or b""
+                self.records[name] = msgspec.json.decode(data, type=kind)
+
+    def keep(self, record: Kept, files: Mapping[str, bytes]) -> Kept:
+        """Writes `files` and then the record, in place of the one before."""
+        for name, data in {**files, _RECORD: as_json(record)}.items():
+            write_whole(self.folder / record.id / name, data, within=self.root)
+        self.records[record.id] = record
+        return record
+
+    def read(self, at: str, name: str) -> bytes | None:
+        """The file `name` of the folder of an id, None where there is none."""
+        return read_file(self.folder / at / name, at_most=_LARGEST, within=self.root)
+
+    def new_id(self) -> str:
+        """Raises InputError where the shelf is full."""
+        if len(self.records) >= MOST_KEPT:
+            raise InputError(phrase("The folder of this page is full: nothing more is kept."))
+        return f"{datetime.now():%Y%m%d-%H%M%S-%f}-{secrets.token_hex(6)}"
 
 
 class Store:
@@ -98,137 +122,53 @@ class Store:
 
     def __init__(self, root: Path) -> None:
         """Reads all records; what was under way when a server ended is interrupted."""
-        self.root = root
-        self.uploads = self._records("files", Upload)
-        self.answers = self._records("answers", Answer)
-        for answer in list(self.answers.values()):
-            if not answer.ended:
-                self.keep(replace(answer, state="interrupted"))
-
-    def folder(self, of: Upload | Answer) -> Path:
-        return self.root / ("files" if isinstance(of, Upload) else "answers") / of.id
-
-    def keep(self, record: Upload | Answer) -> None:
-        """Writes a record, in place of the one before."""
-        self.write(record, _RECORD, as_json(record))
-        if isinstance(record, Upload):
-            self.uploads[record.id] = record
-        else:
-            self.answers[record.id] = record
-
-    def write(self, of: Upload | Answer, name: str, data: bytes) -> None:
-        write_whole(self.folder(of) / name, data, within=self.root)
-
-    def read(self, of: Upload | Answer, name: str) -> bytes | None:
-        """The file `name` of a folder, None where there is none."""
-        return read_file(self.folder(of) / name, at_most=_LARGEST, within=self.root)
+        self.uploads, self.answers = Shelf(root, "files", Upload), Shelf(root, "answers", Answer)
+        for answer in list(self.answers.records.values()):
+            if answer.state == "running":
+                self.answers.keep(replace(answer, state="interrupted"), {})
 
     def take_in(self, files: Mapping[str, bytes]) -> list[Upload]:
         """Keeps files by the names that a person gave them: each by itself, or a campaign with its
         tables.  Raises InputError with a sentence for the page.
         """
         for name in files:
-            if _ending(name) not in ENDINGS:
+            if not name.lower().endswith(ENDINGS):
                 values = {"name": shorten(name), "endings": " ".join(ENDINGS)}
                 words = phrase("{name} is not one of {endings}: save it as a table.", **values)
                 raise InputError(words)
-        if len(self.uploads) + len(files) > MOST_KEPT:
-            raise InputError(phrase("The folder of this page is full: no further file is kept."))
-        campaigns = [name for name in files if _ending(name) == ".toml"]
-        if not campaigns:
-            return [self._keep_file(name, data) for name, data in files.items()]
-        beside = {
-            n: data for n, data in files.items() if n not in campaigns and _PLAIN.fullmatch(n)
-        }
-        upload = self._upload(campaigns[0], "campaign.toml", ("campaign.toml", *beside))
-        stored = {"campaign.toml": files[campaigns[0]], **beside}
-        return [self._kept(upload, stored)]
+        campaign = next((name for name in files if name.lower().endswith(".toml")), None)
+        if campaign is None:
+            return [self._kept(name, {_stored(name): data}) for name, data in files.items()]
+        beside = {name: data for name, data in files.items() if _PLAIN.fullmatch(name)}
+        return [self._kept(campaign, {"campaign.toml": files[campaign]} | beside)]
 
-    def _keep_file(self, given: str, data: bytes) -> Upload:
-        file = f"{_plain_stem(given)}{_ending(given)}"
-        return self._kept(self._upload(given, file, (file,)), {file: data})
-
-    def _upload(self, given: str, file: str, names: tuple[str, ...]) -> Upload:
-        return Upload(secrets.token_hex(10), shorten(given, 120), file, names, _now())
-
-    def _kept(self, upload: Upload, files: Mapping[str, bytes]) -> Upload:
-        for name, data in files.items():
-            self.write(upload, name, data)
-        self.keep(upload)
-        return upload
+    def _kept(self, given: str, files: Mapping[str, bytes]) -> Upload:
+        names = tuple(files)
+        upload = Upload(self.uploads.new_id(), shorten(given, 120), names[0], names)
+        return self.uploads.keep(upload, files)
 
     def begin(
-        self, upload: Upload | None, fields: Mapping[str, str], arguments: list[str], lang: str
+        self, upload: Upload | None, fields: Mapping[str, str], arguments: list[str]
     ) -> Answer:
-        """A new answer, its tables beside it, for a command that is still to run."""
-        if len(self.answers) >= MOST_KEPT:
-            raise InputError(phrase("The folder of this page is full: no further answer is kept."))
-        given = fields.get("formula", "") if upload is None else upload.given
-        answer = Answer(
-            secrets.token_hex(10),
-            "" if upload is None else upload.id,
-            given,
-            dict(fields),
-            tuple(arguments),
-            lang,
-            _now(),
+        """A new answer, its tables beside it, for a command that is still to run.  Raises
+        InputError with a sentence for the page.
+        """
+        at, given = (upload.id, upload.given) if upload else ("", fields["formula"])
+        names = upload.names if upload else ()
+        answer = Answer(self.answers.new_id(), at, given, fields, tuple(arguments))
+        return self.answers.keep(
+            answer, {name: self.uploads.read(at, name) or b"" for name in names}
         )
-        if upload is not None:
-            for name in upload.names:
-                self.write(answer, name, self.read(upload, name) or b"")
-        self.keep(answer)
-        return answer
 
     def report_files(self, answer: Answer) -> list[str]:
         """Paths below report/ of what the command wrote for a reader, in order."""
-        found, folders = list[str](), [""]
-        while folders:
-            part = folders.pop()
-            place = self.folder(answer) / "report" / part
-            for name in names_in(place, within=self.root):
-                path = f"{part}/{name}" if part else name
-                if name.startswith("."):
-                    continue
-                if (place / name).is_dir() and not (place / name).is_symlink():
-                    folders.append(path)
-                elif _ending(name) in (
-                    ".html",
-                    ".md",
-                    ".pdf",
-                    ".csv",
-                    ".tex",
-                    ".json",
-                    ".png",
-                    ".nc",
-                ):
-                    found.append(path)
-        return sorted(found, key=lambda path: (path.count("/"), path))
-
-    def _records(self, part: str, kind: type[Kept]) -> dict[str, Kept]:
-        found = {}
-        for name in names_in(self.root / part, within=self.root):
-            if _ID.fullmatch(name):
-                place = self.root / part / name / _RECORD
-                try:
-                    data = read_file(place, at_most=MOST_BYTES, within=self.root)
-                    record = msgspec.json.decode(data or b"", type=kind)
-                except (EstimError, msgspec.MsgspecError):  # a kill before the first record
-                    continue
-                if record.id == name:
-                    found[name] = record
-        return dict(sorted(found.items(), key=lambda item: item[1].when))
+        place = self.answers.folder / answer.id / "report"
+        found = [path for path in place.rglob("*") if path.suffix in _FOR_READERS]
+        return sorted(path.relative_to(place).as_posix() for path in found)
 
 
-def _ending(name: str) -> str:
-    return Path(name.lower().replace("\\", "/")).suffix
-
-
-def _plain_stem(given: str) -> str:
+def _stored(given: str) -> str:
     """A name of small letters, digits and hyphens that reminds of the one that a person gave."""
-    stem = unicodedata.normalize("NFKD", Path(given).stem).encode("ascii", "ignore").decode()
-    name = re.sub(r"[^a-z0-9]+", "-", stem.lower()).strip("-")[:40].strip("-")
-    return name if name and not _RESERVED.fullmatch(name) else "points"
-
-
-def _now() -> str:
-    return datetime.now().astimezone().isoformat(timespec="milliseconds")
+    stem, _, ending = given.lower().rpartition(".")
+    name = re.sub(r"[^a-z0-9]+", "-", stem)[:40].strip("-")
+    return f"{'points' if _RESERVED.fullmatch(name) else name}.{ending}"

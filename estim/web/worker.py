@@ -1,6 +1,6 @@
 """The process that works for the page: a command of estim, or a preview of a file, within limits.
 
-    python worker.py SECONDS BYTES run ARGUMENT...      the command `estim ARGUMENT...`
+    python worker.py SECONDS BYTES run ARGUMENT...           the command `estim ARGUMENT...`
     python worker.py SECONDS BYTES preview LANG FILE [X Y]   preview-LANG.json, points-X-Y.png
 
 The working folder is that of the answer or the file.  The process ends, and all that it started,
@@ -9,7 +9,6 @@ as soon as its standard input does: a server that is killed can tell nobody.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import runpy
 import signal
@@ -19,29 +18,23 @@ import threading
 
 def _end_with_the_server() -> None:
     """Ends this process group at the end of standard input."""
-    with contextlib.suppress(OSError):
-        while os.read(0, 1024):
-            pass
-    if hasattr(os, "killpg"):
+    while os.read(0, 1024):
+        pass
+    if sys.platform != "win32":
         os.killpg(0, signal.SIGKILL)
     os._exit(1)
 
 
 def _limit(seconds: int, size: int) -> None:
-    """Limits of processor time and memory (bytes), where the system has them."""
-    if sys.platform == "win32":
-        return
-    import resource
+    """Limits of processor time (s), memory and files (bytes), where the system has them."""
+    if sys.platform != "win32":
+        import resource
 
-    for what, most in (
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_AS, size),
-        (resource.RLIMIT_FSIZE, 2**28),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        hard = resource.getrlimit(what)[1]
-        least = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        with contextlib.suppress(ValueError, OSError):  # a system that knows no such limit
+        limits = {"CPU": seconds, "AS": size, "FSIZE": 2**28, "CORE": 0}
+        for name, most in limits.items():
+            what = getattr(resource, f"RLIMIT_{name}")
+            hard = resource.getrlimit(what)[1]
+            least = most if hard == resource.RLIM_INFINITY else min(most, hard)
             resource.setrlimit(what, (least, least))
 
 
@@ -50,11 +43,12 @@ def main() -> None:
     threading.Thread(target=_end_with_the_server, daemon=True).start()
     _limit(int(seconds), int(size))
     # at the end: where estim is not installed, this is where it lies
-    sys.path.append(os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+    sys.path.append(os.path.abspath(os.path.join(__file__, "..", "..", "..")))
     if task == "preview":
         from estim.web.preview import preview
 
-        sys.exit(preview(*arguments))
+        preview(*arguments)
+        return
     sys.argv = ["estim", *arguments]
     runpy.run_module("estim", run_name="__main__", alter_sys=True)
 

@@ -36,7 +36,7 @@ function points() {
   const [x, y] = ["x", "y"].map((name) => document.getElementById(name));
   if (!image || !x || !y) return;
   const show = () => {
-    image.src = `${image.dataset.at}?x=${x.selectedIndex}&y=${y.selectedIndex}`;
+    image.src = `${image.dataset.at}-${x.selectedIndex}-${y.selectedIndex}.png`;
     image.alt = `${y.value} / ${x.value}`;
   };
   x.addEventListener("change", show);
