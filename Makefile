@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 CAMPAIGN := data/replica/campaign.toml
 OUT ?= out/replica
 
-.PHONY: report test statistics lint reports gallery bench docs lock clean
+.PHONY: report test statistics lint reports gallery bench coverage docs site lock clean
 
 report: $(VENV)/.installed
 	$(BIN)/estim reanalyse $(CAMPAIGN) --out $(OUT)
@@ -34,9 +34,24 @@ PEERS ?= $(BIN)/python
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)
 
+# disturbances of real laboratories, beside lmfit and SciPy: docs/coverage.md; cells in COVERAGE are taken up where they stopped
+COVERAGE ?= out/coverage
+coverage: $(VENV)/.installed
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/coverage.py --out $(COVERAGE) --docs docs
+
 # docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
 docs: $(VENV)/.installed
 	$(BIN)/python docs/generate
+
+# the pages as a site, out/site/index.html; a link that leads nowhere is an error
+site:
+	$(PYTHON) -m venv $(VENV)-site
+	$(VENV)-site/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes --requirement docs/site/requirements.lock
+	rm -rf out/site-pages && mkdir -p out/site-pages
+	tar -cf - --exclude docs/generate --exclude '*.lock' README.md CHANGELOG.md CONTRIBUTING.md CITATION.cff LICENSE docs reports data benchmarks/RESULTS.md benchmarks/scaling.png \
+		| tar -xf - -C out/site-pages
+	NO_MKDOCS_2_WARNING=1 $(VENV)-site/bin/mkdocs build --quiet --config-file docs/site/mkdocs.yml
+	@echo "open out/site/index.html"
 
 lint: $(VENV)/.installed
 	$(BIN)/ruff check .
@@ -56,6 +71,8 @@ lock:
 	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check uv==0.13.9
 	$(VENV)-lock/bin/uv pip compile pyproject.toml --extra test --extra dev --constraint constraints.txt --universal --python-version 3.11 \
 		--upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --quiet --output-file requirements.lock
+	$(VENV)-lock/bin/uv pip compile docs/site/requirements.in --universal --python-version 3.11 \
+		--upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --no-emit-find-links --quiet --output-file docs/site/requirements.lock
 
 clean:
-	rm -rf $(VENV) $(VENV)-lock out
+	rm -rf $(VENV) $(VENV)-lock $(VENV)-site out

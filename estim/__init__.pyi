@@ -19,6 +19,7 @@ from estim.curves.counting import EventTimes as EventTimes
 from estim.curves.counting import Poisson as Poisson
 from estim.curves.differential import ode as ode
 from estim.curves.joining import DataSet as DataSet
+from estim.curves.models import Model as Model
 from estim.curves.posing import AxisNames as AxisNames
 from estim.curves.shared_errors import Component as Component
 from estim.fitting.least_squares import fit_least_squares as fit_least_squares
@@ -33,6 +34,7 @@ from estim.line.regression import prediction_band as prediction_band
 from estim.line.series import read_theta_min as read_theta_min
 from estim.means.averages import Mean as Mean
 from estim.means.averages import mean as mean
+from estim.means.two_values import compare_values as compare_values
 from estim.pipeline import Analysis as Analysis
 from estim.pipeline import analyse as analyse
 from estim.pipeline import sample_curve as sample_curve

@@ -24,7 +24,7 @@ def forget_working_folder() -> None:
     `python -m estim` puts it first.  It stays where estim itself is there: nobody else offers it
     then.
     """
-    if not sys.flags.safe_path and sys.path[:1] == [_working_folder()] and sys.path[0] != HOME:
+    if not sys.flags.safe_path and sys.path[:1] == [working_folder()] and sys.path[0] != HOME:
         del sys.path[0]
 
 
@@ -88,7 +88,7 @@ def _in_the_way(file: str) -> bool:
         if _is_package(file)
         else os.path.splitext(os.path.basename(file))[0]
     )
-    places = [_working_folder(), *(os.path.abspath(place) for place in sys.path)]
+    places = [working_folder(), *(os.path.abspath(place) for place in sys.path)]
     if folder not in places:
         return False
     return (
@@ -97,10 +97,11 @@ def _in_the_way(file: str) -> bool:
     )
 
 
-def _working_folder() -> str:
+def working_folder() -> str:
+    """Its path; "" where it was removed."""
     try:
         return os.getcwd()
-    except OSError:  # it was removed
+    except OSError:
         return ""
 
 

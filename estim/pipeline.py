@@ -6,6 +6,7 @@ Read this first.  Each stage takes records and returns one; each lives in the fi
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -85,6 +86,7 @@ from estim.sampling import (
 )
 from estim.words import advice_for
 
+_LOG = logging.getLogger("estim")
 _BAND_DRAWS = 4000
 _MODE_DRAWS = 20_000
 _OUTLIER_DRAWS = 1000
@@ -98,12 +100,18 @@ _NEGLIGIBLE = 1e-3  # share of an optimum whose ridges are not followed
 class Analysis:
     """Everything that one fit of one or more runs produced.
 
+    problem : points, parameters and priors.  fit : the posterior mode.
     certificate : the second computation; None where there are too many parameters for it.
+    chain : draws of the posterior.  comparison : how chain and second computation agree.
+    goodness : of each run, tests of its residuals.
+    identifiability : how well the data determine each parameter.
+    modes : other optima that were found.  outliers : of each run, points that are far off.
     consistency : whether several runs agree about what they share; None where that cannot be asked.
     conflict : whether the data agree with what was stated of the parameters.
     influences : what errors that no residual can show would do.
     rolling : whether bodies rolled without slipping; none for a curve that is no body's.
     explanation : candidates for what the curve lacks, where that was asked.
+    diagnosis : all findings and the status.  seed : of every random number.
     title, kind : of the campaign, "" where there is none.
     """
 
@@ -229,8 +237,7 @@ def analyse(
         if complete
         else campaign.problem(runs, noise=noise, usual=True)
     )
-    if progress is not None:
-        progress(0, phrase("fit"))
+    _logged(progress)(0, phrase("fit"))
     near = refit_with_noise(problem, beside, rng=stream(seed, Stream.FIT))
     with campaign.placing(problem):
         fit = near or fit_problem(problem, rng=stream(seed, Stream.FIT))
@@ -239,6 +246,17 @@ def analyse(
         fit, seed=seed, target=target, progress=progress, store=kept, marginal=marginal
     )
     return replace(analysis, title=campaign.title, kind=campaign.kind)
+
+
+def _logged(progress: Progress | None) -> Progress:
+    """`progress`, with all that it is told said to the logger "estim" as well (level INFO)."""
+
+    def told(percent: int, message: str) -> None:
+        _LOG.info("%d %%, %s", percent, message)
+        if progress is not None:
+            progress(percent, message)
+
+    return told
 
 
 def analyse_fit(
@@ -257,6 +275,7 @@ def analyse_fit(
     store : keeps the draws; its `inputs` are what decides the problem.
     """
     target, problem, conflict = target or Target(), fit.problem, check_stated_values(fit)
+    progress = _logged(progress)
     draw = partial(
         _drawn, fit, conflict, seed=seed, target=target, progress=progress, marginal=marginal
     )
@@ -268,8 +287,7 @@ def analyse_fit(
         )
     )
     chain, comparison = drawn.chain, drawn.comparison
-    if progress is not None:
-        progress(100, phrase("checks"))
+    progress(100, phrase("checks"))
     goodness = check_goodness(fit, rng=stream(seed, Stream.GOODNESS)) if tested else untested(fit)
     identifiability = identify(fit)
     modes = find_modes(fit, chain.thinned(_MODE_DRAWS))

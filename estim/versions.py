@@ -4,9 +4,14 @@ program runs.
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from functools import cache
 
 _ENGINES = ("estim", "numpy", "scipy", "lmfit", "emcee")
+USED: ContextVar[dict[str, str]] = ContextVar("USED")
+"""Of packages whose plug-ins were used in the block of `estim.common.inputs_read` under way, or the
+session.
+"""
 
 
 @cache
@@ -19,11 +24,11 @@ def version(package: str) -> str:
 
 def engine_versions() -> dict[str, str]:
     """Versions of what computes the numbers: of numba, too, where it is installed (the extra
-    `fast`).
+    `fast`), and of packages whose plug-ins were used.
     """
     from importlib import metadata
 
-    found = {package: version(package) for package in _ENGINES}
+    found = {package: version(package) for package in _ENGINES} | USED.get({})
     try:
         return found | {"numba": version("numba")}
     except metadata.PackageNotFoundError:

@@ -73,6 +73,7 @@ class Forces:
         return (1, self.once_cos, self.once_sin), (2, self.twice_cos, self.twice_sin)
 
     def values(self) -> Iterator[ArrayLike]:
+        """Its fields in their order, each in its SI unit."""
         return (getattr(self, field.name) for field in fields(self))
 
 

@@ -45,6 +45,7 @@ class Part:
 
     @property
     def on_axle(self) -> bool:
+        """Whether its centre lies on the axle."""
         return not np.any(self.distance)
 
 

@@ -127,8 +127,9 @@ class PointByPoint:
         self,
         pdf: Callable[[np.ndarray, Named], np.ndarray],
         cdf: Callable[[np.ndarray, Named], np.ndarray],
+        reach: float = 8.0,
     ) -> None:
-        self.pdf, self.cdf = pdf, cdf
+        self.pdf, self.cdf, self.reach = pdf, cdf, reach
 
     def log_density(self, y: np.ndarray, named: Named) -> float:
         return float(np.sum(self.pointwise(y, named)))
@@ -141,7 +142,7 @@ class PointByPoint:
 
     def information(self, named: Named) -> np.ndarray:
         """(n_par,) its diagonal, mean squares of the scores, by a sum over y."""
-        y = line(named) + np.sinh(np.linspace(-8.0, 8.0, 20_001))[:, None] * 0.01
+        y = line(named) + np.sinh(np.linspace(-self.reach, self.reach, 20_001))[:, None] * 0.01
         chance = self.pdf(y, named) * np.gradient(y, axis=0)
         return np.array(
             [
@@ -228,6 +229,7 @@ class Case:
 
     mixed : whether errors are normal with one of several covariances, of which readings know one.
     unlike : whether y is no sum of the curve and an error.
+    of_curve : whether errors are a share of the curve.
     single : of points one by one where that is another thing than all together (errors of x).
     within : what quadrature in estim may be off.
     """
@@ -241,6 +243,7 @@ class Case:
     mixed: bool = False
     points: Points = POINTS
     unlike: bool = False
+    of_curve: bool = False
 
     @property
     def y(self) -> np.ndarray:
@@ -259,10 +262,11 @@ def line(named: Named) -> np.ndarray:
     return named["a"] + named["b"] * X
 
 
-def one_by_one(mean, sd, shape) -> PointByPoint:
+def one_by_one(mean, sd, shape, *, reach: float = 8.0) -> PointByPoint:
     return PointByPoint(
         lambda y, named: shape(named)[0]((y - mean(named)) / sd(named)) / sd(named),
         lambda y, named: shape(named)[1]((y - mean(named)) / sd(named)),
+        reach,
     )
 
 
@@ -280,6 +284,10 @@ def mixture(named):
 
 def spread(named: Named) -> np.ndarray:
     return np.sqrt((named["s"] * RELATIVE) ** 2 + named["scatter"] ** 2)
+
+
+def of_curve(named: Named) -> np.ndarray:
+    return np.hypot(0.1 * line(named), named["scatter"])
 
 
 def true_abscissas(u_x: float) -> tuple[np.ndarray, float]:
@@ -479,6 +487,12 @@ CASES = {
     "Poisson counts": counts(),
     "binomial fractions": fractions(),
     "event times": events(),
+    "a share of the curve": Case(
+        Readings(Scale(1.0), SCALES[1], 0.1 * Y, share=0.1),
+        {"scatter": 0.05},
+        one_by_one(line, of_curve, lambda named: (stats.norm.pdf, stats.norm.cdf), reach=5.5),
+        of_curve=True,
+    ),
     "errors of x": Case(
         Readings(Scale(0.1), Scale(), np.ones(N), sigma_x=Scale(0.2)),
         {},

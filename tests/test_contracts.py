@@ -409,7 +409,7 @@ def check_size(case: Case, noise: Likelihood) -> None:
     information = noise.information(here, names, ends)
     assert information == pytest.approx(information.T, rel=1e-9)
     assert (noise.normal is None) == (
-        case.outliers or case.mixed or case.unlike or case.single is not None
+        case.outliers or case.mixed or case.unlike or case.of_curve or case.single is not None
     )
     if noise.normal is None:
         if case.single is None:
@@ -457,7 +457,7 @@ def test_noise_says_of_draws_and_at_a_point_what_brute_force_says(case: Case) ->
     [
         name
         for name, case in CASES.items()
-        if case.single is None and not case.mixed and not case.unlike
+        if case.single is None and not case.mixed and not case.unlike and not case.of_curve
     ],
 )
 def test_noise_reads_what_its_likelihood_expects(name: str, rng: np.random.Generator) -> None:

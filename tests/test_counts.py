@@ -705,3 +705,25 @@ def test_events_in_a_window_whose_ends_expect_none_at_all(end: float) -> None:
     assert fit.status == "ok"
     assert fit.values["mu"] == pytest.approx(times.mean(), abs=1e-6)
     assert fit.values["sigma"] == pytest.approx(times.std(), rel=1e-5)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 7])
+def test_a_line_through_a_first_count_of_zero_has_the_profile_interval(seed: int) -> None:
+    """The best line expects 0 where 0 was counted: the information about `a` has no bound there."""
+    x = np.linspace(0.0, 10.0, 25)
+    y = np.random.default_rng(seed).poisson(0.2 + 3.0 * x)
+    fit = fit_curve("a + b*x", x, y, noise="poisson", start={"a": 0.2, "b": 3.0})
+
+    def deviance(a: float) -> float:
+        def of_slope(b: float) -> float:
+            mean = a + b * x
+            return 2.0 * float(np.sum(mean - special.xlogy(y, mean)))
+
+        return optimize.minimize_scalar(of_slope, bounds=(1.0, 5.0), options={"xatol": 1e-10}).fun
+
+    rise = optimize.brentq(lambda a: deviance(a) - deviance(0.0) - 3.8414588, 1e-6, 5.0)
+    assert (y[0], fit.status) == (0, "ok")
+    assert fit.values["a"] == pytest.approx(0.0, abs=1e-9)
+    assert fit.intervals["a"][0.95] == pytest.approx((0.0, rise), abs=1e-3)
+    assert np.isnan(fit.sds["a"])
+    assert "goes as far as counts of 0 allow" in fit.notes[0]

@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.optimize import minimize
 
+from estim import Component
 from estim.calibration.experiment import PointDesign
 from estim.checks.goodness import check_goodness
 from estim.common.errors import InputError
@@ -20,7 +22,9 @@ from estim.curves.posing import AxisNames, pose_curve
 from estim.fitting.fisher_information import information
 from estim.fitting.least_squares import fit_least_squares
 from estim.problem.abscissas import predictive, true_abscissas
+from estim.problem.curve import POINTS
 from estim.problem.posterior import Problem
+from estim.problem.roots import covariance_of
 from estim.problem.tails import GAUSSIAN, Mixture
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -450,3 +454,214 @@ def test_two_parameters_that_do_the_same_at_a_limit_are_told_apart_by_it(seed: i
         bounds=bounds,
     )
     assert fit.status == "ok", fit.reasons
+
+
+def test_some_x_may_be_exact_while_others_have_errors() -> None:
+    x, y = data(lambda x: 2.0 * np.exp(0.8 * x), np.linspace(0.1, 2.0, 12), 0.0, 0.1, 4)
+    u_x = np.where(np.arange(12) % 3 == 0, 0.1, 0.0)
+    start = {"a": 2.0, "b": 0.8}
+    fit = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=u_x)
+    named = {name: np.array([[value]]) for name, value in fit.values.items()}
+    (pointwise,) = fit.problem.runs[0].likelihood(fit.values).pointwise(named)
+    a, b = fit.values.values()
+    # mean and variance of the true abscissas are those of the x less the errors of all
+    tau2 = np.var(x, ddof=1) - np.mean(u_x**2)
+    for i in range(12):
+        if u_x[i] == 0.0:
+            expected = -0.5 * ((y[i] - a * np.exp(b * x[i])) / 0.1) ** 2 - np.log(0.1)
+            expected -= 0.5 * np.log(2.0 * np.pi)
+        else:
+            share = u_x[i] ** 2 / (u_x[i] ** 2 + tau2)
+            centre, sd = x[i] - share * (x[i] - x.mean()), u_x[i] * np.sqrt(1.0 - share)
+
+            def curve(z, centre=centre, sd=sd):
+                return a * np.exp(b * (centre + sd * z))
+
+            expected = brute_force(y[i], curve, sd=0.1)
+        # components are narrow normal ones: `abscissas` says how exactly they make the integral
+        assert pointwise[i] == pytest.approx(expected, abs=1e-9 if u_x[i] == 0.0 else 2e-3)
+    nearly = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=np.maximum(u_x, 1e-5))
+    assert list(fit.values.values()) == pytest.approx(list(nearly.values.values()), rel=1e-4)
+    assert list(fit.sds.values()) == pytest.approx(list(nearly.sds.values()), rel=1e-3)
+    alike = fit_curve("a*exp(b*x)", x, y, start=start, u_y=0.1, u_x=0.1)
+    assert alike.sds["a"] > 1.2 * fit.sds["a"]
+
+
+@pytest.mark.parametrize(
+    ("u_x", "value"), [(0.0, "0.0"), (np.zeros(9), "0.0"), (np.r_[0.1, -0.1, np.zeros(7)], "-0.1")]
+)
+def test_x_that_are_all_exact_have_no_errors_to_state(u_x: object, value: str) -> None:
+    x = np.linspace(0.0, 1.0, 9)
+    with pytest.raises(InputError, match=rf"'u_x'.* must be > 0.*: {value}"):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, u_y=0.1, u_x=u_x)
+
+
+def test_a_covariance_of_x_is_a_common_zero_beside_errors_of_each(rng: np.random.Generator) -> None:
+    true, n = rng.normal(0.0, 1.0, 25), 25
+    x, y = true + 0.15 * rng.standard_normal(n) + 0.2, 1.0 + 2.0 * true
+    y += 0.1 * rng.standard_normal(n)
+    start, each = {"a": 0.0, "b": 1.0}, 0.15**2 * np.eye(n)
+    zero = [Component("zero_x", 0.2)]
+    known = fit_curve("a + b*x", x, y, start=start, u_x=0.15, u_y=0.1, errors=zero)
+    whole = fit_curve("a + b*x", x, y, start=start, cov_x=each + 0.2**2, cov_y=0.01 * np.eye(n))
+    for name in "ab":
+        # one takes the size of the residuals as told by the slope, the other does not
+        assert whole.values[name] == pytest.approx(known.values[name], abs=0.3 * known.sds[name])
+        assert whole.sds[name] == pytest.approx(known.sds[name], rel=0.05)
+    without = fit_curve("a + b*x", x, y, start=start, cov_x=each, u_y=0.1)
+    assert without.sds["a"] < 0.3 * whole.sds["a"]
+    alone = fit_curve("a + b*x", x, y, start=start, u_x=0.15, cov_y=0.01 * np.eye(n))
+    assert alone.values == pytest.approx(without.values, rel=1e-9)
+    far = fit_curve("a + b*x", x, y, start={"a": 1e5, "b": -1e5}, cov_x=each, u_y=0.1)
+    assert far.values == pytest.approx(without.values, rel=1e-6)
+    assert "errors of x with a standard deviation of about 0.15" in (
+        alone.problem.runs[0].noise.describe(x_unit="1", y_unit="1", words=POINTS)
+    )
+
+
+def test_the_covariance_of_y_is_that_of_a_line_about_the_expected_abscissas() -> None:
+    x, y = data(lambda x: 1.0 + 2.0 * x, np.linspace(0.0, 3.0, 9), 0.2, 0.1, 2)
+    x, y = x[np.argsort(x)], y[np.argsort(x)]  # as a problem holds them
+    rng = np.random.default_rng(6)
+    root_x, root_y = (0.1 * rng.standard_normal((9, 9)) for _ in range(2))
+    cov_x, cov_y = root_x @ root_x.T + 0.01 * np.eye(9), root_y @ root_y.T + 0.01 * np.eye(9)
+    start = {"a": 0.0, "b": 1.0}
+    fit = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y)
+    # by draws of what is not known: mean and ln variance of the true abscissas, these, and y
+    mean, at_mean = np.mean(x), np.sum(cov_x) / 81.0
+    error = (np.trace(cov_x) - 9.0 * at_mean) / 8.0
+    tau2 = np.var(x, ddof=1) - error
+    n_draw = 200_000
+    mu = mean + np.sqrt(tau2 / 9.0 + at_mean) * rng.standard_normal(n_draw)
+    gain = np.linalg.solve(cov_x + tau2 * np.eye(9), cov_x).T
+    centre = x - (x - mu[:, None]) @ gain.T
+    steeper = np.linalg.solve(cov_x + (tau2 + 1e-4) * np.eye(9), cov_x).T
+    by_tau2 = ((gain - steeper) @ (x - mean)) / 1e-4
+    centre += np.outer(rng.standard_normal(n_draw), by_tau2 * np.sqrt(2.0 / 8.0) * (tau2 + error))
+    rest = np.linalg.inv(np.linalg.inv(cov_x) + np.eye(9) / tau2)
+    centre += rng.multivariate_normal(np.zeros(9), rest, n_draw)
+    drawn = fit.values["b"] * centre + rng.multivariate_normal(np.zeros(9), cov_y, n_draw)
+    likelihood = fit.problem.runs[0].likelihood(fit.values)
+    assert likelihood.normal is not None
+    found, expected = covariance_of(likelihood.normal.root(fit.values)), np.cov(drawn.T)
+    sds = np.sqrt(np.diag(expected))
+    assert np.max(np.abs(found - expected) / np.outer(sds, sds)) < 6.0 / np.sqrt(n_draw)
+    assert likelihood.points.x == pytest.approx(np.mean(centre, axis=0), abs=6e-3)
+    # and the fit is generalised least squares with it
+    columns = np.column_stack([np.ones(9), likelihood.points.x])
+    weighed = columns.T @ np.linalg.inv(found)
+    solution = np.linalg.solve(weighed @ columns, weighed @ y)
+    assert list(fit.values.values()) == pytest.approx(solution, rel=1e-6)
+    assert fit.cov == pytest.approx(np.linalg.inv(weighed @ columns), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        ({"cov_x": np.eye(9)}, "'cov_x' needs a known u_y"),
+        ({"cov_x": np.eye(9), "u_y": 0.1}, "'cov_x' must be below the standard deviation of x"),
+        ({"cov_x": np.eye(8), "u_y": 0.1}, "'cov_x' must have the shape"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_x": 0.1, "u_y": 0.1}, "'cov_x' cannot be combined"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": "2%"}, "'cov_x' does not go with"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": 0.1, "robust": "mixture"}, "'cov_x' cannot be comb"),
+        ({"cov_x": 1e-3 * np.eye(9), "u_y": 0.1, "correlated": True}, "'u_x'|'correlated'"),
+    ],
+)
+def test_what_does_not_go_with_a_covariance_of_x_is_refused(
+    arguments: dict[str, object], rule: str
+) -> None:
+    x = np.linspace(1.0, 2.0, 9)
+    with pytest.raises(InputError, match=rule):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, **arguments)
+
+
+@pytest.mark.statistics
+def test_intervals_with_covariances_of_x_and_y_cover_what_they_say() -> None:
+    rng, n, n_set, truth = np.random.default_rng(8), 25, 300, {"a": 1.0, "b": 2.0}
+    cov_x = 0.3**2 * np.eye(n) + 0.2**2
+    cov_y = 0.04 * 0.6 ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    root, start = np.linalg.cholesky(cov_y), {"a": 0.0, "b": 1.0}
+    inside, flat = np.zeros(2), np.zeros(2)
+    for _ in range(n_set):
+        true = rng.normal(0.0, 1.0, n)
+        x = true + 0.3 * rng.standard_normal(n) + 0.2 * rng.standard_normal()
+        y = 1.0 + 2.0 * true + root @ rng.standard_normal(n)
+        right = fit_curve("a + b*x", x, y, start=start, cov_x=cov_x, cov_y=cov_y, n_start=1)
+        # errors of x as errors of y by the slope, at the x that were read
+        wrong = fit_curve("a + b*x", x, y, start=start, cov_y=cov_y + 4.0 * cov_x, n_start=1)
+        for fit, count in ((right, inside), (wrong, flat)):
+            ends = (fit.intervals[name][0.68] for name in truth)
+            count += [
+                low <= true <= high for (low, high), true in zip(ends, truth.values(), strict=True)
+            ]
+    error = np.sqrt(0.68 * 0.32 / n_set)
+    assert np.all(np.abs(inside / n_set - 0.68) < 4.0 * error)
+    assert flat[1] / n_set < 0.68 - 4.0 * error
+
+
+def test_correlated_errors_of_a_point_are_the_integral_of_their_joint_density() -> None:
+    rng, n = np.random.default_rng(11), 14
+    true = np.linspace(0.2, 2.0, n)
+    u_x, u_y, r_xy = np.full(n, 0.08), np.linspace(0.1, 0.3, n), np.linspace(-0.9, 0.8, n)
+    u_x[3] = 0.0
+    e = rng.standard_normal((2, n))
+    x = true + u_x * e[0]
+    y = 2.0 * np.exp(0.8 * true) + u_y * (r_xy * e[0] + np.sqrt(1.0 - r_xy**2) * e[1])
+    start = {"a": 2.0, "b": 0.8}
+    fit = fit_curve("a*exp(b*x)", x, y, start=start, u_y=u_y, u_x=u_x, r_xy=r_xy)
+    a, b = fit.values.values()
+    draw = {name: np.array([[value]]) for name, value in fit.values.items()}
+    (pointwise,) = fit.problem.runs[0].likelihood(fit.values).pointwise(draw)
+    mu, tau2, off = np.mean(x), np.var(x, ddof=1) - np.mean(u_x**2), []
+    for k, i in enumerate(np.argsort(x)):
+        if u_x[i] == 0.0:
+            alone = -0.5 * ((y[i] - a * np.exp(b * x[i])) / u_y[i]) ** 2
+            expected = alone - np.log(u_y[i]) - 0.5 * np.log(2.0 * np.pi)
+        else:
+            xi = np.linspace(x[i] - 8.0 * u_x[i], x[i] + 8.0 * u_x[i], 20_001)
+            cov = r_xy[i] * u_x[i] * u_y[i]
+            joint = stats.multivariate_normal([0.0, 0.0], [[u_x[i] ** 2, cov], [cov, u_y[i] ** 2]])
+            weight = stats.norm(mu, np.sqrt(tau2)).pdf(xi)
+            both = joint.pdf(np.column_stack([x[i] - xi, y[i] - a * np.exp(b * xi)]))
+            of_x = stats.norm(0.0, u_x[i]).pdf(x[i] - xi)
+            expected = np.log(np.sum(both * weight) / np.sum(of_x * weight))
+        off.append(pointwise[k] - expected)
+    assert np.max(np.abs(off)) < 5e-3
+    without = fit_curve("a*exp(b*x)", x, y, start=start, u_y=u_y, u_x=u_x)
+    (apart,) = without.problem.runs[0].likelihood(fit.values).pointwise(draw)
+    assert np.max(np.abs(apart - pointwise)) > 0.1
+
+
+def test_the_scores_of_correlated_errors_are_derivatives() -> None:
+    x, y = data(lambda x: 2.0 * np.exp(0.8 * x), np.linspace(0.1, 2.0, 8), 0.1, 0.1, 3)
+    fit = fit_curve("a*exp(b*x)", x, y, start={"a": 2.0, "b": 0.8}, u_y=0.1, u_x=0.1, r_xy=0.7)
+    likelihood, names, h = fit.problem.runs[0].likelihood(fit.values), ("a", "b"), 1e-5
+    scores = likelihood.scores({"a": 2.1, "b": 0.75}, names, {})
+    for i, (da, db) in enumerate(np.eye(2)):
+        high, low = (
+            likelihood.pointwise(
+                {"a": np.array([[2.1 + s * da]]), "b": np.array([[0.75 + s * db]])}
+            )[0]
+            for s in (h, -h)
+        )
+        assert scores[:, i] == pytest.approx((high - low) / (2.0 * h), rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "rule"),
+    [
+        ({"u_y": 0.1, "r_xy": 0.5}, "needs u_x and u_y"),
+        ({"u_y": "2%", "u_x": 0.1, "r_xy": 0.5}, "needs u_x and u_y in their units"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": 0.5, "robust": "mixture"}, "normal errors alone"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": 1.0}, "between -1 and 1"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": [0.1, 0.2]}, "between -1 and 1"),
+        ({"u_y": 0.1, "u_x": 0.1, "r_xy": float("nan")}, "between -1 and 1"),
+        ({"cov_y": np.eye(9), "u_x": 0.1, "r_xy": 0.1}, "needs u_x and u_y"),
+    ],
+)
+def test_a_correlation_that_has_no_meaning_is_refused(
+    arguments: dict[str, object], rule: str
+) -> None:
+    x = np.linspace(1.0, 2.0, 9)
+    with pytest.raises(InputError, match=f"'r_xy' .*{rule}"):
+        fit_curve("a + b*x", x, x, start={"a": 0.0, "b": 1.0}, **arguments)

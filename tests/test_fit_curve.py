@@ -383,7 +383,7 @@ def good(**changes: object) -> dict[str, object]:
         ({"start": {"a": math.nan, "b": 1.0}}, "'start' must be finite for 'a'"),
         ({"start": {"a": "one", "b": 1.0}}, "'start' must be a number for 'a'"),
         ({"start": {"x": 1.0, "b": 1.0}}, "named like the variable"),
-        ({"curve": "a + b*y"}, "no starting value for 'y'"),
+        ({"curve": "a + b*y"}, "must hold x, its variable, or the name of its axis"),
         ({"curve": "a + b*import"}, "'curve' is not a formula"),
         ({"curve": 3.0}, "'curve' must be a formula"),
         ({"bounds": {"a": (2.0, 1.0)}}, "'bounds' of 'a' must be below"),
@@ -537,6 +537,16 @@ def test_a_formula_may_call_its_variable_t() -> None:
     assert given(1.0) == pytest.approx(there(1.0), rel=1e-6)
     # t with a value of its own is a parameter
     assert fit_curve("a*x + t", x, y, start={"a": 1.0, "t": 0.0}).names == ("a", "t")
+
+
+def test_a_formula_may_call_its_variable_as_its_axis_is_called() -> None:
+    f = np.linspace(0.5, 5.0, 30)
+    y = 2.0 * np.exp(-f / 1.7) + 0.01 * np.random.default_rng(1).standard_normal(30)
+    there = fit_curve("a*exp(-x/f0)", f, y, u_y=0.01)
+    here = fit_curve("a*exp(-f/f0)", f, y, u_y=0.01, axes=AxisNames("frequency f", "Hz"))
+    assert here.values == pytest.approx(there.values, rel=1e-9)
+    with pytest.raises(InputError, match="must hold x, its variable, or the name of its axis"):
+        fit_curve("a*exp(-f/f0)", f, y, u_y=0.01)
 
 
 def test_one_letter_is_a_constant() -> None:

@@ -197,6 +197,14 @@ def test_two_values_are_compared_with_their_correlation():
     done = runner().invoke(cli, ["diff", "9.81(2) m/s²", "9.79(2) m/s²", "--r", "0.9"])
     assert "difference: 0.0200 m/s², u = 0.0089 m/s²" in done.output
     assert "E_n = 1.12: the two values do not agree" in done.output
+    found = estim.compare_values("9.81(2) m/s²", "9.79(2) m/s²", r=0.9)
+    assert done.output == f"{found}\n"
+    assert not found.agree
+    for wrong, rule in (("9.79(2) m/s", "must be in m/s², as the first"), ("x", "second")):
+        with pytest.raises(InputError, match=rule):
+            estim.compare_values("9.81(2) m/s²", wrong)
+    with pytest.raises(InputError, match="between -1 and 1"):
+        estim.compare_values("9.81(2)", "9.79(2)", r=1.1)
 
 
 def test_a_formula_at_the_command_line(tmp_path):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import lmfit
 import numpy as np
 import pytest
+from command_runner import runner
 
 from estim import EventTimes, Poisson, fit_curve, load_campaign
+from estim.cli.commands import cli
 from estim.common import InputError, NumericalError
 from estim.curves.formula import read_formula
 from estim.curves.guesses import guess_starts
@@ -333,6 +336,59 @@ SHAPES = {
         "sigma": rng.choice([-1, 1]) * np.exp(rng.uniform(np.log(0.5 * step), np.log(length / 8))),
     },
 }
+
+
+def swings(text: str, seed: int) -> tuple[np.ndarray, np.ndarray, dict[str, float]]:
+    """Noisy points of the sum of oscillations `text`, and its parameters: amplitudes positive,
+    phases within half a turn, frequencies rising.
+    """
+    rng = np.random.default_rng(seed)
+    x, y, truth = np.arange(80) / 10.0 + rng.choice([0.0, 3.0]), np.zeros(80), {}
+    for i, term in enumerate(read_model(text).terms):
+        values = {
+            "amplitude": rng.uniform(2.0, 9.0),
+            "frequency": rng.uniform(0.4, 1.2) + i,
+            "phase": rng.choice([-1.0, 1.0]) * rng.uniform(0.0, 3.1),
+            "damping": rng.uniform(0.02, 0.2),
+            "c": rng.normal(),
+        }
+        values = {name: values[name] for name in term.model.parameters}
+        y += read_formula(term.model.expression).value(x, values)[0]
+        truth |= term.renamed(values)
+    return x, y + 0.1 * rng.standard_normal(80), truth
+
+
+@pytest.mark.parametrize(
+    "text", ["oscillation", "damped_oscillation + constant", "a_oscillation + b_oscillation"]
+)
+def test_a_swing_has_a_positive_amplitude_and_a_phase_within_half_a_turn(text: str) -> None:
+    """-amplitude with phase + pi is the same curve, and so is a swing exchanged with another."""
+    for seed in range(8):
+        x, y, truth = swings(text, seed)
+        found = fit_curve(text, x, y, u_y=0.1)
+        assert found.status == "ok", (seed, found.reasons)
+        for name, value in truth.items():
+            assert abs(found.values[name] - value) < 5.0 * found.sds[name], (seed, name)
+    # what is stated of the amplitude has the last word
+    x, y, truth = swings("oscillation", 1)
+    turned = fit_curve("oscillation", x, y, u_y=0.1, bounds={"amplitude": (None, 0.0)})
+    assert turned.values["amplitude"] == pytest.approx(-truth["amplitude"], abs=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("undrawn", "few_draws")
+def test_so_it_has_at_the_command_line(tmp_path: Path) -> None:
+    for seed in range(3):
+        x, y, truth = swings("damped_oscillation", seed)
+        rows = "\n".join(f"{t:.6f},{v:.6f}" for t, v in zip(x, y, strict=True))
+        (tmp_path / "swing.csv").write_text(f"t (s),y (cm)\n{rows}\n")
+        words = ["fit", tmp_path / "swing.csv", "--formula", "damped_oscillation", "--u-y", "0.1"]
+        done = runner().invoke(cli, [*map(str, words), "--out", str(tmp_path / "out")])
+        assert done.exit_code == 0, done.output
+        record = json.loads((tmp_path / "out" / "result.json").read_bytes())
+        for name, value in truth.items():
+            of = record["parameters"][name]
+            assert abs(of["mean"] - value) < 5.0 * of["sd"], (seed, name)
 
 
 CAMPAIGN = """

@@ -400,3 +400,18 @@ def test_a_parameter_on_its_way_to_infinity_is_no_solution() -> None:
     near, found = (fit_curve(curve, x, y, n_start=n, **settings) for n in (1, None))
     assert found.status == near.status == "ok"
     assert found.chi2 <= near.chi2 * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("far", [661.7, 5e4])
+def test_the_place_of_a_peak_far_from_zero_is_no_angle(far: float) -> None:
+    """A narrow peak that lies outside the points is not seen, and does not change when it is moved
+    by 360: once, center = -58 was given for 662, and called not identified.
+    """
+    x = far + np.linspace(-60.0, 70.0, 53)
+    y = 38.0 * np.exp(-((x - far) ** 2) / (2.0 * 9.5**2)) + 8.0 - 0.02 * (x - far)
+    for seed in range(4):
+        noisy = y + 0.5 * np.random.default_rng(seed).standard_normal(x.size)
+        for curve in ("gaussian + line", "A*exp(-(x - center)**2/(2*s**2)) + b*x + c"):
+            found = fit_curve(curve, x, noisy)
+            assert found.status == "ok", found.reasons
+            assert abs(found.values["center"] - far) < 5.0 * found.sds["center"]

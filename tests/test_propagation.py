@@ -1234,6 +1234,8 @@ def test_formula_in_text_is_the_same_function() -> None:
     assert by_text.value == pytest.approx(float(by_hand.value), rel=1e-14)
     assert by_text.u == pytest.approx(float(by_hand.u), rel=1e-9)
     assert by_text.inputs[0].unit == "m"
+    called = estim.propagate_linear("g = 4*pi2*L/T**2", stated)  # as for `estim propagate`
+    assert (called.value, called.u) == (by_text.value, by_text.u)
     assert by_text.expanded == pytest.approx(float(by_hand.high - by_hand.value), rel=1e-9)
     drawn = [
         estim.propagate_monte_carlo(f, i, rng=np.random.default_rng(3), n_draw=10_000).draws

@@ -148,7 +148,7 @@ def test_no_number_loses_its_unit_on_the_way_back_or_in_several_data_sets() -> N
         fit.predict(Quantity(1.0, "min"), data="a")
     with pytest.raises(InputError, match="in the same units"):
         fit_curves("s0 + v*x", {**sets, "b": DataSet(T, S, u_y=0.5)}, shared=["v"], start=start)
-    with pytest.raises(InputError, match="'cov_y' must be plain numbers"):
+    with pytest.raises(InputError, match="'cov_y' of data set 'a' must be plain"):
         fit_curves(
             "s0 + v*x",
             {"a": DataSet(T, S, cov_y=Quantity(np.eye(T.size), "cm"))},

@@ -488,3 +488,24 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path)
     for row, one in zip(compared, result["published"], strict=True):
         assert says(row[3], one["reanalysed"]["value"], one["reanalysed"]["u"]), row
         assert says(row[5], one["e_n"]), row
+
+
+def test_story_of_the_committed_report_is_that_of_its_results(project: Path) -> None:
+    committed = project / "reports" / "replica"
+    text = " ".join((committed / "report.md").read_text().replace("\xa0", " ").split())
+    bodies = json.loads((committed / "result.json").read_text())["bodies"]
+    for name, body in bodies.items():
+        shares = [100.0 * band["median_ratio"] for band in body["bands"].values()]
+        assert f"{min(shares):.1f} % to {max(shares):.1f} % ({name})" in text
+        stated, true = body["gamma_masses"], body["joint"]["parameters"][f"gamma[{name}]"]["true"]
+        assert f"{(stated['value'] - true) / stated['u']:+.1f} ({name})" in text
+    assert "the paper computes 0.45 from the shape of the disk" in text
+
+
+@pytest.mark.slow
+def test_story_without_truths_says_nothing_of_them(reanalysed: Reanalysis) -> None:
+    told = reanalysis_report(reanalysed, figures="none")["report.md"].decode()
+    measured = replace(reanalysed, campaign=replace(reanalysed.campaign, truth={}))
+    untold = reanalysis_report(measured, figures="none")["report.md"].decode()
+    assert ("true values are known" in told, "true values are known" in untold) == (True, False)
+    assert "The points narrow the bands" in untold

@@ -4,6 +4,7 @@ one.
 
 from __future__ import annotations
 
+import doctest
 import json
 import re
 import subprocess
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+import estim
 
 jsonschema = pytest.importorskip("jsonschema")
 
@@ -135,3 +138,38 @@ def test_campaigns_that_the_guides_print_keep_to_the_schema(schema: Any, project
     assert len(whole) >= 5
     for text in whole:
         assert [error.message for error in schema.iter_errors(tomllib.loads(text))] == [], text[:60]
+
+
+def test_every_public_member_has_words(project: Path) -> None:
+    page = (project / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (`.+?`) \| (.*) \|$", page, flags=re.M)
+    assert len(rows) > 90
+    assert [name for name, words in rows if not words.strip()] == []
+
+
+def examples() -> list[str]:
+    """Names of `estim` whose docstring has an example."""
+    return [name for name in estim._homes() if ">>> " in (getattr(estim, name).__doc__ or "")]
+
+
+@pytest.mark.parametrize("name", examples())
+def test_examples_of_docstrings_print_what_they_show(name: str) -> None:
+    thing = getattr(estim, name)
+    (case,) = doctest.DocTestFinder(recurse=False).find(thing, name, globs={})
+    said: list[str] = []
+    doctest.DocTestRunner(verbose=False).run(case, out=said.append)
+    assert "".join(said) == ""
+
+
+def test_examples_are_there() -> None:
+    assert {
+        "AxisNames",
+        "Binomial",
+        "Component",
+        "DataSet",
+        "EventTimes",
+        "Model",
+        "Poisson",
+        "fit_many",
+        "ode",
+    } <= {*examples()}

@@ -632,3 +632,15 @@ def test_two_columns_of_one_name_are_refused_in_one_line(tmp_path: Path, said: l
             "fewer than two columns",
         )
         assert any(rule in line for rule in rules), line
+
+
+def test_a_misspelt_model_is_no_constant_of_that_name(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text("x,y\n1,2\n2,3\n3,5\n4,4\n5,6\n")
+    for formula in ("gausian", "gausian + line"):
+        with pytest.raises(InputError, match=r"must name a model \(did you mean 'gaussian'\?\)"):
+            text_of_table(file, TableChoices(formula=formula))
+    assert 'expression = "mean"' in text_of_table(
+        file, TableChoices(formula="mean", start={"mean": "3"})
+    )
+    assert 'expression = "x + b"' in text_of_table(file, TableChoices(formula="x + b"))

@@ -112,3 +112,10 @@ def test_several_data_sets_have_a_report(tmp_path: Path) -> None:
     assert "amplitude[first]" in json.dumps(result)
     draws = analysis.chain.flat[:, fit.names.index("decay")]
     assert abs(float(np.mean(draws)) - fit.values["decay"]) < 0.2 * fit.sds["decay"]
+
+
+def test_arbitrary_units_are_one_word() -> None:
+    axes = AxisNames("wavelength", "nm", "intensity", "a.u.")
+    x = np.linspace(-3.0, 3.0, 31)
+    y = np.exp(-(x**2) / 2.0) + 0.01 * np.cos(40.0 * x)
+    assert fit_curve("gaussian", x, y, axes=axes).fit.problem.parameters[0].unit == "a.u·nm"

@@ -11,7 +11,7 @@ import pytest
 from scipy import optimize, stats
 
 from estim import InputError, Poisson, fit_curve, load_campaign
-from estim.fitting import fit_problem
+from estim.fitting import contour, fit_problem
 
 X = np.linspace(0.0, 10.0, 40)
 U = np.linspace(0.05, 0.15, 40)
@@ -42,11 +42,31 @@ def test_a_jitter_is_that_of_the_highest_likelihood() -> None:
         held = optimize.minimize(
             lambda p: minus(np.append(p, jitter)), best.x[:3], method="Nelder-Mead"
         )
-        return 2.0 * (held.fun - best.fun) - stats.chi2.ppf(0.95, 1)
+        return 2.0 * (held.fun - best.fun) - 40.0 * np.log1p(stats.t.ppf(0.975, 37) ** 2 / 37.0)
 
     ends = [optimize.brentq(rise, *ends) for ends in ((0.1, best.x[3]), (best.x[3], 0.6))]
     assert fit.intervals["jitter"][0.95] == pytest.approx(ends, rel=2e-3)
     assert fit_curve("a*sin(w*x) + c", X, y, u_y=U).status == "poor-fit"
+
+
+@pytest.mark.parametrize("n", [6, 20])
+def test_intervals_beside_a_large_jitter_are_those_of_student(n: int) -> None:
+    """A jitter beside next to nothing is an error that the residuals tell: for a line, whose
+    intervals are then exactly t s.
+    """
+    rng = np.random.default_rng(n)
+    x = np.linspace(0.0, 1.0, n)
+    y = 1.0 + 2.0 * x + 0.2 * rng.standard_normal(n)
+    beside, alone = (
+        fit_curve("a + b*x", x, y, **given) for given in ({"u_y": 1e-4, "jitter": True}, {})
+    )
+    for p in (0.68, 0.95):
+        assert beside.intervals["b"][p] == pytest.approx(alone.intervals["b"][p], abs=1e-3)
+        assert beside.profile_interval("b", probability=p) == pytest.approx(
+            beside.intervals["b"][p], abs=1e-6
+        )
+    levels = contour(beside.held, "a", "b", dof=n - 2.0).levels
+    assert levels[0.95] == pytest.approx(-2.0 * n / (n - 2.0) * np.log(0.05))
 
 
 def test_a_jitter_that_is_not_there_has_a_limit_and_changes_nothing() -> None:

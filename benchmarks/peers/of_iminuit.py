@@ -176,6 +176,51 @@ def simultaneous() -> Any:
     )  # fmt: skip
 
 
+DECAY_T = np.linspace(0.25, 9.75, 20)
+
+
+def decays() -> Any:
+    random = np.random.default_rng(1)
+    volts = random.normal(2 * np.exp(-DECAY_T / 3), 0.05)
+    counts = np.histogram(random.exponential(3, 4000), 20, (0, 10))[0] + random.poisson(20, 20)
+    times = random.exponential(3, 400)
+    return volts, counts, times[times < 10]
+
+
+def iminuit_sum() -> Numbers:
+    from iminuit.cost import ExtendedBinnedNLL, LeastSquares, UnbinnedNLL
+
+    def read(x: Any, V: float, tau: float) -> Any:
+        return V * np.exp(-x / tau)
+
+    def integral(x: Any, N: float, B: float, tau: float) -> Any:
+        return N * tau * (1 - np.exp(-x / tau)) + B * x
+
+    def density(x: Any, tau: float) -> Any:
+        return np.exp(-x / tau) / (tau * (1 - np.exp(-10 / tau)))
+
+    volts, counts, times = decays()
+    cost = (
+        LeastSquares(DECAY_T, volts, 0.05, read)
+        + ExtendedBinnedNLL(counts, np.linspace(0, 10, 21), integral)
+        + UnbinnedNLL(times, density)
+    )
+    return of_iminuit(cost, V=1, tau=2, N=1000, B=50)
+
+
+@example("iminuit", "cost.CostSum", "readings, counts in bins and single events with one lifetime", run=iminuit_sum,
+         within=0.02, spread=0.02, why="The sum of costs of iminuit's reference, with data drawn here.")  # fmt: skip
+def sum_of_costs() -> Any:
+    volts, counts, times = decays()
+    bins = Poisson(bins=np.linspace(0, 10, 21))
+    data = {
+        "read": DataSet(DECAY_T, volts, u_y=0.05, curve="V*exp(-x/tau)"),
+        "counted": DataSet(DECAY_T, counts, noise=bins, curve="N*exp(-x/tau) + B"),
+        "times": DataSet(times, None, noise=EventTimes(0, 10), curve="exp(-x/tau)"),
+    }
+    return fit_curves(None, data, start={"V": 1, "tau": 2, "N": 1000, "B": 50})
+
+
 HUNDRED = np.random.default_rng(1).normal(size=100)
 
 

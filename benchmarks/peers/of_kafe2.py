@@ -236,6 +236,28 @@ def resonance() -> Any:
     )  # fmt: skip
 
 
+SHARE_X, SHARE_Y = (
+    [19.8, 3.0, 5.1, 16.1, 8.2, 11.7, 6.2, 10.1],
+    [23.2, 3.2, 4.5, 19.9, 7.1, 12.5, 4.5, 7.2],
+)
+
+
+def kafe2_relative() -> Numbers:
+    def model(x: Any, a: float = 1.0, b: float = 0.0) -> Any:
+        return a * x + b
+
+    fit = xy_fit(SHARE_X, SHARE_Y, model, 0.3)
+    fit.add_error("y", 0.15, relative=True, reference="model")
+    return of_kafe2(fit)
+
+
+@example("kafe2", "006_advanced_errors/03_relative_uncertainties.py", "errors of y in per cent of the curve, errors of x",
+         run=kafe2_relative, within=0.1, spread=0.2, why=X_ERRORS + " Standard deviations are from the expected "
+         "information in estim, from the curvature at the best point in kafe2.")  # fmt: skip
+def relative() -> Any:
+    return fit_curve("a*x + b", SHARE_X, SHARE_Y, u_x=0.3, u_y="15%", start={"a": 1, "b": 0})
+
+
 DIODE_U = [0.450, 0.470, 0.490, 0.510, 0.530, 0.550, 0.560, 0.570, 0.580, 0.590, 0.600, 0.610, 0.620, 0.630,
            0.640, 0.645, 0.650, 0.655, 0.660, 0.665]  # fmt: skip
 DIODE_I = [0.056, 0.198, 0.284, 0.404, 0.739, 1.739, 1.962, 2.849, 3.265, 5.706, 6.474, 7.866, 11.44, 18.98,
@@ -440,6 +462,109 @@ def two_lines() -> Any:
     return fit_curves(
         "g*p0*x + o", data, shared=["p0"], priors={"g[1]": "1.00(5)", "g[2]": "0.50(5)"},
         start={"p0": 1, "g[1]": 1, "g[2]": 0.5, "o": 0},
+    )  # fmt: skip
+
+
+OHM_U = np.arange(0.5, 10.1, 0.5)
+OHM_I = [0.50, 0.89, 1.41, 1.67, 2.30, 2.59, 2.77, 3.57, 3.94, 4.24, 4.73, 4.87, 5.35, 5.74, 5.77, 6.17, 6.32, 6.83, 6.87, 7.17]  # fmt: skip
+OHM_T = np.array([293.5, 293.8, 295.4, 296.8, 299.4, 301.0, 303.0, 307.4, 310.9, 315.1, 318.0, 323.2, 327.4, 333.7, 338.2, 343.1, 350.0, 354.7, 358.6, 367.9]) - 273.15  # fmt: skip
+
+
+def kafe2_ohm() -> Numbers:
+    from kafe2 import MultiFit
+
+    def warm(U: Any, p2: float = 1.0, p1: float = 1.0, p0: float = 0.0) -> Any:
+        return p2 * U**2 + p1 * U + p0
+
+    def flow(
+        U: Any,
+        R0: float = 1.0,
+        alpha: float = 0.004,
+        p2: float = 1.0,
+        p1: float = 1.0,
+        p0: float = 0.0,
+    ) -> Any:
+        return U / (R0 * (1.0 + alpha * warm(U, p2, p1, p0)))
+
+    fits = [xy_fit(OHM_U, OHM_T, warm, u_y=0.5), xy_fit(OHM_U, OHM_I, flow, u_y=0.1)]
+    both = MultiFit(fits, minimizer="iminuit")
+    both.add_error(0.2, axis="x", fits="all")
+    return of_kafe2(both)
+
+
+@example("kafe2", "011_multifit/02_multifit.py", "I(U) and T(U) with parameters in common, and with the same errors of U", run=kafe2_ohm,
+         within=0.11, spread=0.03, slow=True, why="kafe2 turns errors of U into errors of I and T by the slopes of both curves; "
+         "here the true voltages are parameters.")  # fmt: skip
+def ohm() -> Any:
+    k = np.arange(20)  # the number of the reading
+
+    def voltage(k, **true):  # type: ignore[no-untyped-def]
+        return sum(value * (k == i) for i, value in enumerate(true.values()))
+
+    def warm(k, p2=1.0, p1=1.0, p0=0.0, **true):  # type: ignore[no-untyped-def]
+        return p2 * voltage(k, **true) ** 2 + p1 * voltage(k, **true) + p0
+
+    def flow(k, R0, alpha, p2, p1, p0, **true):  # type: ignore[no-untyped-def]
+        return voltage(k, **true) / (R0 * (1 + alpha * warm(k, p2, p1, p0, **true)))
+
+    data = {
+        "U": DataSet(k, OHM_U, u_y=0.2, curve=voltage),
+        "T": DataSet(k, OHM_T, u_y=0.5, curve=warm),
+        "I": DataSet(k, OHM_I, u_y=0.1, curve=flow),
+    }
+    start = {"R0": 1, "alpha": 0.004, "p2": 1, "p1": 1, "p0": 0}
+    return fit_curves(None, data, start=start | {f"U{i}": u for i, u in enumerate(OHM_U)})
+
+
+def two_histograms() -> Any:
+    random = np.random.RandomState(1)
+    drawn = []
+    for n, share, blur, bins in ((200, 0.8, 0.66, 30), (500, 0.25, 0.11, 50)):
+        raw = [random.normal(6.66, 0.33, int(share * n)), random.uniform(0, 10, n - int(share * n))]
+        values = np.concatenate(raw) + random.normal(0, blur, n)
+        drawn.append((values[(values > 0) & (values < 10)], bins))
+    return drawn
+
+
+def kafe2_two_histograms() -> Numbers:
+    from kafe2 import HistContainer, HistFit, MultiFit
+    from scipy.stats import norm
+
+    def first(
+        x: Any, mu: float = 6.0, width: float = 0.3, res1: float = 0.66, sf1: float = 0.5
+    ) -> Any:
+        return sf1 * norm.pdf(x, mu, np.hypot(width, res1)) + (1 - sf1) / 10
+
+    def second(
+        x: Any, mu: float = 6.0, width: float = 0.3, res2: float = 0.11, sf2: float = 0.5
+    ) -> Any:
+        return sf2 * norm.pdf(x, mu, np.hypot(width, res2)) + (1 - sf2) / 10
+
+    fits = [
+        HistFit(HistContainer(bins, (0, 10), fill_data=values), model)
+        for (values, bins), model in zip(two_histograms(), (first, second), strict=True)
+    ]
+    fits[0].add_parameter_constraint("res1", 0.66, 0.165)
+    fits[1].add_parameter_constraint("res2", 0.11, 0.055)
+    return of_kafe2(MultiFit(fits))
+
+
+@example("kafe2", "011_multifit/03_multifit2.py", "two histograms that share a place and a width, priors", run=kafe2_two_histograms,
+         within=0.02, spread=0.08, why="kafe2 takes the second derivatives of the likelihood at its maximum, estim their expectation.")  # fmt: skip
+def histograms() -> Any:
+    data = {}
+    for name, (values, bins) in zip("12", two_histograms(), strict=True):
+        counts, edges = np.histogram(values, bins, (0, 10))
+        peak = (
+            f"exp(-(x - mu)**2/(2*(width**2 + res{name}**2)))/sqrt(2*pi*(width**2 + res{name}**2))"
+        )
+        curve = f"{values.size}*(sf{name}*{peak} + (1 - sf{name})/10)"
+        data[name] = DataSet(
+            (edges[1:] + edges[:-1]) / 2, counts, noise=Poisson(bins=edges), curve=curve
+        )
+    return fit_curves(
+        None, data, start={"mu": 6, "width": 0.3, "sf1": 0.5, "sf2": 0.5, "res1": 0.66, "res2": 0.11},
+        bounds={"width": (0.01, 3), "sf1": (0, 1), "sf2": (0, 1)}, priors={"res1": "0.660(165)", "res2": "0.110(55)"},
     )  # fmt: skip
 
 

@@ -91,15 +91,13 @@ These examples ask for what `fit_curve` and `fit_curves` do not have yet:
 
 | example | asks for |
 |---|---|
-| kafe2 006_advanced_errors/03_relative_uncertainties.py | errors of y in per cent of the curve, each on its own |
-| kafe2 011_multifit/01 to 03; iminuit cost_functions.ipynb, sums of costs | data sets with different curves; priors given as a matrix |
+| kafe2 011_multifit/01_fit_with_parameter_constraints.py | priors given as a matrix |
 | kafe2 012_custom_fit; iminuit generic_least_squares.ipynb; bumps constraints/inequality.py | a likelihood or a penalty of one's own |
 | lmfit example_complex_resonator_model.py | complex y |
 | lmfit example_two_dimensional_peak.py; iminuit conditional_variable.ipynb; bumps peaks | several abscissas |
 | lmfit example_reduce_fcn.py, example_detect_outliers.py; iminuit cost_functions.ipynb, soft_l1 | soft losses (`robust=` is a law of errors with room for outliers, which is another thing) |
 | iminuit template_fits.ipynb, weighted_histograms.ipynb | templates with errors of their own, weighted events |
 | scipy.odr test_explicit, test_implicit, test_multi | errors of x of unknown size, implicit curves, several y for one x |
-| RadVel HD164922.py | a jitter and a zero for each instrument, in Python (a campaign has a jitter for each run) |
 | RadVel k2-131.py | a quasi-periodic Gaussian process |
 """
 

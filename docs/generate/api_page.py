@@ -55,7 +55,10 @@ def _entry(name: str, thing: Any) -> str:
         return f"\n### {name}\n\n```python\n{name} = {thing!r}\n```\n"
     first, _, rest = (inspect.getdoc(thing) or "").partition("\n\n")
     shown = "" if name in _MADE_BY_ESTIM else f"\n```python\n{_signature(name, thing)}\n```\n"
-    more = f"\n```text\n{rest}\n```\n" if rest else ""
+    rest, _, example = f"\n{rest}".partition("\n>>> ")
+    rest = rest.strip().removesuffix("Examples\n--------").strip()
+    more = f"\n```text\n{rest}\n```\n" if rest and name not in _MADE_BY_ESTIM else ""
+    more += f"\n```pycon\n>>> {example}\n```\n" if example else ""
     return (
         "\n### "
         f"{name}\n{shown}\n{_prose(first)}\n{more}{_members(name, thing) if inspect.isclass(thing) else ''}"
@@ -125,8 +128,9 @@ def _members(name: str, thing: Any) -> str:
     """Fields of a record that no user makes, and the properties and methods of any class."""
     rows = []
     if name in _MADE_BY_ESTIM and is_dataclass(thing):
+        words = _field_words(thing)
         rows += [
-            f"| `{field.name}` | {_cell(f'`{_annotation(field.type)}`')} |"
+            f"| `{field.name}: {_cell(_annotation(field.type))}` | {_cell(words.get(field.name, ''))} |"
             for field in fields(thing)
         ]
     for key in sorted(
@@ -148,6 +152,20 @@ def _members(name: str, thing: Any) -> str:
         )
         rows.append(f"| {_cell(f'`{chr(32).join(shown.split())}`')} | {_cell(words)} |")
     return "\n| | |\n|---|---|\n" + "\n".join(rows) + "\n" if rows else ""
+
+
+_FIELD = r"(?:\w+, )*\w+ : "
+
+
+def _field_words(thing: Any) -> dict[str, str]:
+    """Field -> what the docstring says of it, in lines "name, other : words.  next : words"."""
+    text = re.sub(r"\n +", " ", inspect.getdoc(thing) or "")
+    said: dict[str, str] = {}
+    for entry in re.split(rf"\n+|(?<=\.)  (?={_FIELD})", text):
+        if re.match(_FIELD, entry):
+            names, _, words = entry.partition(" : ")
+            said |= dict.fromkeys(names.split(", "), words)
+    return said
 
 
 def _cell(text: str) -> str:

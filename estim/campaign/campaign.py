@@ -30,6 +30,8 @@ class Campaign(ABC):
     """A campaign and the tables of its runs, read and checked.  `problem` poses the inference for
     some of its runs.
 
+    source : the file as read, with its lines.  tables : run -> its table.
+    derived : what is to be computed from the parameters.
     truth : parameter -> true value, of synthetic data where it is known; no fit uses it.
     """
 
@@ -40,10 +42,12 @@ class Campaign(ABC):
 
     @property
     def title(self) -> str:
+        """As the file states it."""
         return self.source.title
 
     @property
     def kind(self) -> str:
+        """What its numbers are, "measured" or another word of the file."""
         return self.source.kind
 
     @property
@@ -92,6 +96,7 @@ class Campaign(ABC):
 
     @property
     def run_names(self) -> tuple[str, ...]:
+        """Its runs whose tables were read, in the order of the file."""
         return tuple(name for name in self.source.names if name in self.tables)
 
     def problem(

@@ -279,13 +279,17 @@ class RowsOfRun:
         return posed
 
     @cached_property
-    def size(self) -> float | FloatArray | Prior | None:
-        """Standard deviations of y, or the prior of theirs; None where nothing is said."""
+    def size(self) -> float | str | FloatArray | Prior | None:
+        """Standard deviations of y, or the prior of theirs; text where they are a share, None where
+        nothing is said.
+        """
         run, written = self.run, self.run.stated("u_y")[0]
         if written is None:
             return None
         if "u_y" in run.columns:
             return self.column("u_y")
+        if isinstance(written, str) and "%" in written:
+            return written
         with run.source.places.at(run.stated("u_y")[1]):
             read = read_value(
                 prior_table(written, "u_y") if isinstance(written, ReadingErrorTable) else written,

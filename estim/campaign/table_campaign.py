@@ -47,6 +47,7 @@ class TableChoices:
     low, high : parameter -> limit.  value : parameter -> an exact or a measured value, "9.81(2)".
     u_x, u_y : a number, a number with its uncertainty, or a column.
     window : lowest and highest x.
+    noise : "poisson" where y are counts, in place of u_y.
     """
 
     formula: str
@@ -64,6 +65,7 @@ class TableChoices:
     correlated: bool = False
     jitter: bool = False
     robust: str | None = None
+    noise: str | None = None
     title: str | None = None
     kind: Kind = "measured"
     track: str | None = None
@@ -97,7 +99,8 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
     stated = (*choices.start, *choices.low, *choices.high, *choices.value)
-    model = called_by_name(choices.formula, [*stated, "x", "t"])
+    variables = {*_ABSCISSAS}.intersection(choices.formula.replace("+", " ").split())
+    model = called_by_name(choices.formula, stated, variables)
     formula = read_formula(
         choices.formula if model is None else model.expression, field="--formula"
     )
@@ -121,6 +124,7 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
         "correlated": choices.correlated or None,
         "jitter": choices.jitter or None,
         "robust": choices.robust,
+        "noise": choices.noise and {"model": choices.noise},
         **{key: getattr(choices.dialect, key) for key in DIALECT_KEYS},
     }
     parameters = {
@@ -202,7 +206,9 @@ def _axes(
             file=file,
         )
     x, y = _axis(x_name, layout), _axis(y_name, layout)
-    u_x, u_y = choices.u_x, choices.u_y or uncertainty_of(y.column, layout)
+    u_x, u_y = choices.u_x, choices.u_y
+    if choices.noise is None:
+        u_y = u_y or uncertainty_of(y.column, layout)
     if u_x is None and u_y is not None and not (choices.deviation or choices.correlated):
         u_x = uncertainty_of(x.column, layout)
     return x, y, u_x, u_y
@@ -335,13 +341,15 @@ def _number(text: str, option: str) -> float:
 
 
 def _error(key: str, written: str | None) -> object:
-    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, or a column;
-    None where nothing is said.
+    """The value of `u_x` or `u_y`: a number, a number with its uncertainty in quotes, a share (of
+    y), or a column; None where nothing is said.
     """
     if written is None:
         return None
     if not re.match(r"\s*[+-]?[.\d]", written):
         return {"column": written}
+    if key == "u_y" and "%" in written:
+        return written
     return _stated(written, f"--{key.replace('_', '-')}")
 
 

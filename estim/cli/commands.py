@@ -27,7 +27,7 @@ from estim.cli.comparing import compare as compare_noise
 from estim.cli.importing import import_file
 from estim.cli.line import line
 from estim.cli.mapping import map_motions
-from estim.cli.models import compare_models
+from estim.cli.models import compare_models, list_models
 from estim.cli.new import new_campaign
 from estim.cli.options import (
     CAMPAIGN,
@@ -59,6 +59,7 @@ from estim.cli.terminal import (
     reserve_output,
     say,
     together,
+    with_json,
     write_report,
 )
 from estim.cli.verifying import diff, verify
@@ -90,6 +91,7 @@ if TYPE_CHECKING:
         compare_models,
         import_file,
         line,
+        list_models,
         mean,
         map_motions,
         new_campaign,
@@ -395,6 +397,10 @@ def simulate(design: Path, out: Path) -> None:
     contents = {name: text.encode() for name, text in files.items()}
     write_report(out, contents, manifest=SIMULATION)
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
+
+
+for _command in cli.commands.values():
+    with_json(_command)
 
 
 def main() -> None:

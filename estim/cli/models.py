@@ -1,4 +1,6 @@
-"""`estim compare-models`: models of the body side by side."""
+"""`estim models`: what curves are known by name; `estim compare-models`: models of the body side by
+side.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +31,25 @@ from estim.cli.terminal import (
     say,
     write_report,
 )
-from estim.common import FigureChoice, phrase
+from estim.common import FigureChoice, InputError, phrase
 
 if TYPE_CHECKING:
     from estim.sampling import Progress
+
+
+@click.command("models")
+def list_models() -> None:
+    """List the curves that are known by name, and what installed packages add to estim.
+
+    These are models, whose formulas stand beside their names, and readers of files
+    (docs/extending.md).
+    """
+    from estim.curves import known_models
+    from estim.reading import known_readers
+
+    for line in (*known_models(), *known_readers()):
+        trouble = isinstance(line, InputError)
+        say(f"warning: {line}" if trouble else str(line), err=trouble)
 
 
 @click.command("compare-models")

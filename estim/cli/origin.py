@@ -16,7 +16,9 @@ from estim.common import code, language, phrase, plain
 from estim.versions import engine_versions, version
 
 _KEPT = {"formats": chosen, "lang": language}  # options that the command does not take itself
-OF_THE_MOMENT = frozenset({"out", "resume", "jobs", "scheduler"})  # options that change no number
+OF_THE_MOMENT = frozenset(
+    {"out", "resume", "jobs", "scheduler", "json"}
+)  # options that change no number
 
 
 def _read_so_far() -> dict[str, str]:

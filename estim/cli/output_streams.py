@@ -13,7 +13,7 @@ import io
 import os
 import sys
 from collections.abc import Iterator
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 # EX_IOERR of sysexits.h; what a shell says of a command that SIGPIPE ended
 CANNOT_SAY, NO_READER = 74, 141
@@ -32,6 +32,11 @@ class Outlet(io.TextIOBase):
     @property
     def encoding(self) -> str:  # type: ignore[override]
         return self._stream.encoding
+
+    @property
+    def buffer(self) -> BinaryIO | None:
+        """Where click writes what a shell asks it to complete, as bytes."""
+        return getattr(self._stream, "buffer", None)
 
     @property
     def trouble(self) -> str:

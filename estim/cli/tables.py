@@ -40,12 +40,11 @@ _AS_SAID = (
     "correlated",
     "jitter",
     "robust",
+    "noise",
     "title",
     "track",
     "release",
 )
-_TABLES = (".csv", ".txt", ".tsv", ".dat", ".trk", ".trz", ".xls", ".xlsx", ".ods")
-
 _DIALECT = (
     click.option(
         "--columns",
@@ -126,9 +125,9 @@ _CURVE = (
     ),
     click.option(
         "--u-y",
-        metavar="U|COLUMN",
-        help="Standard uncertainty of y.  [default: the column u_NAME if there, else from the "
-        "residuals]",
+        metavar="U|SHARE|COLUMN",
+        help='Standard uncertainty of y; "2%" is a share of the curve, "2% of y" of each reading.  '
+        "[default: the column u_NAME if there, else from the residuals]",
     ),
     click.option(
         "--window", metavar="MIN:MAX", help="Range of x that is fit; either end may be left out."
@@ -155,6 +154,11 @@ _CURVE = (
         "--robust",
         type=click.Choice(["student-t", "mixture"]),
         help="Allow for points that are far off: by heavy tails, or by a share of outliers.",
+    ),
+    click.option(
+        "--noise",
+        type=click.Choice(["poisson"]),
+        help="y are numbers of events, whose noise follows from the curve.",
     ),
     click.option(
         "--title", metavar="TEXT", help="Title of the report.  [default: the name of FILE]"
@@ -234,6 +238,7 @@ def load_or_make(
     table `file`; and the folder of its report.
     """
     from estim.campaign import campaign_of_table, load_campaign
+    from estim.reading import is_table
 
     given = [
         f"--{name.replace('_', '-')}"
@@ -249,7 +254,7 @@ def load_or_make(
                 else "needs --formula as well"
             )
             raise InputError(rule, field=given[0])
-        if file.suffix.lower() in _TABLES:
+        if is_table(file):
             rule = (
                 'is a table, not a campaign: say --formula "a*x + b", or write a campaign for '
                 "it (estim new NAME --from FILE)"

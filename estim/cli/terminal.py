@@ -8,7 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from estim.cli.formats import chosen
+from estim.cli.machine import answer, begun, written
 from estim.cli.origin import with_origin
 from estim.cli.origin_record import ORIGIN, written_before
 from estim.cli.output_streams import outlets
@@ -50,6 +51,9 @@ def say(line: str, *, err: bool = False) -> None:
     """One line on stdout or stderr, whatever `line` holds.  Every word of a command goes through
     here.
     """
+    if not err and (kept := answer()) is not None:
+        kept.lines.append(one_line(line))
+        return
     stream = sys.stderr if err else sys.stdout
     stream.write(one_line(line) + "\n")
     stream.flush()
@@ -100,6 +104,36 @@ def _code(command: Callable[[], object]) -> int:
         )
         return BAD_INPUT
     return status if isinstance(status, int) else 0
+
+
+def with_json(command: click.Command) -> None:
+    """Gives a command the option.  Whatever else would go to standard output, a question of `estim
+    new` for instance, goes to standard error.  Nothing is written there where the input is wrong.
+    """
+    plain = command.callback
+    assert plain is not None
+
+    def answering(*, json: bool, **given: Any) -> None:
+        if not json:
+            plain(**given)
+            return
+        kept, code = begun(), 0
+        with redirect_stdout(sys.stderr):
+            try:
+                plain(**given)
+            except SystemExit as ended:
+                code = int(ended.code or 0)
+        sys.stdout.write(as_json(kept.record(command.name or "", code)).decode())
+        sys.stdout.flush()
+        sys.exit(code)
+
+    command.callback = answering
+    click.option(
+        "--json",
+        is_flag=True,
+        help="Print one JSON object in place of lines: what they say, every estimate with unit and "
+        "uncertainty, the files, and the results in them (docs/interop.md).",
+    )(command)
 
 
 @contextmanager
@@ -173,6 +207,7 @@ def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     )
     for name, data in files.items():
         write_whole(folder / name, data, within=folder)
+    written(folder, dict(files))
 
 
 def reserve_output(
@@ -212,6 +247,7 @@ def write_report(
         lambda outputs: as_json(replace(origin, outputs=dict(outputs))),
         within=root,
     )
+    written(folder, contents)
 
 
 def exit_unless(ok: bool) -> None:

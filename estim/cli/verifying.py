@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
-import math
 import os
 import sys
 import tempfile
@@ -18,6 +17,7 @@ from typing import Any
 
 import click
 
+from estim.cli.machine import found
 from estim.cli.options import FOLDER, PATH
 from estim.cli.origin import OF_THE_MOMENT
 from estim.cli.origin_record import ORIGIN, Origin, read_origin
@@ -25,16 +25,11 @@ from estim.cli.terminal import NOT_OK, say
 from estim.common import (
     EstimError,
     InputError,
-    Quantity,
     behind,
-    difference,
-    e_n,
     format_rounded,
     json_of,
     names_in,
     read_file,
-    read_with_unit,
-    rounded,
     spoken,
 )
 from estim.verification import (
@@ -90,6 +85,8 @@ def verify(report: Path, root: Path | None) -> None:
             comparison.wrong.extend([*comparison.changed_outputs(Path(), origin), trouble])
         else:
             comparison.compare()
+    lists = {key: getattr(comparison, key) for key in ("wrong", "compared", "aside")}
+    found("verification", {"verified": not comparison.wrong} | lists)
     for line in comparison.wrong:
         say(line)
     aside = f"; not compared: {_listed(comparison.aside)}" if comparison.aside else ""
@@ -386,13 +383,21 @@ def diff(first: str, second: str, r: float | None) -> None:
     """
     one, other = (_given_result(text) for text in (first, second))
     if one is None or other is None:
-        a = read_with_unit(first, field="first") if one is None else only_estimate(one)
-        b = read_with_unit(second, field="second") if other is None else only_estimate(other)
-        _say_difference(a, b, r or 0.0)
+        from estim.means import compare_values
+
+        two = compare_values(
+            first if one is None else only_estimate(one),
+            second if other is None else only_estimate(other),
+            r=r or 0.0,
+        )
+        found("difference", two)
+        for line in str(two).splitlines():
+            say(line)
         return
     if r is not None:
         raise InputError("is for two values, not for two analyses", field="--r", value=r)
     pair = compare_results(one, other)
+    found("comparison", pair)
     for line in pair.inputs:
         say(line)
     if pair.same:
@@ -426,25 +431,6 @@ def _given_result(text: str) -> dict[str, Any] | None:
     """None for a value: what no file is called, and begins with a number."""
     value = not os.path.exists(text) and text.lstrip(" +-−(.")[:1].isdigit()
     return None if value else _result(Path(text))
-
-
-def _say_difference(a: tuple[Quantity, str], b: tuple[Quantity, str], r: float) -> None:
-    """Raises InputError where the units differ, and where nothing is uncertain."""
-    (first, unit), (second, other) = a, b
-    if unit != other:
-        raise InputError(f"must be in {unit}, as the first", field="second", value=other)
-    apart, score = difference(first, second, correlation=r), e_n(first, second, correlation=r)
-    if math.isnan(score):
-        rule = "has no uncertainty, so that nothing tells whether the values agree"
-        raise InputError(rule, field="difference", value=apart.value)
-    u, expanded = (
-        rounded(size, apart.u, 2, beside=apart.value) + behind(unit)
-        for size in (apart.u, 2.0 * apart.u)
-    )
-    shown = rounded(apart.value, apart.u, 2) + behind(unit)
-    say(f"difference: {shown}, u = {u}, U = k u = {expanded} with k = 2")
-    told = "agree" if abs(score) <= 1.0 else "do not agree"
-    say(f"E_n = {score:.2f}: the two values {told} (|E_n| <= 1)")
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -179,7 +179,7 @@ def format_rounded(value: float, u: float) -> str:
     if not (math.isfinite(u) and u > 0.0):
         return signed(f"{value:.4g}")
     decimals = max(0, 1 - math.floor(math.log10(u)))
-    return signed(f"{value:.{decimals}f}")
+    return signed(f"{value:z.{decimals}f}")
 
 
 def rounded(value: float, u: float, digits: int, *, beside: float = 0.0) -> str:

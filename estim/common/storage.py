@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from estim.common.errors import EstimError
+from estim.versions import USED
 
 if sys.platform != "win32":
     import fcntl
@@ -75,13 +76,14 @@ _NOTED: ContextVar[dict[str, str] | None] = ContextVar("_NOTED", default=None)
 @contextlib.contextmanager
 def inputs_read() -> Iterator[dict[str, str]]:
     """Every input file that is read within the block: its path as it was asked for -> SHA-256 of
-    its bytes.
+    its bytes.  Packages that are used within it count in it alone.
     """
     noted: dict[str, str] = {}
-    token = _NOTED.set(noted)
+    token, packages = _NOTED.set(noted), USED.set({})
     try:
         yield noted
     finally:
+        USED.reset(packages)
         _NOTED.reset(token)
 
 

@@ -93,6 +93,7 @@ def fit_many(
     Examples
     --------
     >>> import numpy as np
+    >>> from estim import fit_many
     >>> x = np.linspace(0.0, 5.0, 30)
     >>> noise = 0.1 * np.random.default_rng(1).standard_normal((1000, 30))
     >>> fits = fit_many("a*exp(-x/tau)", x, 3.0 * np.exp(-x / 1.5) + noise, u_y=0.1)

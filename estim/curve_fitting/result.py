@@ -38,6 +38,7 @@ from estim.fitting import (
     Fit,
     LinearDerived,
     contour,
+    dof_of_size,
     linear_derived,
     profile_intervals,
     shown_value,
@@ -76,7 +77,8 @@ class CurveFit:
     p_value : P(chi2 or more), nan without u_y; with u_x from simulated data
         sets.
     sigma : standard deviation of one y estimated from the residuals, None where u_y was given.
-    findings : everything wrong, gravest first, and the status that follows.
+    findings : everything wrong, gravest first.  status : what follows from the findings, "ok"
+        where there are none.
     remarks : what to know before using it, nothing wrong.
     reasons, notes : the same in words.
     message : how the search went.
@@ -111,6 +113,7 @@ class CurveFit:
 
     @property
     def reasons(self) -> tuple[str, ...]:
+        """Everything wrong, a sentence each, gravest first; empty where the status is ok."""
         return tuple(
             f"{tell(f)}; {advice(f)}" if f.kind in _ADVISED else tell(f) for f in self.findings
         )
@@ -127,10 +130,12 @@ class CurveFit:
 
     @property
     def notes(self) -> tuple[str, ...]:
+        """What to know before using it, a sentence each."""
         return tuple(map(tell, self.remarks))
 
     @property
     def problem(self) -> Problem:
+        """Points, parameters and priors, as they were fitted."""
         return self.fit.problem
 
     @cached_property
@@ -142,10 +147,11 @@ class CurveFit:
         values = np.array([self.values[name] for name in self.names])
         quantities: dict[str, LinearDerived] = {}
         for run in self.problem.runs:
+            across = {sought.name for sought in run.sought if sought.others}
             for quantity in linear_derived(
                 run, self.names, values, self.cov, dof=self._dof, unknown=unknown
             ):
-                of_run = any(
+                of_run = quantity.name not in across and any(
                     "[" in name
                     for name, slope in zip(self.names, quantity.gradient, strict=True)
                     if slope != 0.0
@@ -221,10 +227,13 @@ class CurveFit:
         room = 0.0 if run.noise.counted is not None else 0.02 * (high - low)
         x = np.linspace(low - room, high + room, _ALONG)
         outer, inner = (self.predict(x, probability=p, data=data) for p in (0.95, 0.68))
+        along = self.predict(run.x, data=data).value
         gain = np.zeros(run.n_obs) if run.noise.counted is not None else run.noise.reading_gain()
+        gain = share * np.abs(along) if (share := run.noise.share) else gain
+        one_curve = ";" not in self.called  # of data sets with curves of their own
         return curve_figure(
             run,
-            self.predict(run.x, data=data).value,
+            along,
             outer,
             inner,
             sd=gain * (1.0 if self.sigma is None else self.sigma),
@@ -232,7 +241,7 @@ class CurveFit:
             title=": ".join(
                 [
                     *([data] if data else []),
-                    *([self.called] if len(self.called) <= _TITLE else []),
+                    *([self.called] if len(self.called) <= _TITLE and one_curve else []),
                     str(self.status),
                 ]
             ),
@@ -436,7 +445,9 @@ class CurveFit:
 
     @property
     def _dof(self) -> float:
-        return math.inf if self.sigma is None or self.deviation is not None else self.dof
+        if self.sigma is None or self.deviation is not None:
+            return dof_of_size(self.held)
+        return self.dof
 
     @property
     def correlation(self) -> FloatArray:

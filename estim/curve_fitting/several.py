@@ -1,8 +1,11 @@
-"""Several data sets fit together with one curve: `fit_curves`, the same engine as `fit_curve`."""
+"""Several data sets fit together, with one curve or each with its own: `fit_curves`, the same
+engine as `fit_curve`.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -10,32 +13,28 @@ import numpy as np
 
 from estim.common import InputError
 from estim.curve_fitting.result import CurveFit
-from estim.curve_fitting.single import fit_stated
+from estim.curve_fitting.single import fit_errors, fit_stated, pose_points
 from estim.curves import (
     AxisNames,
     Component,
     CurveProblem,
     DataSet,
-    Plain,
+    arguments_of,
     in_time,
     join,
     of_data_set,
-    pose_curve,
-    provisional,
-    refuse_quantities,
-    started,
-    unstarted,
+    read_formula,
+    seek,
     with_defaults,
-    without_units,
 )
 from estim.fitting import N_START
 
 
 def fit_curves(
-    curve: str | Callable[..., Any],
+    curve: str | Callable[..., Any] | None,
     data: Mapping[str, DataSet],
     *,
-    shared: Collection[str],
+    shared: Collection[str] | None = None,
     start: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     priors: Mapping[str, Any] | None = None,
@@ -47,104 +46,176 @@ def fit_curves(
     fixed: Mapping[str, float] | None = None,
     derived: Mapping[str, str] | None = None,
     tied: Mapping[str, str] | None = None,
+    jitter: Any = False,
+    robust: str | None = None,
 ) -> CurveFit:
-    """The curve fit to several data sets at once.
+    """The curve fit to several data sets at once, or curves that have parameters in common.
 
+    curve : of the data sets that have none of their own (`DataSet(curve=...)`); None where all
+        have.
     data : name -> `DataSet`, each with stated errors (u_y, cov_y or noise).
     shared : parameters that are one unknown for all; every other one is an unknown of each data
-        set, "A[second]" in the result.
+        set, "A[second]" in the result.  None: parameters of the same name are one unknown.
     start, bounds, priors, fixed : as for `fit_curve`; "A" speaks of all data sets, "A[second]" of
-        one and has the last word.
+        one and has the last word.  An argument of a function that another curve fits is fit.
     errors : errors common to the points of all data sets.  The other arguments are those of
         `fit_curve`.
+    jitter, robust : of every data set that says nothing else; each has its own, "jitter[second]".
+    derived : as for `fit_curve`; also of parameters of several data sets, "A[first]/A[second]".
 
     Raises InputError where an argument breaks a rule.
+
+    >>> import numpy as np
+    >>> from estim import DataSet, fit_curves
+    >>> t = np.linspace(0.0, 4.0, 9)
+    >>> swing = np.exp(-0.5 * t) + 0.01 * np.cos(7.0 * t)
+    >>> data = {
+    ...     "angle": DataSet(t, swing, u_y=0.01, curve="A*exp(-k*t)"),
+    ...     "energy": DataSet(t, 3.0 * swing**2, u_y=0.05, curve="E*exp(-2*k*t)"),
+    ... }
+    >>> fit = fit_curves(None, data)
+    >>> sorted(fit.names)
+    ['A', 'E', 'k']
     """
-    names = _checked(data)
+    _checked(data, curve)
     _check_shared({"start": start, "bounds": bounds, "priors": priors}, shared)
     rng = np.random.default_rng(1) if rng is None else rng
-    start = with_defaults(curve, start, fixed, tied)
-    curve = in_time(curve, start, fixed, bounds, priors, tied)
-    parts: dict[str, CurveProblem] = {}
-    for name, points in data.items():
-        options = {"start": start, "bounds": bounds, "priors": priors, "fixed": fixed}
-        settings = {
-            field: of_data_set({} if given is None else given, name, names, field)
-            for field, given in options.items()
-        }
-        refuse_quantities(cov_y=points.cov_y)
-        seen = AxisNames() if axes is None else axes
-        plain = without_units(
-            Plain(
-                points.x,
-                points.y,
-                points.u_x,
-                points.u_y,
-                settings["start"],
-                settings["fixed"],
-                settings["bounds"],
-                units or {},
-                seen,
-            )
+    written: dict[str, Any] = {
+        "start": start,
+        "bounds": bounds,
+        "priors": priors,
+        "fixed": fixed,
+        "tied": tied,
+        "derived": derived,
+        "units": units,
+    }
+    for field, given in written.items():
+        of_data_set({} if given is None else given, "", list(data), field)  # refuses what is none
+    sets = {
+        name: replace(
+            points,
+            curve=in_time(
+                curve if points.curve is None else points.curve,
+                getattr(points.axes or axes, "x_name", ""),
+                start,
+                fixed,
+                bounds,
+                priors,
+                tied,
+            ),
+            axes=points.axes or axes or AxisNames(),
+            jitter=jitter if points.jitter is None else points.jitter,
+            robust=robust if points.robust is None else points.robust,
         )
-        begin = {item: value for item, value in plain.start.items() if item not in plain.fixed}
-        named = unstarted(curve, begin, plain.fixed, tied or {})
-        limits = plain.bounds
-        if named is not None:
-            held, (begin, limits) = (
-                begin,
-                provisional(
-                    named, begin, plain.bounds, settings["priors"], {*plain.fixed, *(tied or {})}
-                ),
-            )
-        try:
-            posed = pose_curve(
-                curve if named is None else named.expression,
-                plain.x,
-                plain.y,
-                start=begin,
-                u_y=plain.u_y,
-                cov_y=points.cov_y,
-                u_x=plain.u_x,
-                bounds=limits,
-                priors=settings["priors"],
-                errors=tuple(errors),
-                units=plain.units,
-                axes=plain.axes,
-                fixed=plain.fixed,
-                noise=points.noise,
-                derived=derived or {},
-                tied=tied or {},
-                chosen={*begin} - {*plain.start},
-            )
-            posed.require_points()
-            parts[name] = (
-                posed
-                if named is None
-                else started(replace(posed, called=named.called), named, held=held)
-            )
-        except InputError as error:
-            raise InputError(
-                f"of data set '{name}' {error.rule}", field=error.field, value=error.value
-            ) from None
-    if len({(part.axes.x_unit, part.axes.y_unit) for part in parts.values()}) > 1:
+        for name, points in data.items()
+    }
+    taken, foreign = _names(sets, written)
+    settings = {name: _of_one(written, name, sets, foreign[name]) for name in sets}
+    differ = any(points.curve is not None for points in data.values())
+    begun: dict[str, float] = {}  # of what is shared by curves that differ
+    for own in settings.values() if differ else ():
+        begun = own["start"] | begun
+    parts: dict[str, CurveProblem] = {}
+    for name in sorted(sets, key=lambda name: -len(foreign[name])):
+        own = settings[name]
+        known = taken[name] - {*own["start"], *own["fixed"], *own["tied"]}
+        own["start"] |= {
+            one: value
+            for one, value in begun.items()
+            if one in known and (shared is None or one in shared)
+        }
+        with _named(name):
+            parts[name] = pose_points(sets[name], own, errors, level=f"[{name}]")
+        if differ:
+            begun = {p.name: p.prior.centre for p in parts[name].parameters} | begun
+    alike = {
+        (part.axes.x_unit, part.axes.y_unit)
+        for name, part in parts.items()
+        if data[name].curve is None and data[name].axes is None
+    }
+    if len(alike) > 1 or len({part.axes is sets[name].axes for name, part in parts.items()}) > 1:
         raise InputError(
             "must have x and y in the same units: quantities in all data sets, or in none",
             field="data",
-            value=", ".join(names),
+            value=", ".join(data),
         )
-    joint = join(parts, shared=shared, common=[item.parameter_name for item in errors])
-    return fit_stated(
-        joint, rng, getattr(curve, "n_start", N_START) if n_start is None else n_start
+    joint = join(
+        parts,
+        shared=shared,
+        common=[item.parameter_name for item in errors],
+        derived={
+            name: text
+            for name, text in (derived or {}).items()
+            if all(name in names for names in foreign.values())
+        },
+        units=units or {},
+        order=data,
     )
+    if n_start is None:
+        n_start = min(getattr(points.curve, "n_start", N_START) for points in sets.values())
+    return (fit_errors if joint.infers_errors else fit_stated)(joint, rng, n_start)
 
 
-def _check_shared(given: Mapping[str, Mapping[str, Any] | None], shared: Collection[str]) -> None:
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """An InputError from within says of which data set it speaks."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(
+            f"of data set '{name}' {error.rule}", field=error.field, value=error.value
+        ) from None
+
+
+def _names(
+    sets: Mapping[str, DataSet], written: Mapping[str, Any]
+) -> tuple[dict[str, set[str]], dict[str, set[str]]]:
+    """Of each data set the names that its curve takes, or that a tie of its own needs, and those
+    that only other data sets know, with what follows from them.  Raises InputError.
+    """
+    tied, derived = ({**(written[field] or {})} for field in ("tied", "derived"))
+    taken = {}
+    for name, points in sets.items():
+        with _named(name):
+            given = written["start"] or (), written["fixed"] or (), tied
+            taken[name] = {*arguments_of(points.curve, *given)}
+        for tie in reversed(tied):
+            if tie in taken[name]:
+                taken[name] |= {*read_formula(tied[tie], field=f"tied[{tie}]").names}
+    foreign = {name: set().union(*taken.values()) - own for name, own in taken.items()}
+    for one, text in derived.items():
+        quantity = seek(one, text)
+        for others in foreign.values():
+            if quantity.of_levels or others.intersection(quantity.own):
+                others.add(one)
+    return taken, foreign
+
+
+def _of_one(
+    written: Mapping[str, Any], name: str, sets: Mapping[str, DataSet], foreign: Collection[str]
+) -> dict[str, dict[str, Any]]:
+    """What is said of one data set: field -> name -> value.  Raises InputError."""
+    own: dict[str, Any] = {
+        field: {
+            one: value
+            for one, value in ({} if given is None else given).items()
+            if str(one).partition("[")[0] not in foreign
+        }
+        for field, given in written.items()
+    }
+    own["start"] = with_defaults(sets[name].curve, own["start"], own["fixed"], own["tied"])
+    own = {field: of_data_set(given, name, list(sets), field) for field, given in own.items()}
+    return own | {"start": {one: v for one, v in own["start"].items() if one not in own["fixed"]}}
+
+
+def _check_shared(
+    given: Mapping[str, Mapping[str, Any] | None], shared: Collection[str] | None
+) -> None:
     """What all data sets share is not one thing for one of them."""
     for field, entries in given.items():
         for written in entries if isinstance(entries, Mapping) else ():
             parameter, _, level = str(written).partition("[")
-            if level and parameter in shared:
+            if level and (shared is None or parameter in shared):
                 raise InputError(
                     f"refers to one data set, but '{parameter}' is shared by all",
                     field=field,
@@ -152,7 +223,7 @@ def _check_shared(given: Mapping[str, Mapping[str, Any] | None], shared: Collect
                 )
 
 
-def _checked(data: Mapping[str, DataSet]) -> list[str]:
+def _checked(data: Mapping[str, DataSet], curve: object) -> None:
     if not isinstance(data, Mapping) or not data:
         raise InputError(
             'must map names to data sets, like {"first": DataSet(x, y, u_y=0.1)}',
@@ -168,4 +239,6 @@ def _checked(data: Mapping[str, DataSet]) -> list[str]:
                 field=f"data[{name}]",
                 value=type(points).__name__,
             )
-    return list(data)
+        if curve is None and points.curve is None:
+            rule = "is missing: give a curve for all data sets, or DataSet(x, y, curve=...)"
+            raise InputError(rule, field=f"data[{name}].curve")

@@ -40,12 +40,14 @@ from estim.curves import (
     Component,
     Counting,
     CurveProblem,
+    DataSet,
     JointProblem,
     Plain,
     in_time,
     pose_curve,
     provisional,
     refuse_quantities,
+    require_points,
     started,
     unstarted,
     with_defaults,
@@ -58,6 +60,7 @@ from estim.fitting import (
     Optimum,
     at_mode,
     chi2_p,
+    dof_of_size,
     find_optimum,
     fit_discrepancy,
     fit_optimum,
@@ -75,6 +78,7 @@ from estim.problem import Problem
 from estim.words import tell
 
 _ROUNDS = 60  # of the size of the errors, where priors make it matter
+_SETTLED = 1e-7  # standard deviations, between two rounds with the slopes of the curve
 _PERFECT = 3e-14  # residuals below this share of y are rounding errors
 # the same where terms of the curve cancel, which leaves it fewer digits; beyond, the curve has too
 # few to be one
@@ -105,19 +109,26 @@ def fit_curve(
     tied: Mapping[str, str] | None = None,
     jitter: Any = False,
     robust: str | None = None,
+    cov_x: ArrayLike | None = None,
+    r_xy: ArrayLike | None = None,
 ) -> CurveFit:
     """The curve fit to points x, y (n_obs,) by least squares.
 
     curve : formula in x and parameters, function curve(x, **parameters) that returns (n_obs,), or
         models by name, like "gaussian + line" (`estim.curves.models`), whose starts are found from
         the points where `start` gives none.
-        A formula without x may call its variable t.
+        A formula without x may call its variable t, or as `axes` call it.
     start : starting values; without any, a function's numbers by default are those (beside others
         they are held); the order of magnitude and the sign matter, several further starts are
         tried.  Those that a formula or models by name lack are found from the points; a function
         needs one for each parameter that is fit.
-    u_y : standard uncertainty of y, a number or (n_obs,).
-    cov_y : (n_obs, n_obs) covariance matrix in its place.
+    u_y : standard uncertainty of y, a number or (n_obs,); or a share, which text says: "15%" is one
+        of the curve, sd(y) = 0.15 |f(x)| with its logarithm in the likelihood, and "15% of y" one
+        of each reading, 0.15 |y|, which pulls the curve down.
+    cov_y, cov_x : (n_obs, n_obs) covariance matrices in place of u_y and u_x.  With either beside
+        errors of x the curve is taken as straight within these.
+    r_xy : correlation of the errors of x and y of the same point, a number or (n_obs,), beside u_x
+        and u_y.
     u_x : standard uncertainty of x, a number or (n_obs,), beside u_y; None where x is exact.  The
         true abscissas are integrated out one by one under a normal distribution fitted to the x
         (`estim.problem.abscissas`); values are the maximum of that likelihood and cov its inverse
@@ -158,50 +169,24 @@ def fit_curve(
     """
     rng = np.random.default_rng(1) if rng is None else rng
     n_start = getattr(curve, "n_start", N_START) if n_start is None else n_start
-    start, fixed = with_defaults(curve, start, fixed, tied), {} if fixed is None else fixed
-    start = {} if start is None else start
-    bounds, priors = {} if bounds is None else bounds, {} if priors is None else priors
-    tied = {} if tied is None else tied
-    curve = in_time(curve, start, fixed, bounds, priors, tied)
-    units = {} if units is None else units
-    axes = AxisNames() if axes is None else axes
-    refuse_quantities(cov_y=cov_y, deviation=deviation, correlated=correlated)
-    plain = without_units(Plain(x, y, u_x, u_y, start, fixed, bounds, units, axes))
-    start, fixed, bounds = plain.start, plain.fixed, plain.bounds
-    named = unstarted(curve, start, fixed, tied)
-    begin, limits = (
-        (start, bounds)
-        if named is None
-        else provisional(named, start, bounds, priors, {*fixed, *tied})
+    said: dict[str, Any] = {
+        "start": with_defaults(curve, start, fixed, tied),
+        "bounds": bounds,
+        "priors": priors,
+        "fixed": fixed,
+        "tied": tied,
+        "derived": derived,
+        "units": units,
+    }
+    said = {field: {} if given is None else given for field, given in said.items()}
+    curve = in_time(
+        curve, getattr(axes, "x_name", ""), said["start"], said["fixed"], bounds, priors, tied
     )
-    posed = pose_curve(
-        curve if named is None else named.expression,
-        plain.x,
-        plain.y,
-        start=begin,
-        u_y=plain.u_y,
-        cov_y=cov_y,
-        u_x=plain.u_x,
-        bounds=limits,
-        priors=priors,
-        errors=tuple(errors),
-        units=plain.units,
-        axes=plain.axes,
-        fixed=fixed,
-        deviation=deviation,
-        correlated=correlated,
-        noise=noise,
-        derived={} if derived is None else derived,
-        tied=tied,
-        chosen={*begin} - {*start},
-        jitter=jitter,
-        robust=robust,
-    )
-    posed.require_points()
-    if named is not None:
-        posed = started(replace(posed, called=named.called), named, held=start)
-    if posed.further or posed.tails.robust:
-        return _fit_errors(posed, rng, n_start)
+    points = DataSet(x, y, u_y, cov_y, u_x, noise, curve, axes, jitter, robust, cov_x, r_xy)
+    posed = pose_points(points, said, errors, deviation=deviation, correlated=correlated)
+    require_points(posed.parameters, posed.x.size, stated=posed.stated)
+    if posed.infers_errors:
+        return fit_errors(posed, rng, n_start)
     complete = (fit_stated if posed.stated else _fit_estimated)(posed, rng, n_start)
     usable = (
         complete.status not in (Status.NOT_IDENTIFIED, Status.NOT_CONVERGED) and complete.goodness
@@ -211,12 +196,95 @@ def fit_curve(
     )
 
 
+def pose_points(
+    points: DataSet,
+    said: Mapping[str, Any],
+    errors: Sequence[Component],
+    *,
+    deviation: float = 0.0,
+    correlated: ArrayLike | bool = False,
+    level: str = "",
+) -> CurveProblem:
+    """The problem of one data set, with starts found from its points where none is given.
+
+    said : "start", "bounds", "priors", "fixed", "tied", "derived" and "units" -> what is said there
+        of its parameters.
+    level : behind the names of what is unknown of its errors.  Raises InputError.
+    """
+    curve: Any = points.curve
+    refuse_quantities(
+        cov_y=points.cov_y,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        deviation=deviation,
+        correlated=correlated,
+    )
+    plain = without_units(
+        Plain(
+            points.x,
+            points.y,
+            points.u_x,
+            points.u_y,
+            said["start"],
+            said["fixed"],
+            said["bounds"],
+            said["units"],
+            points.axes or AxisNames(),
+        )
+    )
+    named = unstarted(curve, plain.start, plain.fixed, said["tied"])
+    begin, limits = (
+        (plain.start, plain.bounds)
+        if named is None
+        else provisional(
+            named, plain.start, plain.bounds, said["priors"], {*plain.fixed, *said["tied"]}
+        )
+    )
+    posed = pose_curve(
+        curve if named is None else named.expression,
+        plain.x,
+        plain.y,
+        start=begin,
+        u_y=plain.u_y,
+        cov_y=points.cov_y,
+        u_x=plain.u_x,
+        bounds=limits,
+        priors=said["priors"],
+        errors=tuple(errors),
+        units=plain.units,
+        axes=plain.axes,
+        fixed=plain.fixed,
+        deviation=deviation,
+        correlated=correlated,
+        noise=points.noise,
+        derived=said["derived"],
+        tied=said["tied"],
+        chosen={*begin} - {*plain.start},
+        jitter=points.jitter,
+        robust=points.robust,
+        cov_x=points.cov_x,
+        r_xy=points.r_xy,
+        level=level,
+    )
+    return (
+        posed
+        if named is None
+        else started(replace(posed, called=named.called), named, held=plain.start)
+    )
+
+
 def fit_stated(
     posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
 ) -> CurveFit:
     """The fit of points whose errors are stated."""
     problem = posed.with_sigma(1.0)
     best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start)
+    rounds = _ROUNDS if any(run.noise.holds_slopes for run in problem.runs) else 0
+    for _ in range(rounds):
+        before, best = best.values, _on(problem, best, rng, unstated=False)
+        moved = np.abs(best.values - before)
+        if np.all(moved <= _SETTLED * np.sqrt(np.diag(best.cov))):
+            break
     return _concluded(posed, best, problem, sigma=None, scale=1.0, rng=rng)
 
 
@@ -227,14 +295,23 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
     pulled = any(p.prior.informative for p in posed.parameters)
     sigma = float(np.std(posed.y)) or 1.0 if pulled else 1.0
     problem = posed.with_sigma(sigma)
-    best = first = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
+    best = find_optimum(problem, problem.start(), rng=rng, n_start=n_start, unstated=True)
     for _ in range(_ROUNDS if pulled else 0):
         before, sigma = sigma, _residual_sd(posed, best.values)
         problem = posed.with_sigma(sigma)
-        best = find_optimum(problem, best.values, rng=rng, n_start=1, unstated=True)
+        best = _on(problem, best, rng, unstated=True)
         if abs(sigma / before - 1.0) < 1e-10:
             break
-    best = replace(
+    estimated = _residual_sd(posed, best.values)
+    return _concluded(
+        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
+    )
+
+
+def _on(problem: Problem, first: Optimum, rng: np.random.Generator, *, unstated: bool) -> Optimum:
+    """The optimum from `first` on, with what was learnt there of others."""
+    best = find_optimum(problem, first.values, rng=rng, n_start=1, unstated=unstated)
+    return replace(
         best,
         n_start=first.n_start,
         n_same=first.n_same,
@@ -243,13 +320,11 @@ def _fit_estimated(posed: CurveProblem, rng: np.random.Generator, n_start: int) 
         aliases=first.aliases,
         unheld=first.unheld,
     )
-    estimated = _residual_sd(posed, best.values)
-    return _concluded(
-        posed, best, problem, sigma=estimated, scale=1.0 if pulled else estimated, rng=rng
-    )
 
 
-def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> CurveFit:
+def fit_errors(
+    posed: CurveProblem | JointProblem, rng: np.random.Generator, n_start: int
+) -> CurveFit:
     """The fit of a curve together with what is unknown of its errors, or with errors that leave
     room for outliers: the mode, its curvature, and profiles.
     """
@@ -264,7 +339,7 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
         amount = Amount(fit.mover or fit.names[0])
         findings.append(Finding(Kind.STEP_UNSETTLED, size=fit.moved, parameters=(amount,)))
     else:
-        intervals, left_open = profiled(fit, math.inf)
+        intervals, left_open = profiled(fit, dof_of_size(fit))
         findings += [*left_open, *values_outside(values, intervals)]
     goodness = () if fit.singular else check_goodness(fit, rng=rng)
     if fit.others.size:
@@ -272,7 +347,10 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
     findings += [
         fit.unheld,
         *pressed_edges(fit, Kind.PRESSED_LIMIT),
-        *(replace(f, run="") for f in failed_tests(goodness, dof=fit.dof)),
+        *(
+            replace(f, run=f.run if len(goodness) > 1 else "")
+            for f in failed_tests(goodness, dof=fit.dof)
+        ),
         None if fit.singular else stated_values(fit, check_stated_values(fit)),
     ]
     found = wrong([finding for finding in findings if finding is not None])
@@ -289,7 +367,7 @@ def _fit_errors(posed: CurveProblem, rng: np.random.Generator, n_start: int) -> 
         status=decide(found),
         findings=found,
         remarks=(),
-        message=fit.message,
+        message="; ".join([fit.message, *_said(fit.problem)]),
         goodness=goodness,
         fit=fit,
         held=fit,
@@ -393,8 +471,8 @@ def _concluded(
     )
     tested = dof >= 1 and not perfect and not best.singular
     goodness = check_goodness(inner, rng=rng) if tested else ()
-    # chi^2 is only nearly what it is called
-    if goodness and any(item.normal is None for item in inner.posterior.likelihoods):
+    # chi^2 is only nearly what it is called; of several data sets there is no simulated one
+    if len(goodness) == 1 and any(item.normal is None for item in inner.posterior.likelihoods):
         p_value = goodness[0].checks["chi2"].p_value if "chi2" in goodness[0].checks else p_value
     conflict = None if best.singular else check_stated_values(inner)
     solutions = several_solutions(inner, laplace_modes(inner)) if inner.others.size else []
@@ -432,7 +510,7 @@ def _concluded(
             ),
             *lacking,
         ),
-        message=_message(best, sigma, perfect, [tell(f) for f in same_curve(inner)]),
+        message=_message(best, sigma, perfect, [*map(tell, same_curve(inner)), *_said(problem)]),
         goodness=goodness,
         fit=inner,
         held=fixed,
@@ -476,8 +554,13 @@ def _inner_fit(
     return with_other_modes(fit, best, rng)
 
 
-def _message(best: Optimum, sigma: float | None, perfect: bool, same: list[str]) -> str:
-    words = [led_here(best.n_same, best.n_start), *same]
+def _said(problem: Problem) -> list[str]:
+    """The shares that errors are, in words, each once."""
+    return [*dict.fromkeys(words for run in problem.runs for words in run.noise.said)]
+
+
+def _message(best: Optimum, sigma: float | None, perfect: bool, further: list[str]) -> str:
+    words = [led_here(best.n_same, best.n_start), *further]
     if perfect:
         words.append(phrase("the curve passes through every point within rounding error"))
     elif sigma is not None:

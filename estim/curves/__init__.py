@@ -19,8 +19,10 @@ from estim.curves.named import (
     BareFormula,
     ModelSum,
     Unstarted,
+    arguments_of,
     called_by_name,
     in_time,
+    known_models,
     linear_in,
     provisional,
     read_model,
@@ -37,6 +39,7 @@ from estim.curves.posing import (
     AxisNames,
     CurveProblem,
     pose_curve,
+    require_points,
     units_of,
 )
 from estim.curves.quantities import Plain, refuse_quantities, without_units

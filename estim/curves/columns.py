@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,16 +26,35 @@ def column(values: ArrayLike | None, field: str) -> FloatArray:
     return array
 
 
-def errors_of(u: ArrayLike, n_obs: int, field: str) -> FloatArray:
-    """(n_obs,) standard deviations given as a number or one for each point."""
+_SHARE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*%(\s+of\s+y)?\s*")
+
+
+def share_of(text: str, field: str) -> tuple[float, bool]:
+    """The share that text like "15%" says, and whether it is one of each reading ("15% of y")
+    rather than of the curve.  Raises InputError naming `field`.
+    """
+    found = _SHARE.fullmatch(text)
+    if found is None:
+        rule = 'must be numbers, or a share: "15%" of the curve, "15% of y" of each reading'
+        raise InputError(rule, field=field, value=text)
+    if not 0.0 < float(found[1]) < 100.0:
+        raise InputError("must be a share between 0 and 100 %", field=field, value=text)
+    return float(found[1]) / 100.0, found[2] is not None
+
+
+def errors_of(u: ArrayLike, n_obs: int, field: str, *, some_exact: bool = False) -> FloatArray:
+    """(n_obs,) standard deviations given as a number or one for each point.  some_exact : whether
+    some of these, not all, may be 0.
+    """
     given = real_numbers(u, field)
     sizes = column(np.full(n_obs, given) if given.ndim == 0 else given, field)
     if sizes.size != n_obs:
         raise InputError(
             f"must be a number or have as many values as x ({n_obs})", field=field, value=sizes.size
         )
-    if np.any(sizes <= 0.0):
-        bad = int(np.argmax(sizes <= 0.0))
+    wrong = sizes < 0.0 if some_exact and np.any(sizes > 0.0) else sizes <= 0.0
+    if np.any(wrong):
+        bad = int(np.argmax(wrong))
         raise InputError(
             "must be > 0", field=field, value=float(sizes[bad]), index=bad if given.ndim else None
         )

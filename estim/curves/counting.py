@@ -37,6 +37,16 @@ _TOUCH = 1e-9  # of a width: bins that overlap by less share an edge
 class Poisson:
     """Counts.  bins : None, the width of bins with x in their middle, or their edges: (n_obs + 1,)
     in order, or (n_obs, 2) low and high.
+
+    Without bins the curve is the expected count at x, with bins the density of counts along x, per
+    unit of x.  A fit raises InputError where y are not whole numbers from 0, or bins overlap or do
+    not hold their x.  Source of the deviance: Baker and Cousins, Nucl. Instrum. Methods 221 (1984)
+    437.
+
+    >>> from estim import Poisson, fit_curve
+    >>> fit = fit_curve("r", [1.0, 3.0, 5.0], [9, 12, 9], noise=Poisson(bins=2.0))
+    >>> round(fit.values["r"], 3)
+    5.0
     """
 
     bins: ArrayLike | None = None
@@ -44,7 +54,16 @@ class Poisson:
 
 @dataclass(frozen=True, eq=False)
 class Binomial:
-    """Successes among `trials`, a number or (n_obs,)."""
+    """Successes among `trials`, a number or (n_obs,).
+
+    y are the numbers of successes, and the curve is the probability of one, from 0 to 1.  A fit
+    raises InputError where y or trials are not whole, or y exceeds the trials.
+
+    >>> from estim import Binomial, fit_curve
+    >>> fit = fit_curve("p", [1.0, 2.0, 3.0], [3, 5, 4], noise=Binomial(trials=20))
+    >>> round(fit.values["p"], 3)
+    0.2
+    """
 
     trials: ArrayLike
 
@@ -54,6 +73,16 @@ class EventTimes:
     """Single events that were recorded wherever low <= x <= high.
 
     cells : how many figures and tests have; None: about the root of the number of events.
+
+    x are the events (n_event,), y is None, and the curve is their density up to a factor.  A fit
+    raises InputError where an event lies outside, or low is not below high.  Source: G. Cowan,
+    Statistical Data Analysis (1998), chapter 6.
+
+    >>> from estim import EventTimes, fit_curve
+    >>> times = [0.1, 0.3, 0.4, 0.8, 0.9, 1.3, 1.7, 2.2, 3.1, 4.2]
+    >>> fit = fit_curve("exp(-x/tau)", times, None, noise=EventTimes(0.0, 100.0))
+    >>> round(fit.values["tau"], 2)  # the mean of the times
+    1.5
     """
 
     low: float

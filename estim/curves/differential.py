@@ -182,6 +182,12 @@ def ode(
         tolerance 1e-10.
 
     Raises InputError where an argument breaks a rule.
+
+    >>> from estim import fit_curve, ode
+    >>> decay = ode(lambda x, y, k: [-k * y[0]], ["y0"])
+    >>> fit = fit_curve(decay, [0, 1, 2, 3], [8, 4, 2, 1], u_y=0.1, start={"k": 1, "y0": 5})
+    >>> round(fit.values["k"], 3)  # log 2
+    0.693
     """
     if not callable(rhs):
         raise InputError("must be a function rhs(x, y, **parameters)", field="rhs", value=rhs)

@@ -1,10 +1,10 @@
-"""Several data sets with one curve as one problem: which parameters they share, and which each has
-for itself.
+"""Several data sets, with one curve or each with its own, as one problem: which parameters they
+share, and which each has for itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -13,16 +13,32 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estim.arrays import FloatArray
-from estim.common import InputError
+from estim.common import InputError, same_unit
 from estim.curves.counting import Counting
-from estim.curves.posing import CurveProblem
+from estim.curves.derived import SoughtQuantity, check_derived_names, in_units, seek
+from estim.curves.posing import AxisNames, CurveProblem, require_points
 from estim.problem import Parameter, Problem
 
 
 @dataclass(frozen=True, eq=False)
 class DataSet:
     """Points x, y (n_obs,) of one of several data sets, with what `fit_curve` takes of their
-    errors: u_y, cov_y, u_x, or `noise` for counts.
+    errors: u_y, cov_y, u_x, `jitter`, `robust`, or `noise` for counts.
+
+    u_y, u_x : standard uncertainties, a number or (n_obs,), in the units of y and x.
+    cov_y : (n_obs, n_obs) covariance matrix of y, in place of u_y.
+    cov_x, r_xy : covariance matrix of x in place of u_x, correlation of both errors of a point.
+    y : None for the times of single events.
+    curve, axes : of this data set, in the place of those of `fit_curves`; jitter and robust too,
+        where they are not None.
+
+    It is checked where it is fitted: `fit_curves` raises InputError.
+
+    >>> from estim import DataSet, fit_curves
+    >>> first, second = DataSet([1, 2, 3], [1.1, 2.0, 3.1], 0.1), DataSet([1, 2], [2.0, 3.0], 0.1)
+    >>> fit = fit_curves("k*x + c", {"a": first, "b": second}, shared=["k"])
+    >>> round(fit.values["k"], 2)
+    1.0
     """
 
     x: ArrayLike
@@ -31,6 +47,12 @@ class DataSet:
     cov_y: ArrayLike | None = None
     u_x: ArrayLike | None = None
     noise: Counting | str | None = None
+    curve: str | Callable[..., Any] | None = None
+    axes: AxisNames | None = None
+    jitter: Any = None
+    robust: str | None = None
+    cov_x: ArrayLike | None = None
+    r_xy: ArrayLike | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +61,7 @@ class JointProblem:
 
     parts : name of the data set -> its problem.
     sources : the same -> its argument -> name in `parameters`.  y : (n_obs,) of all in turn.
+    sought : what is to be computed from parameters that no data set has all of.
     """
 
     parts: Mapping[str, CurveProblem]
@@ -46,30 +69,45 @@ class JointProblem:
     parameters: tuple[Parameter, ...]
     y: FloatArray
     fixed: Mapping[str, float]
+    sought: tuple[SoughtQuantity, ...] = ()
 
     @property
     def text(self) -> str:
-        return self._first.text
+        return "; ".join(dict.fromkeys(part.text for part in self.parts.values()))
 
     @property
     def called(self) -> str:
-        return self._first.called
+        return "; ".join(dict.fromkeys(part.called or part.text for part in self.parts.values()))
 
     @property
-    def _first(self) -> CurveProblem:
-        return next(iter(self.parts.values()))
+    def infers_errors(self) -> bool:
+        """Whether anything is unknown of the errors, or they leave room for outliers."""
+        return any(part.infers_errors for part in self.parts.values())
+
+    def with_unknown_errors(self) -> Problem:
+        """The problem with all that is unknown of the errors as further parameters."""
+        return self.with_sigma(1.0)
 
     def with_sigma(self, sigma: float) -> Problem:
         """The problem whose errors are `sigma` times the stated ones."""
-        runs = []
+        runs, sought = [], self.sought
         for name, part in self.parts.items():
             run, sources = part.with_sigma(sigma).runs[0], self.sources[name]
             arguments = {
                 argument: sources.get(source, source) if isinstance(source, str) else source
                 for argument, source in run.arguments.items()
             }
-            runs.append(replace(run, name=name, arguments=MappingProxyType(arguments)))
-        return Problem(self.parameters, tuple(runs))
+            runs.append(
+                replace(
+                    run,
+                    name=name,
+                    arguments=MappingProxyType(arguments),
+                    sought=(*run.sought, *sought),
+                )
+            )
+            sought = ()
+        further = [unknown for part in self.parts.values() for unknown in part.further]
+        return Problem((*self.parameters, *further), tuple(runs))
 
     def with_unknown_sigma(self, typical: float) -> Problem:
         """None of its errors is unknown."""
@@ -89,10 +127,20 @@ class JointProblem:
 
 
 def join(
-    parts: Mapping[str, CurveProblem], *, shared: Collection[str], common: Collection[str]
+    parts: Mapping[str, CurveProblem],
+    *,
+    shared: Collection[str] | None,
+    common: Collection[str],
+    derived: Mapping[str, str] = MappingProxyType({}),
+    units: Mapping[str, str] = MappingProxyType({}),
+    order: Iterable[str] = (),
 ) -> JointProblem:
-    """The joint problem.  shared : parameters of the curve that are one unknown for all; `common`
-    are so in any case.  Raises InputError.
+    """The joint problem.  shared : parameters of the curves that are one unknown for all, None for
+    each that has the same name; `common` are so in any case.  Where a shared one begins, the first
+    of `parts` says.  Raises InputError.
+
+    derived : what follows from parameters of several data sets, with the stated `units`.
+    order : of the data sets in the result, that of `parts` if there is none.
     """
     for name, part in parts.items():
         if not part.stated:
@@ -102,31 +150,45 @@ def join(
                 field=f"data[{name}]",
             )
     unknown = {p.name for part in parts.values() for p in part.parameters}
-    for name in shared:
+    for name in shared or ():
         if name not in unknown:
             raise InputError(
                 f"names '{name}', which is not a fitted parameter ({', '.join(sorted(unknown))})",
                 field="shared",
             )
-    together = {*shared, *common}
+    together = unknown if shared is None else {*shared, *common}
     sources = {
         name: {
             p.name: p.name if p.name in together else f"{p.name}[{name}]" for p in part.parameters
         }
         for name, part in parts.items()
     }
-    by_name = {
-        sources[name][p.name]: replace(p, name=sources[name][p.name])
-        for name, part in reversed(list(parts.items()))
-        for p in part.parameters
-    }
-    ordered = [name for name in by_name if "[" not in name] + [
+    by_name: dict[str, Parameter] = {}
+    for name, part in parts.items():
+        for p in part.parameters:
+            first = by_name.setdefault(
+                sources[name][p.name], replace(p, name=sources[name][p.name])
+            )
+            if first.unit == "1":
+                by_name[first.name] = replace(first, unit=p.unit)
+            elif p.unit != "1" and same_unit(p.unit, first.unit) is False:
+                rule = (
+                    f"is shared, but in {first.unit} for one data set and in {p.unit} for '{name}'"
+                )
+                raise InputError(rule, field=p.name)
+    parts = {name: parts[name] for name in order or parts}
+    names = [name for name in by_name if "[" not in name] + [
         sources[name][p.name] for name, part in parts.items() for p in part.parameters
     ]
+    ordered = tuple(by_name[name] for name in dict.fromkeys(names))
     fixed: dict[str, float] = {}
     for name, part in parts.items():
         alike = {
-            parameter: all(other.fixed.get(parameter) == value for other in parts.values())
+            parameter: all(
+                other.fixed.get(parameter) == value
+                for other_name, other in parts.items()
+                if parameter in other.fixed or parameter in sources[other_name]
+            )
             for parameter, value in part.fixed.items()
         }
         fixed |= {
@@ -134,12 +196,47 @@ def join(
             for parameter, value in part.fixed.items()
         }
     y = np.concatenate([part.y for part in parts.values()])
+    require_points(ordered, y.size)
     return JointProblem(
         MappingProxyType(dict(parts)),
         MappingProxyType(sources),
-        tuple(by_name[name] for name in dict.fromkeys(ordered)),
+        ordered,
         y,
         MappingProxyType(fixed),
+        _across(derived, units, parts, sources, by_name),
+    )
+
+
+def _across(
+    derived: Mapping[str, str],
+    units: Mapping[str, str],
+    parts: Mapping[str, CurveProblem],
+    sources: Mapping[str, Mapping[str, str]],
+    by_name: Mapping[str, Parameter],
+) -> tuple[SoughtQuantity, ...]:
+    """What follows from parameters of several data sets, "A[second]" of one of them.  Raises
+    InputError.
+    """
+    known: dict[str, str | float] = {}
+    for name, part in parts.items():
+        of_part: dict[str, str | float] = {**part.fixed, **sources[name]}
+        for argument, source in of_part.items():
+            known[f"{argument}[{name}]"] = source
+            if source == argument or argument in part.fixed:
+                known.setdefault(argument, source)
+    sought = [seek(name, text, unit=units.get(name)) for name, text in derived.items()]
+    check_derived_names(sought, [name for name in known if "[" not in name])
+    for quantity in sought:
+        for written in quantity.of_levels:
+            if written not in known:
+                rule = f"names '{written}', which no data set has ({', '.join(known)})"
+                raise InputError(rule, field=quantity.name, value=quantity.text)
+    of_known = {
+        written: by_name[str(source)].unit for written, source in known.items() if source in by_name
+    }
+    return tuple(
+        quantity.bound({w: known[w] for w in quantity.symbols.values() if w in known})
+        for quantity in in_units(sought, of_known)
     )
 
 

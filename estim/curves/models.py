@@ -1,9 +1,9 @@
 """Curves that are known by name, and their sums: `"gaussian + line"`, `"left_gaussian +
 right_gaussian"`.
 
-A model is data: a formula and limits of its parameters.  `estim.curves.guesses` finds starting
-values from points, as for any formula.  Names and normalisations are those of
-lmfit where it has the model (an `amplitude` of a peak is its area).
+A model is data: a formula and limits of its parameters.  Installed packages may add some.
+`estim.curves.guesses` finds starting values from points, as for any formula.  Names and
+normalisations are those of lmfit where it has the model (an `amplitude` of a peak is its area).
 """
 
 from __future__ import annotations
@@ -11,16 +11,18 @@ from __future__ import annotations
 import difflib
 import re
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 
 from estim.common import InputError
-from estim.curves.formula import Formula, read_formula
+from estim.curves.formula import Formula, check_names, read_formula
+from estim.plugins import Plugin, plugin_called, plugins, told
 
 Limits = tuple[float | None, float | None]
 
+GROUP = "estim.models"  # of entry points
 MOST_TERMS = 8
 _HIGHEST = 7  # degree of a polynomial
 _WORD = r"[^\W\d]\w*"
@@ -29,16 +31,25 @@ _SUM = re.compile(rf"\s*{_WORD}(\s*\+\s*{_WORD})*\s*")
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A named curve.
+    """A curve that is known by name: one of estim's own, or of a package that has the entry point
+    `NAME = "MODULE:MODEL"` in the group `estim.models`.
 
-    expression : formula in x.
-    limits : name -> lowest and highest value that makes sense.
+    name : as in `fit_curve("NAME + line", x, y)`, where "left_NAME" has a prefix.
+    expression : formula in x, like "amplitude*exp(-x/decay)".  Derivatives and starting values of
+        the parameters follow from it.
+    parameters : all that the formula has, in the order of reports.
+    limits : name -> lowest and highest value that makes sense, None for no limit.
+
+    >>> from estim import Model
+    >>> decay = Model("decay", "a*exp(-x/tau)", ("a", "tau"), {"tau": (0, None)})
+    >>> decay.expression
+    'a*exp(-x/tau)'
     """
 
     name: str
     expression: str
     parameters: tuple[str, ...]
-    limits: Mapping[str, Limits]
+    limits: Mapping[str, Limits] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,22 +135,61 @@ def read_model(text: object) -> ModelSum:
         return models
     words = [word.strip() for word in str(text).split("+")]
     unknown = next((word for word in words if _term(word) is None), str(text))
-    close = difflib.get_close_matches(unknown.rpartition("_")[2], MODELS, n=1)
+    known = _names()
+    close = difflib.get_close_matches(unknown.rpartition("_")[2], known, n=1)
     hint = (
         f"did you mean '{close[0]}'?"
         if close
-        else f"there are {', '.join(MODELS)}, with a prefix like left_gaussian, and sums with +"
+        else f"there are {', '.join(known)}, with a prefix like left_gaussian, and sums with +"
     )
     raise InputError(f"must name a model ({hint})", field="model", value=unknown)
 
 
+def known_models() -> Iterator[str | InputError]:
+    """Each model with its formula, or why one of an installed package cannot be used."""
+    yield from (f"{name}: {model.expression}" for name, model in MODELS.items())
+    yield from told(GROUP, lambda plugin: f"{plugin.name}: {_installed(plugin).expression}")
+
+
 def _term(word: str) -> Term | None:
-    name = max(
-        (name for name in MODELS if word == name or word.endswith(f"_{name}")),
-        key=len,
-        default=None,
-    )
-    return None if name is None else Term(MODELS[name], word.removesuffix(name))
+    name = _name_in(word, _names())
+    if name is None:
+        return None
+    plugin = plugin_called(GROUP, name)
+    model = MODELS[name] if plugin is None else _installed(plugin)
+    return Term(model, word.removesuffix(name))
+
+
+def _names() -> list[str]:
+    return [*MODELS, *(plugin.name for plugin in plugins(GROUP))]
+
+
+def _name_in(word: str, names: Iterable[str]) -> str | None:
+    """The longest of the names that `word` is, or ends with behind a prefix."""
+    found = (name for name in names if word == name or word.endswith(f"_{name}"))
+    return max(found, key=len, default=None)
+
+
+def _installed(plugin: Plugin) -> Model:
+    """The model of an installed package.  Raises InputError where it is none, or its name is
+    estim's.
+    """
+    taken = _name_in(plugin.name, MODELS)
+    if taken is not None:
+        raise plugin.error(f"is refused: '{taken}' is a model of estim's own")
+
+    def checked(model: Model) -> Model:
+        names = read_formula(model.expression).names
+        check_names([plugin.name], field="name")
+        if (
+            model.name != plugin.name
+            or {*model.limits} - {*names}
+            or {*names} != {*model.parameters}
+        ):
+            raise ValueError("it must have this name, and the parameters of its formula")
+        return model
+
+    return plugin.make(checked, Model)
 
 
 def _checked(asked: ModelSum) -> ModelSum:
@@ -200,13 +250,13 @@ MODELS: Mapping[str, Model] = MappingProxyType(
             Model(
                 "oscillation",
                 "amplitude*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "phase", "frequency"),
+                ("amplitude", "frequency", "phase"),
                 {"frequency": _POSITIVE},
             ),
             Model(
                 "damped_oscillation",
                 "amplitude*exp(-damping*x)*cos(2*pi*frequency*x + phase)",
-                ("amplitude", "phase", "frequency", "damping"),
+                ("amplitude", "frequency", "phase", "damping"),
                 {"frequency": _POSITIVE},
             ),
             Model(

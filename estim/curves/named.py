@@ -16,6 +16,7 @@ from estim.curves.formula import Formula, read_formula
 from estim.curves.guesses import guess_starts
 from estim.curves.models import Limits, named_model, names_only
 from estim.curves.models import ModelSum as ModelSum
+from estim.curves.models import known_models as known_models
 from estim.curves.models import read_model as read_model
 from estim.curves.posing import CurveProblem
 from estim.curves.projected import linear_in as linear_in
@@ -76,17 +77,16 @@ def unstarted(
     return BareFormula(formula) if (formula.uses_x or constant) and missing else None
 
 
-def in_time(curve: Any, *named: object) -> Any:
-    """A formula without x whose `t` no collection in `named` speaks of: as a curve along t; every
-    other curve as it is.
+def in_time(curve: Any, axis: str, *named: object) -> Any:
+    """A formula without x whose `t`, or word of the name of its axis, no collection in `named`
+    speaks of: as a curve along that; every other curve as it is.
     """
     if not isinstance(curve, str) or not curve.strip() or names_only(curve):
         return curve
     formula = read_formula(curve, field="curve")
     given = {name for names in named if isinstance(names, Mapping) for name in names}
-    if formula.uses_x or "t" not in formula.names or "t" in given:
-        return curve
-    return formula.in_terms_of("t")
+    words = [word for word in ("t", *axis.split()) if word in formula.names and word not in given]
+    return formula.in_terms_of(words[0]) if words and not formula.uses_x else curve
 
 
 def with_defaults(
@@ -110,6 +110,24 @@ def with_defaults(
         and not any(p.name in names for names in held if names)
     }
     return known or start
+
+
+def arguments_of(curve: object, *named: Collection[str]) -> tuple[str, ...]:
+    """Names of the parameters that a curve takes; those that a function of Python itself names.
+
+    named : as for `called_by_name`.  Raises InputError.
+    """
+    if callable(curve):
+        try:
+            _, *parameters = inspect.signature(getattr(curve, "rhs", curve)).parameters.values()
+        except (TypeError, ValueError):
+            return ()
+        begin = [entry for entry in getattr(curve, "at_start", ()) if isinstance(entry, str)]
+        return (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *begin)
+    models = called_by_name(curve, *named)
+    if models is not None:
+        return models.parameters
+    return (curve if isinstance(curve, Formula) else read_formula(str(curve), field="curve")).names
 
 
 def called_by_name(curve: object, *named: Collection[str]) -> ModelSum | None:
@@ -187,9 +205,14 @@ def _in_order(
     asked: ModelSum, starts: Mapping[str, float], limits: Mapping[str, Limits]
 ) -> dict[str, float]:
     """Starts whose terms of one model, where nothing else tells them apart, come in the order of
-    their places, rates or frequencies.
+    their places, rates or frequencies; oscillations have positive amplitudes
+    and phases within half a turn.
     """
     ordered = dict(starts)
+    for size, turn in ((t.prefix + "amplitude", t.prefix + "phase") for t in asked.terms):
+        if limits.get(size) == limits.get(turn) == (None, None):
+            phase = ordered[turn] + (math.pi if ordered[size] < 0.0 else 0.0)
+            ordered |= {size: abs(ordered[size]), turn: math.remainder(phase, 2.0 * math.pi)}
     for model in {term.model.name: term.model for term in asked.terms}.values():
         names = [
             [term.prefix + name for name in model.parameters]
@@ -199,7 +222,7 @@ def _in_order(
         ends = [[limits.get(name, "known") for name in own] for own in names]
         if any("known" in own or own != ends[0] for own in ends):
             continue
-        values = sorted(([starts[name] for name in own] for own in names), key=lambda own: own[1:])
+        values = sorted(([ordered[name] for name in own] for own in names), key=lambda own: own[1:])
         for own, found in zip(names, values, strict=True):
             ordered.update(zip(own, found, strict=True))
     return ordered

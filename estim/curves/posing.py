@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, Notation, Quantity, phrase, read_quantity
-from estim.curves.columns import column, errors_of
+from estim.curves.columns import column, errors_of, share_of
 from estim.curves.counting import MAX_OBS, CountedPoints, Counting, ask_counts, refuse_errors
 from estim.curves.derived import SoughtQuantity, seek_of_fit
 from estim.curves.discrepancy import discrepancy_of
@@ -27,7 +27,7 @@ from estim.curves.tied import TiedCurve, followed, only_for_ties, read_tied
 from estim.curves.units import AxisNames as AxisNames
 from estim.curves.units import check_units, refuse_degrees
 from estim.curves.units import units_of as units_of
-from estim.given_numbers import real_number
+from estim.given_numbers import real_number, real_numbers
 from estim.problem import (
     Correlated,
     Curve,
@@ -63,8 +63,11 @@ class CurveProblem:
     """A curve, its parameters and the points in order of x.
 
     x, y : (n_obs,).
-    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None.
-    cov : (n_obs, n_obs), or None.
+    relative : (n_obs,) u_y, or 1 where it was not stated.  relative_x : (n_obs,) u_x, or None;
+        r_xy : (n_obs,) the correlation of both.
+    share : standard deviation of y over the curve, 0 where it is not stated so; `relative` is then
+        what y themselves show of it.  said : the share that was stated, in words, if any.
+    cov, cov_x : (n_obs, n_obs) of the errors of y and of x, or None.
     stated : whether the size of the errors is known.
     lacks : what the curve may lack, None for nothing.
     counted : the points where y are counts, else None.
@@ -95,6 +98,15 @@ class CurveProblem:
     counted: CountedPoints | None = None
     sought: tuple[SoughtQuantity, ...] = ()
     called: str = ""
+    share: float = 0.0
+    said: tuple[str, ...] = ()
+    cov_x: FloatArray | None = None
+    r_xy: FloatArray | None = None
+
+    @property
+    def infers_errors(self) -> bool:
+        """Whether anything is unknown of stated errors, or they leave room for outliers."""
+        return bool(self.further) or self.tails.robust
 
     def with_discrepancy(self, sigma: float) -> Problem:
         """`with_sigma` for a curve that may lack something."""
@@ -132,37 +144,25 @@ class CurveProblem:
         )
         return self.y - np.broadcast_to(self.curve.value(self.x, named), (1, self.x.size))[0]
 
-    def require_points(self) -> None:
-        """Raises InputError where there are fewer points than the parameters that are fit need."""
-        if not self.parameters:
-            raise InputError(
-                "must give a parameter that is fit its starting value, like {'a': 1.0}",
-                field="start",
-            )
-        pulls = sum(p.prior.informative for p in self.parameters)
-        if self.x.size + pulls < len(self.parameters) + (0 if self.stated else 1):
-            rule = f"must have at least as many points as parameters ({len(self.parameters)})"
-            if not self.stated:
-                rule = (
-                    f"must have more points than parameters ({len(self.parameters)}), one at "
-                    "least, where u_y is not given"
-                )
-            raise InputError(rule, field="x", value=self.x.size)
-
     def _problem(self, sigma: Scale, further: tuple[Parameter, ...]) -> Problem:
         return Problem((*self.parameters, *further, *self.further), (self.observed(sigma),))
 
     def observed(self, sigma: Scale) -> Observations:
         """The points whose errors are `sigma` times u_y (or times 1)."""
-        noise = _reading_noise(
+        noise: Noise = Readings(
             sigma,
+            self.jitter,
             self.relative,
-            self.cov,
-            what=self.axes.y_name,
+            sigma_x=None if self.relative_x is None else Scale(1.0),
             relative_x=self.relative_x,
             tails=self.tails,
-            jitter=self.jitter,
+            share=self.share,
+            r_xy=self.r_xy,
+            what=self.axes.y_name,
+            said=self.said,
         )
+        if self.cov is not None:
+            noise = Correlated(self.cov, self.axes.y_name, self.cov_x)
         noise = noise if self.counted is None else self.counted.noise
         arguments: dict[str, str | float] = {p.name: p.name for p in self.parameters}
         arguments.update(self.fixed)
@@ -187,25 +187,21 @@ class CurveProblem:
         )
 
 
-def _reading_noise(
-    sigma: Scale,
-    relative: FloatArray,
-    cov: FloatArray | None,
-    *,
-    what: str,
-    relative_x: FloatArray | None,
-    tails: Tails,
-    jitter: Scale,
-) -> Noise:
-    """Noise of readings of `what`: independent, with errors of x if there are any, or with the
-    stated covariance matrix.
-    """
-    if cov is None:
-        sigma_x = None if relative_x is None else Scale(1.0)
-        return Readings(
-            sigma, jitter, relative, sigma_x=sigma_x, relative_x=relative_x, tails=tails, what=what
+def require_points(parameters: Sequence[Parameter], n_obs: int, *, stated: bool = True) -> None:
+    """Raises InputError where there are fewer points than the parameters that are fit need."""
+    if not parameters:
+        raise InputError(
+            "must give a parameter that is fit its starting value, like {'a': 1.0}", field="start"
         )
-    return Correlated(cov, what)
+    pulls = sum(p.prior.informative for p in parameters)
+    if n_obs + pulls < len(parameters) + (0 if stated else 1):
+        rule = f"must have at least as many points as parameters ({len(parameters)})"
+        if not stated:
+            rule = (
+                f"must have more points than parameters ({len(parameters)}), one at "
+                "least, where u_y is not given"
+            )
+        raise InputError(rule, field="x", value=n_obs)
 
 
 def pose_curve(
@@ -232,6 +228,8 @@ def pose_curve(
     jitter: Any = False,
     robust: str | None = None,
     level: str = "",
+    cov_x: ArrayLike | None = None,
+    r_xy: ArrayLike | None = None,
 ) -> CurveProblem:
     """The problem that the arguments of `fit_curve`, or a run of a campaign, pose; nobody stated
     the start of those `chosen`.  level : behind the names of what is unknown of the errors, like
@@ -267,7 +265,8 @@ def pose_curve(
         raise InputError(
             f"must have as many values as x ({n_obs})", field="y", value=points["y"].size
         )
-    most = MAX_DENSE if cov_y is not None or u_x is not None else MAX_OBS
+    dense = cov_y is not None or u_x is not None or cov_x is not None
+    most = MAX_DENSE if dense else MAX_OBS
     if not 1 <= n_obs <= most:
         cure = (
             ""
@@ -277,22 +276,36 @@ def pose_curve(
         )
         raise InputError(f"must have between 1 and {most} values{cure}", field="x", value=n_obs)
     order = np.argsort(points["x"], kind="stable")
+    share, said = 0.0, tuple[str, ...]()
+    if isinstance(u_y, str):
+        share, said, u_y = _share_of_y(u_y, points["y"])
+        if share and not (deviation == 0.0 and correlated is False and robust is None):
+            rule = (
+                "as a share of the curve cannot be combined with 'deviation', 'correlated' or "
+                "'robust'"
+            )
+            raise InputError(rule, field="u_y", value=f"{100.0 * share:.4g}%")
     relative, cov = _errors_of_y(u_y, cov_y, n_obs)
-    if u_x is not None and u_y is None:
-        raise InputError(
-            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
-            "residuals",
-            field="u_x",
-        )
-    relative_x = None if u_x is None else errors_of(u_x, n_obs, "u_x")[order]
-    if relative_x is not None and hide_the_range(points["x"][order], relative_x):
-        spread = float(np.std(points["x"], ddof=1))
-        rule = (
-            f"must be below the standard deviation of x, {spread:.4g}: points that may lie "
-            "anywhere along x hold no curve"
-        )
-        raise InputError(rule, field="u_x", value=float(np.sqrt(np.mean(relative_x**2))))
-    ordered_cov = None if cov is None else cov[np.ix_(order, order)]
+    relative_x, of_x = _errors_of_x(
+        u_x, cov_x, points["x"], stated=u_y is not None or cov_y is not None
+    )
+    if of_x is None and cov is not None and relative_x is not None:
+        of_x = np.diag(np.square(relative_x))
+    if of_x is not None and share:
+        rule = "does not go with a 'u_y' that is a share of the curve"
+        raise InputError(rule, field="cov_x")
+    both = None if r_xy is None else real_numbers(r_xy, "r_xy")
+    if both is not None:
+        if u_x is None or u_y is None or share or robust is not None:
+            rule = "needs u_x and u_y in their units, and goes with normal errors alone"
+            raise InputError(rule, field="r_xy")
+        if both.shape not in ((), (n_obs,)) or not np.all(np.abs(both) < 1.0):
+            rule = f"must be a number between -1 and 1, or as many as values of x ({n_obs})"
+            raise InputError(rule, field="r_xy", value=r_xy)
+        both = np.broadcast_to(both, n_obs)
+    if of_x is not None and cov is None:
+        cov = np.diag(np.square(relative))
+    square = np.ix_(order, order)
     names, values = _start(start)
     exact = _fixed(fixed, names)
     following, all_of = {**tied, **derived}, (*names, *exact)
@@ -328,7 +341,8 @@ def pose_curve(
         jitter, robust, points["y"], axes.y_unit, level=level, stated=u_y is not None
     )
     if further or tails.robust:
-        for field, given_too in (("cov_y", cov is not None), ("deviation", deviation != 0.0)):
+        matrices = (("cov_x", cov_x is not None), ("cov_y", cov_y is not None))
+        for field, given_too in (*matrices, ("deviation", deviation != 0.0)):
             if given_too:
                 raise InputError("cannot be combined with 'jitter' or 'robust'", field=field)
         if correlated is not False:
@@ -354,8 +368,10 @@ def pose_curve(
         x=points["x"][order],
         y=points["y"][order],
         relative=relative[order],
-        relative_x=relative_x,
-        cov=ordered_cov,
+        relative_x=None if relative_x is None else relative_x[order],
+        cov=None if cov is None else cov[square],
+        cov_x=None if of_x is None else of_x[square],
+        r_xy=None if both is None else both[order],
         stated=stated,
         axes=axes,
         fixed=MappingProxyType(exact),
@@ -363,10 +379,31 @@ def pose_curve(
         jitter=scatter,
         tails=tails,
         further=further,
-        lacks=discrepancy_of(deviation, correlated, order, stated=stated, exact_x=u_x is None),
+        lacks=discrepancy_of(
+            deviation, correlated, order, stated=stated, exact_x=u_x is None and cov_x is None
+        ),
         counted=counted,
         sought=seek_of_fit(following, units, [*all_of, *(p.name for p in shared)], parameter_units),
+        share=share,
+        said=said,
     )
+
+
+def _share_of_y(text: str, y: FloatArray) -> tuple[float, tuple[str], FloatArray]:
+    """The share of the curve that errors of y are, 0 where it is one of each reading; that in
+    words; and standard deviations (n_obs,) as the readings show them.
+    """
+    share, of_readings = share_of(text, "u_y")
+    if not np.all(y):
+        rule = "must not be 0 where u_y is a share, which leaves it no error: state u_y as numbers"
+        raise InputError(rule, field="y", value=0.0, index=int(np.argmin(np.abs(y))))
+    percent = 100.0 * share
+    said = (
+        phrase("standard deviations of {percent:.4g} % of each reading", percent=percent)
+        if of_readings
+        else phrase("standard deviations of {percent:.4g} % of the curve", percent=percent)
+    )
+    return 0.0 if of_readings else share, (said,), share * np.abs(y)
 
 
 def _errors_of_y(
@@ -381,6 +418,37 @@ def _errors_of_y(
     if u_y is None:
         return np.ones(n_obs), None
     return errors_of(u_y, n_obs, "u_y"), None
+
+
+def _errors_of_x(
+    u_x: ArrayLike | None, cov_x: ArrayLike | None, x: FloatArray, *, stated: bool
+) -> tuple[FloatArray | None, FloatArray | None]:
+    """Standard deviations (n_obs,) of x and the covariance matrix, if one is given; None where x is
+    exact.
+    """
+    field, cov = "u_x" if cov_x is None else "cov_x", None
+    if cov_x is not None:
+        if u_x is not None:
+            raise InputError("cannot be combined with u_x", field=field)
+        cov = check_covariance(cov_x, x.size, field=field)
+        sizes = np.sqrt(np.diag(cov))
+    elif u_x is not None:
+        sizes = errors_of(u_x, x.size, field, some_exact=True)
+    else:
+        return None, None
+    if not stated:
+        rule = (
+            "needs a known u_y beside it: the sizes of both errors cannot be told from the "
+            "residuals"
+        )
+        raise InputError(rule, field=field)
+    if hide_the_range(x, sizes):
+        rule = (
+            f"must be below the standard deviation of x, {float(np.std(x, ddof=1)):.4g}: points "
+            "that may lie anywhere along x hold no curve"
+        )
+        raise InputError(rule, field=field, value=float(np.sqrt(np.mean(sizes**2))))
+    return sizes, cov
 
 
 def _start(start: Mapping[str, float]) -> tuple[tuple[str, ...], dict[str, float]]:
@@ -455,9 +523,11 @@ def _curve(
     formula = curve if isinstance(curve, Formula) else read_formula(curve, field="curve")
     for name in formula.names:
         if name not in names:
-            hint = "" if formula.uses_x else ", which calls its variable x"
+            if not formula.uses_x:
+                rule = "must hold x, its variable, or the name of its axis (axes)"
+                raise InputError(rule, field="curve", value=formula.text)
             raise InputError(
-                f"has no starting value for '{name}' of the formula{hint}",
+                f"has no starting value for '{name}' of the formula",
                 field="start",
                 value=", ".join(names),
             )

@@ -40,6 +40,17 @@ _MEANINGS = {
 class Component:
     """One shared error: `kind` out of KINDS, standard uncertainty `u`, and the name of its
     parameter ("" means its kind).
+
+    kind : "zero_x" or "zero_y", an offset of all x or all y, with u in their unit; "scale_x" or
+        "scale_y", a factor 1 + error, with u a pure number, 0.01 for 1 %.
+
+    The error is one more parameter, with a normal prior of mean 0 and standard deviation u, so that
+    more points do not average it out.  Raises InputError for another kind, and for u that is not
+    > 0 or, of a scale, above 0.5.  Source: GUM (JCGM 100:2008), F.1.2.
+
+    >>> from estim import Component
+    >>> Component("scale_y", 0.01, name="gain").parameter_name
+    'gain'
     """
 
     kind: str
@@ -64,10 +75,11 @@ class Component:
 
     @property
     def parameter_name(self) -> str:
+        """The name of its parameter: `name`, or its kind."""
         return self.name or self.kind
 
     def parameter(self, *, x_unit: str, y_unit: str) -> Parameter:
-        """The nuisance parameter of this error."""
+        """The nuisance parameter of this error, in the unit of x or y, "1" for a scale."""
         unit = (
             "1" if self.kind.startswith("scale") else y_unit if self.kind.endswith("y") else x_unit
         )

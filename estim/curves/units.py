@@ -36,7 +36,17 @@ _IN_A_MESSAGE = 80
 
 @dataclass(frozen=True)
 class AxisNames:
-    """What x and y are, for figures and tables; unit "1" for a pure number."""
+    """What x and y are, for figures and tables; unit "1" for a pure number.
+
+    The units of parameters follow from those of x and y where the curve is a formula.  A fit raises
+    InputError for a unit that cannot be read.
+
+    >>> from estim import AxisNames, fit_curve
+    >>> axes = AxisNames("time", "s", "distance", "m")
+    >>> fit = fit_curve("v*x", [1, 2, 3], [2.1, 3.9, 6.0], u_y=0.1, axes=axes)
+    >>> print(fit.problem.parameters[0].unit)
+    m/s
+    """
 
     x_name: str = "x"
     x_unit: str = "1"

@@ -200,6 +200,8 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
     """
     covariance, _, residuals, jacobian = _measured(run, problem, values, stated=run.stated)
     precision, pull = _beside(run, problem, values)
+    # no slope says anything of the size of the errors, and a flat prior of it neither
+    silent = (np.diag(precision) == 0.0) & np.isin(problem.names, list(problem.noise_names))
     size = float(np.sqrt(np.median(np.diag(covariance))))
     shapes = tuple(shape.times(size) for shape in deviation_shapes(run.x))
     grid = relative_grid(stated=run.stated, spike=SPIKE)
@@ -207,7 +209,7 @@ def presence(run: Observations, problem: Problem, values: FloatArray) -> float:
         _diagonalised(covariance, shapes, grid),
         residuals,
         jacobian,
-        precision=precision,
+        precision=precision + np.diag(1.0 * silent),
         pull=pull,
         stated=run.stated,
     ).p_deviation

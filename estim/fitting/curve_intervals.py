@@ -6,6 +6,8 @@
   shares the work with the data, so that s is known better than they alone say: the degrees of
   freedom are dof/share^2 where `share` of s^2 is proportional to the estimated variance
   (Welch-Satterthwaite, JCGM 100:2008, G.4.1).
+- Where that size is one of the parameters (a jitter, `sigma_y` of robust errors): profiles, with
+  Student's t too; for a line they are the same as those above.
 - Where y was counted: profiles, with z of the normal distribution.  Few events make them lopsided.
 - Where an edge (of bounds or of a prior) is within reach of any interval: profiles
   (`estim.fitting.profile`) with the same quantiles.  An interval then ends at the edge.  A side
@@ -44,6 +46,7 @@ from estim.fitting.profile import profile_intervals
 
 Ends = Mapping[float, tuple[float, float]]
 
+_TINY = 1e-3  # of the 68 % interval, of a standard deviation that the density does not feel
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -108,6 +111,10 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                     parameters=(Amount(name, edge),),
                 )
             )
+            sds[i] = np.nan
+        elif counted and sds[i] < _TINY * np.ptp(intervals[name][PROBABILITIES[0]]):
+            # a count of 0 is expected to be 0 there: beyond, the curve has no meaning
+            notes.append(Finding(Kind.NO_FURTHER, parameters=(Amount(name),)))
             sds[i] = np.nan
         elif np.any(beside) and _lopsided(
             intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])

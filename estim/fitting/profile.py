@@ -98,13 +98,16 @@ def profile_intervals(
     """Profile-posterior intervals of the parameters `names` (all if None).  Raises InputError for
     an unknown name or probability.
 
-    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite
-        if it was stated.  The objective then rises by the square of a quantile of Student's t.
+    dof : degrees of freedom from which the size of the errors was estimated; infinite if it was
+        stated.  The objective then rises by the square of a quantile t of Student's t where that
+        size is held, by n_obs ln(1 + t^2/dof) where it is one of the unknowns, as it does for a
+        line.
     """
     indices = [_index(fit, name) for name in (fit.names if names is None else names)]
     rises = _quantiles(probabilities, dof=1)
     if math.isfinite(dof):
         rises = {p: float(student_quantile(0.5 + 0.5 * p, dof)) ** 2 for p in rises}
+        rises = _beside_size(fit, rises, dof)
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
     return tuple(_intervals(fit, search, mode, indices, rises))
@@ -122,9 +125,9 @@ def contour(
     """Profile of the parameters `a` and `b` on an n x n grid that holds the widest contour.  Raises
     InputError for an unknown name.
 
-    dof : degrees of freedom from which the size of the errors, held here, was estimated; infinite
-        if it was stated.  The rise is then twice a quantile of Fisher's F with 2 and dof degrees of
-        freedom, dof ((1 - P)^(-2/dof) - 1).
+    dof : degrees of freedom from which the size of the errors was estimated; infinite if it was
+        stated.  The rise is then twice a quantile of Fisher's F with 2 and dof degrees of freedom,
+        r = dof ((1 - P)^(-2/dof) - 1), where that size is held, otherwise n_obs ln(1 + r/dof).
     """
     i, j = _index(fit, a), _index(fit, b)
     if i == j:
@@ -134,6 +137,7 @@ def contour(
     levels = _quantiles(probabilities, dof=2)
     if math.isfinite(dof):
         levels = {p: dof * math.expm1(-2.0 / dof * math.log1p(-p)) for p in levels}
+        levels = _beside_size(fit, levels, dof)
     search = search_of(fit)
     (mode,) = minima(search, [Start(fit.values, (), settled=_MODE_SETTLED)])
     axes = []
@@ -145,6 +149,24 @@ def contour(
         )
     rise, failed = _grid(search, mode, i, j, axes[0], axes[1])
     return Contour(a, b, axes[0], axes[1], rise, levels, failed)
+
+
+def dof_of_size(fit: Fit) -> float:
+    """Degrees of freedom of the size of one run's errors where it is one of the unknowns; infinite
+    where it is stated, and where several runs have sizes of their own.
+    """
+    runs = fit.problem.runs
+    return max(fit.dof, 1) if len(runs) == 1 and runs[0].noise.size.parameters else math.inf
+
+
+def _beside_size(fit: Fit, rises: dict[float, float], dof: float) -> dict[float, float]:
+    """The rises of an objective that is free to change the size of the errors, from those of one
+    that holds it.
+    """
+    run = fit.problem.runs[0]
+    if not run.noise.size.parameters:
+        return rises
+    return {p: run.n_obs * math.log1p(rise / dof) for p, rise in rises.items()}
 
 
 def _index(fit: Fit, name: str) -> int:

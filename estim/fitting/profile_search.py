@@ -8,7 +8,7 @@ that are independent of each other are differentiated each in its own parameters
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,8 @@ from estim.problem import Likelihood, Posterior
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _NOWHERE = 1e30  # -2 log density from which the density counts as zero
 _REACH = 5.0  # standard deviations
+_FELT = 0.01  # of -2 log density
+_LONGER = np.append(1.0, 10.0 ** np.arange(1.0, 300.0))
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -203,4 +205,34 @@ def search_of(fit: Fit) -> ProfileSearch:
     cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
-    return ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
+    search = ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
+    longer = np.array([_felt(search, fit.values, i) for i in range(sds.size)])
+    return replace(
+        search,
+        scale=longer * search.scale,
+        cov=cov * np.outer(longer, longer),
+        prior_sd=longer * sds,
+    )
+
+
+def _felt(search: ProfileSearch, values: FloatArray, i: int) -> float:
+    """By which power of ten the scale of parameter i must be longer, so that the density feels a
+    step of it.
+
+    It does at once, but where the information at the fit has no bound: where a count of 0 is
+    expected to be 0.
+    """
+    points = np.tile(values, (2 * _LONGER.size, 1))
+    with np.errstate(over="ignore"):
+        points[:, i] += np.outer([1.0, -1.0], _LONGER).ravel() * search.scale[i]
+    points = np.clip(points, search.low, search.high)
+    here = search.objective(values)
+
+    def felt(some: FloatArray) -> NDArray[np.bool_]:
+        risen = search.objectives(some) - here
+        return np.any((np.isfinite(risen) & (risen > _FELT)).reshape(2, -1), axis=0)
+
+    if not np.isfinite(here) or felt(points[[0, _LONGER.size]])[0]:
+        return 1.0
+    at = felt(points)
+    return float(_LONGER[np.argmax(at)]) if np.any(at) else 1.0

@@ -70,21 +70,32 @@ class StandardError(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LineFit(Tabled):
-    """The best line, its standard errors by every convention, and what can be said of the fit."""
+    """The best line, its standard errors by every convention, and what can be said of the fit.
 
-    intercept: float  # unit of y; nan for a vertical line
-    slope: float  # unit of y / unit of x; inf for a vertical line
-    chi2: float  # S at the minimum; for "ols" the sum of squared residuals (unit of y^2)
-    dof: int  # n_obs - 2
-    # chance of a larger S if line and uncertainties are right; nan for "ols", which cannot know
+    intercept : unit of y; nan for a vertical line.
+    slope : unit of y / unit of x; inf for a vertical line.
+    chi2 : S at the minimum; for "ols" the sum of squared residuals (unit of y^2).
+    dof : n_obs - 2.
+    p_value : chance of a larger S if line and uncertainties are right; nan for "ols", which cannot
+        know.
+    method : "ols", "weighted" or "york".
+    standard_errors : convention -> its standard errors; CONVENTIONS names the sources.
+    recommended : the convention to quote.  reason : why that one, a sentence.
+    message : what went wrong, a sentence; "" if nothing.
+    data : the points.
+    """
+
+    intercept: float
+    slope: float
+    chi2: float
+    dof: int
     p_value: float
-    method: str  # "ols", "weighted" or "york"
-    # convention -> its standard errors; CONVENTIONS names the sources
+    method: str
     standard_errors: Mapping[str, StandardError]
-    recommended: str  # the convention to quote
-    reason: str  # why that one, a sentence
-    message: str  # what went wrong, a sentence; "" if nothing
-    data: LineData  # the points
+    recommended: str
+    reason: str
+    message: str
+    data: LineData
 
     def shown(self) -> Shown:
         """The line by every convention, and what to know before using it."""

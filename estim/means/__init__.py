@@ -3,3 +3,4 @@ groups.  Read `averages` first.
 """
 
 from estim.means.table_mean import TableMean, mean_of_table
+from estim.means.two_values import compare_values

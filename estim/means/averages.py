@@ -109,10 +109,15 @@ class Mean(Tabled):
 
     @property
     def best(self) -> Average:
+        """The mean by the recommended method."""
         return self.averages[self.recommended]
 
     @property
     def birge(self) -> float:
+        """Birge's ratio, sqrt(chi^2/dof), about 1 where the uncertainties explain the scatter.
+
+        Source: Birge, Phys. Rev. 40 (1932) 207.
+        """
         return math.sqrt(self.chi2 / self.dof)
 
     @property

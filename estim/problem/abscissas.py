@@ -42,6 +42,7 @@ BoolArray = NDArray[np.bool_]
 _STEP = 0.3
 _REACH = 15  # components on either side: 4.5 standard deviations
 _HUGE = 1e150
+_TINY = 1e-300  # variance, so that nothing is divided by 0
 _LEAST_SPREAD = 1e-3  # share of the variance of x that is left to the true abscissas at least
 
 NODES: FloatArray = np.asarray(_STEP * np.arange(-_REACH - 1, _REACH + 2), dtype=np.float64)
@@ -71,8 +72,11 @@ class TrueAbscissas:
 
     @property
     def nodes(self) -> FloatArray:
-        """(n, n_obs, n_node) where the curve is evaluated."""
-        return np.asarray(self.centre[..., None] + self.spread[..., None] * NODES)
+        """(n, n_obs, n_node) where the curve is evaluated; where all x are exact there are three,
+        all alike.
+        """
+        nodes = NODES if np.any(self.spread) else np.zeros(3)
+        return np.asarray(self.centre[..., None] + self.spread[..., None] * nodes)
 
 
 def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
@@ -82,7 +86,7 @@ def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
     n_obs = x.size
     error = np.mean(sd**2, axis=1, keepdims=True)
     variance = float(np.var(x, ddof=1)) if n_obs > 1 else np.inf
-    tau2 = np.maximum(variance - error, _LEAST_SPREAD * variance)
+    tau2 = np.maximum(variance - error, max(_LEAST_SPREAD * variance, _TINY))
     share = sd**2 / (sd**2 + tau2)
     off = x - np.mean(x)
     of_mean = share * np.sqrt((tau2 + error) / n_obs) if n_obs > 1 else np.zeros_like(share)
@@ -92,6 +96,28 @@ def true_abscissas(x: FloatArray, sd: FloatArray) -> TrueAbscissas:
     return TrueAbscissas(
         x - share * off, sd * np.sqrt(1.0 - share), np.stack([of_mean, of_variance], axis=-1)
     )
+
+
+def correlated_abscissas(
+    x: FloatArray, cov: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The same of readings x (n_obs,) whose errors have the covariance cov (n_obs, n_obs): centre
+    (n_obs,) and covariance (n_obs, n_obs) of the true abscissas, and `common` (n_obs, 2).
+    """
+    n_obs = x.size
+    of_mean = np.sum(cov) / n_obs**2
+    variance = float(np.var(x, ddof=1))
+    error = (np.trace(cov) - n_obs * of_mean) / max(1, n_obs - 1)
+    tau2 = max(variance - error, _LEAST_SPREAD * variance, _TINY)
+    shares = np.linalg.solve(cov + tau2 * np.eye(n_obs), cov).T
+    off = shares @ (x - np.mean(x))
+    common = np.column_stack(
+        [
+            np.sum(shares, axis=1) * np.sqrt(tau2 / n_obs + of_mean),
+            (off - shares @ off) * np.sqrt(2.0 / max(1, n_obs - 1)) * (1.0 + error / tau2),
+        ]
+    )
+    return x - off, tau2 * shares, common
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,18 +184,19 @@ def summed(log_terms: FloatArray) -> FloatArray:
         return np.asarray(np.log(np.sum(np.exp(log_terms - top), axis=-1)) + top[..., 0])
 
 
-def predictive(values: FloatArray, variance: FloatArray) -> Predictive:
+def predictive(values: FloatArray, variance: FloatArray, share: float = 0.0) -> Predictive:
     """From the curve at the nodes (..., n_obs, n_node) and the variance of y itself, which
-    broadcasts to (..., n_obs).
+    broadcasts to (..., n_obs); share : standard deviation of a further error of y over the curve.
     """
     defined = _defined(values)
     whole = np.where(defined, values, 0.0)
     up, down = _differences(whole, defined)
     spread = (2.0 * (up**2 + down**2) + (up + down) ** 2) / 16.0
-    log_weight = np.where(defined[..., 1:-1], LOG_WEIGHTS, -np.inf)
-    return Predictive(
-        whole[..., 1:-1] + 0.25 * (up - down), spread + variance[..., None], log_weight
-    )
+    of_nodes = LOG_WEIGHTS if values.shape[-1] == NODES.size else np.zeros(1)
+    log_weight = np.where(defined[..., 1:-1], of_nodes, -np.inf)
+    mean = whole[..., 1:-1] + 0.25 * (up - down)
+    own = variance[..., None] + np.square(share * mean)
+    return Predictive(mean, np.maximum(spread + own, _TINY), log_weight)
 
 
 def predictive_slopes(values: FloatArray, gradients: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -191,7 +218,7 @@ def slopes_in_x(values: FloatArray, spread: FloatArray) -> FloatArray:
     """df/dxi (..., n_obs, n_node) from the curve at the nodes; 0 where it is not defined on both
     sides.
     """
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(all="ignore"):
         slope = np.gradient(values, _STEP, axis=-1) / spread[..., None]
     return np.where(np.isfinite(slope), slope, 0.0)
 

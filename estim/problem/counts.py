@@ -26,6 +26,7 @@ from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
+_ROUNDING = 1e-12  # of the largest count
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +76,10 @@ class CountErrors(Likelihood):
         return np.asarray(np.sqrt(self._variance(named)))
 
     def _mean(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) expectations."""
-        value = self.points.value(named)
+        """(n_draw, n_obs) expectations; those below 0 by a rounding error alone are 0."""
+        value = np.asarray(self.points.value(named))
+        if np.any(slight := (value < 0.0) & (value > -_ROUNDING * np.max(self.y))):
+            value = np.where(slight, 0.0, value)
         return np.broadcast_to(
             value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size)
         )

@@ -49,15 +49,19 @@ _BLOCK = 1_000_000  # values of the curve computed at once
 _NEGLIGIBLE = 1e-3
 _N_SCORE = 81  # points of a table over the normal score of y
 _FAREST = 5.0
+_N_NEWTON = 6
 _LOG_ROOT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
 @dataclass(frozen=True, eq=False)
 class LatentErrors(Likelihood):
-    """Points with independent errors of y, of variance `size.variance(weight)`, and of x.
+    """Points with independent errors of y, of variance `size.variance(weight)` + (share f)^2 for
+    the curve f, and of x.
 
     weight : (n_obs,) variance of y for a unit sigma^2.  tails : the shape of the errors of y.
-    sigma_x : of the errors of x, times relative_x (n_obs,).
+    sigma_x : of the errors of x, times relative_x (n_obs,), 0 where x is exact.
+    lean : (n_obs,) how far a known error of x moves the y that is expected, over that error: r
+        u_y/u_x of errors with the correlation r, where `weight` is 1 - r^2 of the variance.
     """
 
     points: Points
@@ -66,6 +70,8 @@ class LatentErrors(Likelihood):
     tails: Tails
     sigma_x: Scale
     relative_x: FloatArray
+    share: float = 0.0
+    lean: FloatArray | float = 0.0
 
     creeps = True
 
@@ -116,11 +122,13 @@ class LatentErrors(Likelihood):
 
         def residual(part: Named) -> FloatArray:
             density, tails = self._predictive(part), self.tails
-            highest = tails.log_density(np.zeros((1, self.y.size)), part) - 0.5 * np.log(
-                self._own_variance(part)
-            )
+            own = self._own_variance(part)
+            best = likeliest(self.y, own, self.share)
+            variance = own + np.square(self.share * best)
+            z = (self.y - best) / np.sqrt(variance)
+            highest = tails.log_density(z, part) - 0.5 * np.log(variance)
             height = highest - density.log_density(self.y, tails, part)
-            below = self.y < np.sum(np.exp(density.log_weight) * density.mean, axis=-1)
+            below = best < np.sum(np.exp(density.log_weight) * density.mean, axis=-1)
             return np.where(below, -1.0, 1.0) * np.sqrt(2.0 * np.maximum(height, 0.0))
 
         return self._by_blocks(named, residual)
@@ -159,8 +167,9 @@ class LatentErrors(Likelihood):
         """As wide as the slope of the curve makes an error of x: the size of a residual, not what
         its density is made of.
         """
-        steep = self.points.slope(named) * self._sd_of_x(named)[0]
-        return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2))
+        steep = (self.points.slope(named) - self.lean) * self._sd_of_x(named)[0]
+        of_curve = self.share * np.broadcast_to(self.points.value(named), (1, self.y.size))[0]
+        return np.asarray(np.sqrt(self._own_variance(named)[0] + steep**2 + of_curve**2))
 
     def scores(self, named: Named, names: Sequence[str], ends: Ends) -> FloatArray:
         """(n_obs, n_par) derivatives of each log L_i; of the noise parameters those in `ends`."""
@@ -173,6 +182,7 @@ class LatentErrors(Likelihood):
         density, tails = self._predictive(named), self.tails
         z, weight = _error_nodes(tails, named)
         nodes = np.flatnonzero(LOG_WEIGHTS - np.max(LOG_WEIGHTS) > -9.0)
+        nodes = nodes if density.mean.shape[-1] == LOG_WEIGHTS.size else np.zeros(1, dtype=int)
         y = (
             density.mean[0][:, nodes, None] + np.sqrt(density.variance[0][:, nodes, None]) * z
         ).reshape(self.y.size, -1)
@@ -235,20 +245,25 @@ class LatentErrors(Likelihood):
         return true_abscissas(self.x, self._sd_of_x(named))
 
     def _values(self, named: Named, nodes: FloatArray) -> FloatArray:
-        """The curve at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's own
-        sees increasing x.
+        """The y expected at nodes (n, n_obs, n_node), as (n_draw, n_obs, n_node); a curve of one's
+        own sees increasing x.
         """
+        leant = self._leant(nodes)
         with np.errstate(all="ignore"):
             if nodes.shape[0] > 1:
                 value = self.points.curve.value(
                     nodes.reshape(nodes.shape[0], -1), self.points.bind(named)
                 )
-                return np.asarray(value).reshape(-1, *nodes.shape[1:])
+                return np.asarray(value).reshape(-1, *nodes.shape[1:]) + leant
             order = np.argsort(nodes.ravel(), kind="stable")
             value = np.atleast_2d(
                 self.points.curve.value(nodes.ravel()[order], self.points.bind(named))
             )
-        return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:])
+        return value[:, np.argsort(order)].reshape(-1, *nodes.shape[1:]) + leant
+
+    def _leant(self, nodes: FloatArray) -> FloatArray:
+        """What errors of x, to the nodes (..., n_obs, n_node), add to the y expected there."""
+        return np.reshape(self.lean, (-1, 1)) * (self.x[:, None] - nodes)
 
     def _own_variance(self, named: Named) -> FloatArray:
         """(n, n_obs) variance of y at a given abscissa."""
@@ -256,13 +271,13 @@ class LatentErrors(Likelihood):
 
     def _predictive(self, named: Named) -> Predictive:
         return predictive(
-            self._values(named, self._abscissas(named).nodes), self._own_variance(named)
+            self._values(named, self._abscissas(named).nodes), self._own_variance(named), self.share
         )
 
     def _integrated(self, named: Named) -> FloatArray:
         abscissas, tails = self._abscissas(named), self.tails
         values = self._values(named, abscissas.nodes)
-        density = predictive(values, self._own_variance(named))
+        density = predictive(values, self._own_variance(named), self.share)
         along = slopes_in_x(values, abscissas.spread)[..., None] * abscissas.common[:, :, None, :]
         weight = np.exp(density.log_weight - summed(density.log_weight)[..., None])
         mean = np.sum(weight * density.mean, axis=-1)
@@ -302,6 +317,7 @@ class LatentErrors(Likelihood):
         with np.errstate(all="ignore"):
             local = self.points.curve.local(at_nodes.x, self.points.bind(named))
         values = np.broadcast_to(local.value, (1, flat.size))[0][back].reshape(shape)
+        values = values + self._leant(abscissas.nodes[0])
         common = (
             slopes_in_x(values, abscissas.spread[0])[..., None] * abscissas.common[0][:, None, :]
         )
@@ -310,6 +326,7 @@ class LatentErrors(Likelihood):
         with np.errstate(all="ignore"):
             of_mean, of_variance = predictive_slopes(values, gradients)
         of_variance[..., : len(names)] += self.size.slopes(self.weight, named, names)[0][:, None, :]
+        of_variance += 2.0 * self.share**2 * self._predictive(named).mean[0][..., None] * of_mean
         return of_mean, of_variance
 
     def _scores(
@@ -357,6 +374,21 @@ class LatentErrors(Likelihood):
             for first in range(0, n_draws(named), step)
         ]
         return np.concatenate(parts)
+
+
+def likeliest(y: FloatArray, variance: FloatArray, share: float) -> FloatArray:
+    """(n, n_obs) the value f of a curve at which the density N(y; f, variance + (share f)^2) is
+    highest; y itself without a share.
+
+    Root of v (y - f (1 + s^2)) + s^2 f (y^2 - y f - s^2 f^2), by Newton's method from that for
+    v = 0.
+    """
+    s2 = share**2
+    f = 2.0 * y / (1.0 + np.sqrt(1.0 + 4.0 * s2)) + 0.0 * variance
+    for _ in range(_N_NEWTON if share else 0):
+        height = variance * (y - f * (1.0 + s2)) + s2 * f * (y**2 - y * f - s2 * f**2)
+        f += height / (variance * (1.0 + s2) - s2 * (y**2 - 2.0 * y * f - 3.0 * s2 * f**2))
+    return np.asarray(f)
 
 
 def rooted(information: FloatArray, score: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:

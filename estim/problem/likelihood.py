@@ -300,6 +300,15 @@ class Noise(ABC):
         explain.
         """
 
+    share: float = 0.0
+    """Standard deviation of a reading over the curve; 0 where it is not stated so."""
+    said: tuple[str, ...] = ()
+    """The share that was stated, in words, if any."""
+    holds_slopes: bool = False
+    """Whether its likelihood takes the slopes of the curve at the values that it is made with, so
+    that a fit must be repeated with those of its result.
+    """
+
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of its unknowns."""
@@ -391,8 +400,10 @@ class Noise(ABC):
         """The noise in words."""
 
 
-def reading_sd(noise: Noise, named: Named) -> FloatArray:
+def reading_sd(noise: Noise, named: Named, curve: FloatArray | None = None) -> FloatArray:
     """Standard deviation of each point from the instrument alone, without scatter: broadcasts to
-    (n_draw, n_obs).
+    (n_draw, n_obs).  curve : (n_draw, n_obs) at the points, where it is known.
     """
+    if curve is not None and noise.share:
+        return np.asarray(noise.share * np.abs(curve))
     return np.asarray(np.sqrt(noise.size.reading_variance(named)) * noise.reading_gain())

@@ -53,10 +53,13 @@ from estim.problem.tails import GAUSSIAN, Tails
 @dataclass(frozen=True, eq=False)
 class Independent(Noise):
     """Points with independent errors of variance (sigma * relative)^2 + encoder_step^2/12 +
-    scatter^2 (+ f'^2 sigma_x^2).
+    scatter^2 (+ f'^2 sigma_x^2), or (share * f)^2 + scatter^2.
 
     relative : (n_obs,) 1 where sigma is common to all; the stated standard deviations with sigma =
         1 otherwise.
+    r_xy : (n_obs,) correlation of the two errors of a point, None for none; those stated alone.
+    share : standard deviation of y over the curve f, 0 where `relative` says it; else this is what
+        y themselves show of it, for searches and figures.
     sigma_x : of the abscissas, times relative_x (n_obs,); None where they are exact.
     tails : the shape of the errors.
     exposure : s, of pictures whose motion blur is part of `relative`.
@@ -70,6 +73,8 @@ class Independent(Noise):
     encoder_step: float = 0.0
     tails: Tails = GAUSSIAN
     exposure: float = 0.0
+    share: float = 0.0
+    r_xy: FloatArray | None = None
 
     @property
     def size(self) -> Size:
@@ -94,21 +99,27 @@ class Independent(Noise):
         return self.tails.robust
 
     def likelihood(self, points: Points, named: Named) -> Likelihood:
+        weight, exact = np.square(self.relative), np.zeros(points.x.size)
+        if self.share:
+            of_x = (Scale(), exact) if self.sigma_x is None else (self.sigma_x, self.x_gain())
+            return LatentErrors(points, self.size, exact, self.tails, *of_x, self.share)
         if self.sigma_x is None:
-            weight = np.square(self.relative)
             if self.tails.robust:
                 return RobustErrors(points, self.size, weight, self.tails)
-            return GaussianErrors(points, self.size, Diagonal(weight), np.zeros(weight.size))
-        relative_x = np.ones(points.x.size) if self.relative_x is None else self.relative_x
-        return LatentErrors(
-            points, self.size, np.square(self.relative), self.tails, self.sigma_x, relative_x
-        )
+            return GaussianErrors(points, self.size, Diagonal(weight), exact)
+        u_x, lean = self.x_gain(), exact
+        if self.r_xy is not None:
+            lean = np.divide(self.r_xy * self.relative, u_x, out=exact, where=u_x > 0.0)
+            weight = weight * (1.0 - np.square(self.r_xy * (u_x > 0.0)))
+        return LatentErrors(points, self.size, weight, self.tails, self.sigma_x, u_x, lean=lean)
 
     def for_search(self) -> Independent:
-        """Without its errors of x: there linear parameters can be solved for, and its optima are
-        good starts.
+        """Without its errors of x, and with known ones of y: there linear parameters can be solved
+        for, and its optima are good starts.
         """
-        return self if self.sigma_x is None else replace(self, sigma_x=None, relative_x=None)
+        if self.sigma_x is None and not self.share:
+            return self
+        return replace(self, sigma_x=None, relative_x=None, share=0.0, r_xy=None)
 
     def outlier_share(self, named: Named) -> float:
         return self.tails.outlier_share(named)
@@ -144,6 +155,7 @@ class Independent(Noise):
     def read(
         self, true: FloatArray, gain: FloatArray, named: Named, rng: np.random.Generator
     ) -> FloatArray:
+        gain = self.share * np.abs(true) if self.share else gain
         sd = np.hypot(np.asarray(self.sigma.at(named)) * gain, self.scatter.at(named))
         return self.size.rounded(true + self.tails.draw(rng, true.size, named) * sd)
 

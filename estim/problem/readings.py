@@ -6,7 +6,7 @@ stated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.given_numbers import real_numbers
+from estim.problem.abscissas import correlated_abscissas
 from estim.problem.curve import Wording
 from estim.problem.likelihood import Noise, Points
 from estim.problem.noise import Independent, scatter_words
@@ -21,18 +22,25 @@ from estim.problem.normal import GaussianErrors
 from estim.problem.roots import root_of
 from estim.problem.size import Named, Scale, Size
 
+_STEEPEST = 1e4  # slope of a curve over the ranges of y and x, beyond which no fit ends
+
 
 @dataclass(frozen=True, eq=False)
 class Readings(Independent):
-    """Independent errors of readings; `what` is read ("temperature")."""
+    """Independent errors of readings; `what` is read ("temperature").  said : the share
+    that their size is, in words, if it is one.
+    """
 
     what: str = field(default="y", kw_only=True)
+    said: tuple[str, ...] = field(default=(), kw_only=True)
 
     def describe(self, *, x_unit: str, y_unit: str, words: Wording) -> str:
         """The noise in words."""
         y_unit = "" if y_unit == "1" else y_unit
         if self.sigma.parameter is not None:
             size = phrase("their standard deviation {name} inferred", name=self.sigma.parameter)
+        elif self.said:
+            size = self.said[0]
         elif np.ptp(self.relative) > 0.0:
             size = phrase("standard deviations as stated row by row")
         else:
@@ -43,16 +51,7 @@ class Readings(Independent):
             ).rstrip()
         further = "; " + self.tails.describe() if self.tails.robust else ""
         if self.relative_x is not None:
-            unit = "" if x_unit == "1" else x_unit
-            size_x = float(np.median(self.relative_x))
-            further = (
-                phrase(
-                    "; errors of x with a standard deviation of about {size:.4g} {unit}",
-                    size=size_x,
-                    unit=unit,
-                ).rstrip()
-                + further
-            )
+            further = _errors_of_x(self.relative_x, x_unit) + further
         return (
             phrase("independent errors of {what}; {size}", what=self.what, size=size)
             + scatter_words(self.scatter, self.what, y_unit)
@@ -64,16 +63,41 @@ class Readings(Independent):
 class Correlated(Noise):
     """Readings with a stated covariance matrix; `what` is read.
 
-    cov : (n_obs, n_obs).
+    cov : (n_obs, n_obs).  cov_x : the same of the errors of x, None where these are exact.
+
+    With errors of x the likelihood is that of the curve about the expected true abscissas, straight
+    there: y is normal about it, with what remains of the errors of x times the slopes.  Of a line
+    it is exact (`estim.problem.abscissas`: regression calibration).
     """
 
     cov: FloatArray
     what: str = "y"
+    cov_x: FloatArray | None = None
 
     size = Size(Scale(1.0))
 
     def likelihood(self, points: Points, named: Named) -> GaussianErrors:
-        return GaussianErrors.rooted(points, root_of(self.cov), np.zeros(points.x.size))
+        cov = self.cov
+        if self.cov_x is not None:
+            centre, spread, common = correlated_abscissas(points.x, self.cov_x)
+            points = replace(points, x=centre)
+            slope = points.slope(named)
+            # at a start that is far off it may be anything
+            steepest = _STEEPEST * (np.ptp(points.y) + np.sqrt(np.max(cov))) / np.ptp(points.x)
+            slope = np.nan_to_num(np.clip(slope, -steepest, steepest))[:, None]
+            cov = cov + slope * spread * slope.T + (slope * common) @ (slope * common).T
+        return GaussianErrors.rooted(points, root_of(cov), np.zeros(points.x.size))
+
+    @property
+    def holds_slopes(self) -> bool:  # type: ignore[override]
+        return self.cov_x is not None
+
+    def for_search(self) -> Correlated:
+        """Without its errors of x."""
+        return self if self.cov_x is None else replace(self, cov_x=None)
+
+    def x_gain(self) -> FloatArray:
+        return np.sqrt(np.diag(np.zeros_like(self.cov) if self.cov_x is None else self.cov_x))
 
     def reading_gain(self) -> FloatArray:
         return np.asarray(np.sqrt(np.diag(self.cov)))
@@ -97,11 +121,20 @@ class Correlated(Noise):
             size=float(np.median(self.reading_gain())),
             unit=y_unit,
         ).strip()
-        return phrase(
+        stated = phrase(
             "correlated errors of {what} with the stated covariance matrix; {size}",
             what=self.what,
             size=size,
         )
+        return stated + ("" if self.cov_x is None else _errors_of_x(self.x_gain(), x_unit))
+
+
+def _errors_of_x(sizes: FloatArray, unit: str) -> str:
+    return phrase(
+        "; errors of x with a standard deviation of about {size:.4g} {unit}",
+        size=float(np.median(sizes)),
+        unit="" if unit == "1" else unit,
+    ).rstrip()
 
 
 def check_covariance(cov: ArrayLike, n_obs: int, *, field: str) -> FloatArray:

@@ -16,6 +16,7 @@ such values and say so.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -43,13 +44,14 @@ _EPSILON = float(np.finfo(float).eps)
 def callable_of(
     function: MeasurementFunction | str, inputs: Sequence[Input]
 ) -> MeasurementFunction:
-    """`function`, or what a formula in text says of the inputs that it names.
+    """`function`, or what a formula in text ("g = L/T**2", or without a name) says of the inputs
+    that it names.
 
     Raises InputError where the text is no formula of just these inputs.
     """
     if not isinstance(function, str):
         return function
-    formula = read_formula(function, field="function")
+    formula = read_formula(re.sub(r"^\s*\w+\s*=(?!=)", "", function), field="function")
     known = [quantity.name for quantity in inputs]
     named = (*formula.names, *(("x",) if formula.uses_x else ()))
     for name in named:

@@ -33,6 +33,7 @@ from estim.reading.run import (
     read_run,
     run_of_table,
 )
+from estim.reading.source import is_table, known_readers
 from estim.reading.table import Table, line_numbers
 from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (

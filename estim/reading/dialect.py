@@ -36,11 +36,13 @@ _RANGE = re.compile(r"([A-Z]{0,3})(\d{0,7}):([A-Z]{0,3})(\d{0,7})", re.ASCII)
 _NAMED_UNIT = re.compile(
     r"(.{1,60}?)(\s*/)?(\s*)(?:\(([^()]{1,20})\)|\[([^\[\]]{1,20})\])|(.{1,60}?)\s+/\s*([^\s/]{1,20})"
 )
+_SYMBOL_OVER_UNIT = re.compile(r"([^\W\d_](?:_\w{1,8})?)/([^\s/()]{1,20})")
 _UNIT_BEHIND_IN = re.compile(r"(.{1,60}?)\s+in\s+(\S.{0,19})")
 _UNCERTAINTY = re.compile(r"u_.+|u\(([^()]+)\)")
 _FUNCTION = re.compile(
     r"ln|lg|log(?:2|10)?|exp|sqrt|(?:a|arc)?(?:sin|cos|tan)|sinh|cosh|tanh", re.IGNORECASE
 )
+_RATHER_SYMBOLS = ("t", "T", "d", "h", "l")  # in t/s and h/cm, where they could be units too
 # V(l) are litres, T(l) is T as it follows from l
 _LETTERS_BEFORE = {"t": "", "l": "V", "L": "V", "h": "tτ", "d": "tτ", "T": "B", "F": "C"}
 
@@ -137,8 +139,8 @@ def cell_name(line: int, column: int) -> str:
 
 
 def name_and_unit(cell: str) -> tuple[str, str]:
-    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/(mV)` and `U in mV`; the unit is "" where
-    the name states none, as `ln(U/V)` and `s(t)`.
+    """("U", "mV") for `U (mV)`, `U [mV]`, `U / mV`, `U/mV`, `U/(mV)` and `U in mV`; the unit is ""
+    where the name states none, as `ln(U/V)`, `s(t)` and `m/s`.
     """
     in_match = _UNIT_BEHIND_IN.fullmatch(cell.strip())
     if in_match is not None and is_unit(in_match[2]):
@@ -146,6 +148,9 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     bare = cell.startswith("u(") and is_uncertainty(cell)
     match = None if bare else _NAMED_UNIT.fullmatch(cell.strip())
     if match is None:
+        over = _SYMBOL_OVER_UNIT.fullmatch(cell.strip())
+        if over and is_unit(over[2]) and (over[1] in _RATHER_SYMBOLS or not is_unit(over[0])):
+            return over[1], over[2]
         return cell.strip(), ""
     name, slash, blank, round_, square, other, unit = match.groups()
     if other is not None:

@@ -17,6 +17,7 @@ import numpy as np
 from estim.common import InputError, Quantity
 from estim.reading.columns import read_known_columns
 from estim.reading.dialect import PLAIN, Dialect
+from estim.reading.source import reader_of
 from estim.reading.table import Table
 from estim.reading.tracker.importing import (
     Choices,
@@ -111,7 +112,8 @@ def read_run(
     if of_tracker and dialect != PLAIN:
         rule = "applies to tables, not to a file of Tracker, whose format is fixed"
         raise InputError(rule, field="columns", file=path)
-    head = head_of_export_file(path) if not of_tracker and dialect == PLAIN else None
+    stated = of_tracker or dialect != PLAIN or reader_of(path) is not None
+    head = None if stated else head_of_export_file(path)
     if of_tracker or head is not None:
         imported = import_track(path, choices or Choices())
         if head is not None and head[2]:

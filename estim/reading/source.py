@@ -1,20 +1,25 @@
-"""The text of a table, whatever file it comes in: text, one sheet of a workbook, or one table in a
-zip archive.  All that follows reads lines (`estim.reading.layout`).
+"""The text of a table, whatever file it comes in: text, one sheet of a workbook, one table in a zip
+archive, or what the reader of an installed package knows.  All that follows reads lines
+(`estim.reading.layout`).
 """
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from estim.common import InputError, listed, phrase
+from estim.plugins import Plugin, plugin_called, told
 from estim.reading.archive import opened, unpacked
 from estim.reading.dialect import Dialect
 from estim.reading.input_file import decoded, read_bytes
 from estim.reading.workbook import sheet_text
 
+GROUP = "estim.readers"  # of entry points
 _TABLES = (".csv", ".txt", ".tsv", ".dat")
+_OWN = (*_TABLES, ".trk", ".trz", ".xls", ".xlsx", ".ods", ".zip", ".toml")
 
 
 @dataclass(frozen=True)
@@ -37,13 +42,16 @@ def read_source(path: Path, dialect: Dialect) -> Source:
     data = read_bytes(path)
     digest = hashlib.sha256(data).hexdigest()
     facts: list[str] = []
+    reader = reader_of(path)
+    if reader is not None:
+        _refuse(dialect, "does not go with files of this kind", "delimiter", "encoding", "sheet")
+        fact = phrase("read by the package {package}", package=reader.owner)
+        return Source(reader.make(lambda read: read(data), str), digest, "\t", (fact,))
     if data.startswith(b"PK\x03\x04"):
         with opened(data) as archive:
             names = archive.namelist()
         if {"xl/workbook.xml", "content.xml"} & {*names}:
-            for key in ("delimiter", "encoding"):
-                if (said := getattr(dialect, key)) is not None:
-                    raise InputError("does not go with a workbook", field=key, value=said)
+            _refuse(dialect, "does not go with a workbook", "delimiter", "encoding")
             text, sheet, others = sheet_text(data, dialect)
             if others and dialect.sheet is None:
                 facts = [
@@ -56,11 +64,44 @@ def read_source(path: Path, dialect: Dialect) -> Source:
             return Source(text, digest, "\t", tuple(facts))
         data, name = _of_archive(data, dialect)
         facts = [phrase("read from '{name}' in the archive", name=name)]
-    elif dialect.sheet is not None:
+    else:
         rule = "names a sheet of a workbook or a table in a zip archive, and this file is neither"
-        raise InputError(rule, field="sheet", value=dialect.sheet)
+        _refuse(dialect, rule, "sheet")
     text, note = decoded(data, dialect.encoding)
     return Source(text, digest, None, (*facts, *([note] if note else [])))
+
+
+def _refuse(dialect: Dialect, rule: str, *keys: str) -> None:
+    for key in keys:
+        if (said := getattr(dialect, key)) is not None:
+            raise InputError(rule, field=key, value=said)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a file is a table or a track by its suffix."""
+    return path.suffix.lower() in _OWN[:-1] or reader_of(path) is not None
+
+
+def reader_of(path: Path) -> Plugin | None:
+    """The reader of an installed package for files of this suffix, None where there is none.  Those
+    of estim's own kinds have none.
+    """
+    suffix = path.suffix.lower()
+    return None if suffix in _OWN else plugin_called(GROUP, suffix[1:])
+
+
+def known_readers() -> Iterator[str | InputError]:
+    """Suffixes that installed packages read, or what is wrong with a reader."""
+
+    def said(plugin: Plugin) -> str:
+        path = Path(f"a.{plugin.name}")
+        if reader_of(path) != plugin:
+            rule = "must be a suffix in small letters that estim does not read itself"
+            raise plugin.error(rule)
+        plugin.make(lambda read: read.__call__, object)
+        return f"*{path.suffix}"
+
+    return told(GROUP, said)
 
 
 def _of_archive(data: bytes, dialect: Dialect) -> tuple[bytes, str]:

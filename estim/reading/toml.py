@@ -37,7 +37,13 @@ class Places:
     lines: Mapping[KeyPath, int]
 
     def error(
-        self, rule: str, path: KeyPath, *, field: str | None = None, value: object = None
+        self,
+        rule: str,
+        path: KeyPath,
+        *,
+        field: str | None = None,
+        value: object = None,
+        quoted: str = "",
     ) -> InputError:
         """An InputError at the line of `path`, or of the first key in it where it has no line
         itself, or of the closest table above it.
@@ -48,7 +54,8 @@ class Places:
         while key and key not in self.lines:
             key = key[:-1]
         name = field or next((part for part in reversed(path) if isinstance(part, str)), None)
-        return InputError(rule, field=name, value=value, file=self.file, line=self.lines.get(key))
+        line = self.lines.get(key)
+        return InputError(rule, field=name, value=value, file=self.file, line=line, quoted=quoted)
 
     @contextmanager
     def at(self, path: KeyPath) -> Iterator[None]:
@@ -56,7 +63,7 @@ class Places:
         try:
             yield
         except InputError as error:
-            raise self.error(error.rule, path, value=error.value) from None
+            raise self.error(error.rule, path, value=error.value, quoted=error.quoted) from None
 
 
 def parse_toml(text: str, file: str) -> tuple[dict[str, Any], Places]:

@@ -259,7 +259,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
             sd = np.maximum(0.5 * np.interp(run.x, bands.x, high - low), 1e-300)
         else:
             sd = np.broadcast_to(
-                np.hypot(reading_sd(run.noise, named), run.noise.size.scatter.at(named)),
+                np.hypot(reading_sd(run.noise, named, curve), run.noise.size.scatter.at(named)),
                 (1, run.n_obs),
             )[0]
         residuals.append(Residuals(run, run.y - curve, sd, far_off(run, analysis.outliers)))

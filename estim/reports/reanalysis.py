@@ -18,7 +18,9 @@ from estim.common import (
     as_json,
     format_rounded,
     listed,
+    percentage,
     phrase,
+    signed,
     split_level,
     table,
     with_unit,
@@ -63,6 +65,7 @@ from estim.studies.limits import Narrowing
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
+_STRONG = 0.9  # correlation of two parameters that are one unknown in effect
 
 
 class BandSummary(msgspec.Struct, frozen=True):
@@ -304,6 +307,7 @@ def reanalysis_text(
             dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
         ),
         troubles=_troubles(result),
+        story=_story(result),
         screens=screens,
         found=table(head, rows),
         found_rows=rows,
@@ -363,6 +367,65 @@ def _energies(result: ReanalysisResult) -> dict[str, str]:
         for name, body in result.bodies.items()
         if body.joint.status == "ok"
     }
+
+
+def _story(result: ReanalysisResult) -> list[str]:
+    """What the bodies together show, beside the table of what was found."""
+    bodies = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
+    told = []
+    widths = {name: [b.median_ratio for b in body.bands.values()] for name, body in bodies.items()}
+    shares = [
+        phrase(
+            "{low} to {high} ({name})",
+            low=percentage(min(ratios)),
+            high=percentage(max(ratios)),
+            name=name,
+        )
+        for name, ratios in widths.items()
+        if ratios
+    ]
+    if shares:
+        told.append(
+            phrase(
+                "the points narrow the bands of the curves to {shares} of the width that the "
+                "stated inputs alone leave them",
+                shares=listed(shares),
+            )
+        )
+    known = {n: v for body in bodies.values() for n, v in body.band_published.items()}
+    if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
+        told.append(
+            phrase(
+                "the inertia κ is inferred from the motion; the paper computes {values} from the "
+                "shape of the disk, without an uncertainty, and this is a test of that value",
+                values=listed([f"{value:g}" for value in sorted(computed)]),
+            )
+        )
+    pulls = {name: pull for name, body in bodies.items() if (pull := _pull_of_gamma(name, body))}
+    if pulls:
+        each = [f"{pull} ({name})" for name, pull in pulls.items()]
+        told.append(
+            phrase(
+                "the true values are known here: γ and κ of a body are strongly correlated, so "
+                "that their differences from the truth are one deviation and not two; both follow "
+                "the stated γ, which lies {pulls} standard uncertainties from the true one",
+                pulls=listed(each),
+            )
+        )
+    return told
+
+
+def _pull_of_gamma(name: str, body: BodySummary) -> str:
+    """How far the stated gamma is from the true one, where that is known and kappa follows it."""
+    gamma, kappa = f"gamma[{name}]", f"kappa[{name}]"
+    parameters, correlation = body.joint.parameters, body.joint.correlation
+    if body.gamma_masses is None or not {gamma, kappa} <= {*correlation.names}:
+        return ""
+    true = parameters[gamma].true
+    at = [correlation.names.index(one) for one in (gamma, kappa)]
+    if true is None or abs(correlation.matrix[at[0]][at[1]]) < _STRONG:
+        return ""
+    return signed(f"{(body.gamma_masses.value - true) / body.gamma_masses.u:+.1f}")
 
 
 def _gathered(words: Mapping[str, str]) -> dict[str, list[str]]:

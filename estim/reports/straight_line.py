@@ -65,6 +65,7 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
     n_obs: int
     intercept: float
     slope: float
+    coefficients: dict[str, dict[str, float]]  # the same as "value", with the recommended "u"
     chi2: float
     dof: int
     p_value: float
@@ -104,6 +105,15 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         fit.data.x.size,
         fit.intercept,
         fit.slope,
+        {
+            name: {"value": value, "u": u}
+            for name, value, u in zip(
+                ("intercept", "slope"),
+                (fit.intercept, fit.slope),
+                errors[fit.recommended],
+                strict=False,
+            )
+        },
         fit.chi2,
         fit.dof,
         fit.p_value,

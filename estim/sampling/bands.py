@@ -113,7 +113,7 @@ def _bands(
     if (counted := run.noise.counted) is not None:
         new = counted.law.draw(curve, np.atleast_1d(np.rint(np.median(counted.trials))), rng)
     else:
-        new = curve + _new_errors(run, named, scale, rng)
+        new = curve + _new_errors(run, named, curve, scale, rng)
     median, credible = central_intervals(curve, probabilities)
     _, predictive = central_intervals(new, probabilities)
     return Bands(
@@ -128,15 +128,22 @@ def _bands(
 
 
 def _new_errors(
-    run: Observations, named: Mapping[str, FloatArray], scale: FloatArray, rng: np.random.Generator
+    run: Observations,
+    named: Mapping[str, FloatArray],
+    curve: FloatArray,
+    scale: FloatArray,
+    rng: np.random.Generator,
 ) -> FloatArray:
-    """(n_draw, 1) errors of one more reading: the same for all positions of a draw, for the same
-    interval at each x, and a smooth band.
+    """Errors of one more reading (n_draw, 1), for the same interval at each x and a smooth band:
+    the same for all positions of a draw, or a share of the curve (n_draw, n_x).
     """
     n_draw = scale.size
-    reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(
-        axis=1, keepdims=True
-    )
+    if run.noise.share:
+        reading = reading_sd(run.noise, named, curve)
+    else:
+        reading = np.broadcast_to(reading_sd(run.noise, named), (n_draw, run.n_obs)).mean(
+            axis=1, keepdims=True
+        )
     sd = np.hypot(reading, run.noise.size.scatter.at(named)) * scale[:, None]
     return np.asarray(sd * rng.standard_normal((n_draw, 1)))
 

@@ -3,4 +3,4 @@
 Read `comparing` first.  Only `cli` may import it."""
 
 from estim.verification.comparing import Difference, Verdict, differences, draws_are_same
-from estim.verification.results import compare_results, only_estimate
+from estim.verification.results import compare_results, estimates, only_estimate

@@ -12,7 +12,7 @@ from typing import Any
 from estim.common import InputError, Quantity, listed
 from estim.verification.comparing import different_values, estimate_in
 
-_LAYERS = ("parameters", "derived", "outputs")  # keys that say nothing in a name
+_LAYERS = ("parameters", "derived", "outputs", "coefficients")  # keys that say nothing in a name
 _TOLD = ("schema", "kind", "formula", "status", "provenance")  # told as inputs
 
 
@@ -59,7 +59,7 @@ class ResultPair:
 
 def compare_results(first: Mapping[str, Any], second: Mapping[str, Any]) -> ResultPair:
     """Two `result.json` of any kind, decoded."""
-    a, b = ({one.name: one for one in _estimates("", "", "", record)} for record in (first, second))
+    a, b = ({one.name: one for one in estimates(record)} for record in (first, second))
     both = [Moved(name, a[name].unit, a[name].value, b[name].value) for name in a if name in b]
     both.sort(key=lambda one: -abs(one.shift) if math.isfinite(one.shift) else 0.0)
     gained = tuple(name for name in b if name not in a)
@@ -80,16 +80,15 @@ def only_estimate(record: Mapping[str, Any]) -> tuple[Quantity, str]:
     """
     averages, best = record.get("averages"), record.get("recommended")
     node = {"mean": averages.get(best)} if isinstance(averages, dict) else _table(record, "outputs")
-    node = node or record
-    estimates = [one for name in node for one in _estimates(name, name, "", node[name])]
-    names = {one.name.partition(".")[0] for one in estimates}
+    found = list(estimates(node or record))
+    names = {one.name.partition(".")[0] for one in found}
     if len(names) != 1:
         raise InputError(
             "must have one estimate, to be compared with a value",
             field="result",
             quoted=listed(sorted(names)),
         )
-    return Quantity(*estimates[0].value), estimates[0].unit or "1"
+    return Quantity(*found[0].value), found[0].unit or "1"
 
 
 def _root(where: str) -> str:
@@ -110,6 +109,11 @@ class _Estimate:
     place: str
     unit: str
     value: tuple[float, float]
+
+
+def estimates(record: Mapping[str, Any]) -> Iterator[_Estimate]:
+    """Every value with its uncertainty in a decoded `result.json` of any kind."""
+    return _estimates("", "", "", record)
 
 
 def _estimates(name: str, place: str, unit: str, node: object) -> Iterator[_Estimate]:

@@ -209,19 +209,23 @@ class Pages:
         return _to(f"/answers/{answer.id}")
 
     async def _preview(self, upload: Upload) -> dict[str, Any]:
-        """What is known of a file; "busy" where that takes too long."""
+        """What is known of a file; "busy" where that takes too long, "failed" where its process
+        did.
+        """
         data = await self._seen(upload, preview_name(language()))
-        return dict(json.loads(data or b'{"busy": true}'))
+        return {"busy": True} if data is None else dict(json.loads(data or b'{"failed": true}'))
 
     async def _seen(self, upload: Upload, name: str, *numbers: str) -> bytes | None:
-        """A part of the preview, which is made once."""
+        """A part of the preview, which is made once; None where it is not there yet, b"" where it
+        could not be made.
+        """
         uploads = self._store.uploads
         if (data := uploads.read(upload.id, name)) is None and not self._previews.is_full:
             task = ["preview", language(), upload.file, *numbers]
             job = Job(uploads.folder / upload.id, task, seconds=_PREVIEW_SECONDS)
             ended = asyncio.wrap_future(self._previews.submit(job, lambda: None))
             await asyncio.wait([ended], timeout=_PATIENCE)
-            data = uploads.read(upload.id, name)
+            data = uploads.read(upload.id, name) or (b"" if ended.done() else None)
         return data
 
     async def points(self, request: Request) -> Response:
@@ -232,7 +236,7 @@ class Pages:
         if max(numbers) < len((await self._preview(upload)).get("columns", [])):
             x, y = map(str, numbers)
             data = await self._seen(upload, picture_name(x, y), x, y)
-        if data is None:
+        if not data:
             raise HTTPException(404)
         return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
 

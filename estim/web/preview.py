@@ -73,8 +73,8 @@ def _read(file: Path) -> tuple[list[_Column], Sequence[str]]:
 
     if is_tracker_file(file):
         imported = import_track(file, Choices())
-        track = track_columns(imported, []).columns
         units = {"t": "s", "x": "m", "y": "m", "x_m": "m"}
+        track = track_columns(imported, list(units)).columns
         columns = [_Column(name, unit, track[name]) for name, unit in units.items()]
         return columns, (*imported.facts, *imported.warnings)
     table = read_table(file)

@@ -271,5 +271,9 @@ WORDS: Table = MappingProxyType(
             "{name} has no standard deviation, because the limit of {names} "
             "truncates it: use its interval"
         ),
+        Kind.NO_FURTHER: later(
+            "{name} goes as far as counts of 0 allow: beyond, the curve would expect less than "
+            "none there; it has no standard deviation; use its interval"
+        ),
     }
 )

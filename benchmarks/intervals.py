@@ -1,0 +1,291 @@
+"""How often intervals hold the truth, by repeated sampling: the table "By repeated sampling" of
+docs/statistics.md and those of docs/means.md and docs/propagation.md.
+
+    nice python benchmarks/intervals.py [STUDY ...] [--seconds 90] [--sets 1000]
+
+A study is a word that its cases begin with (jitter, robust, mean, groups, readings, bent); all
+without one.  Data are SYNTHETIC and made with NumPy alone; the same seed makes the same data.  Each
+case stops after as many sets or seconds of a core, whichever comes first, and prints a row with the
+sets that it had.  tests/test_repeated_sampling.py runs cases of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+import estim
+
+LEVELS = (0.68, 0.95)
+Ends = Mapping[float, tuple[float, float]]
+Found = tuple[str, Mapping[str, Ends]]  # status, name -> probability -> (low, high)
+NORMAL = {0.68: 0.994458, 0.95: 1.959964}  # quantiles of the normal distribution
+U = 0.1  # stated error of y
+
+
+@dataclass(frozen=True)
+class Case:
+    """truth : name -> true value.  once : makes one set and analyses it."""
+
+    name: str
+    truth: Mapping[str, float]
+    once: Callable[[np.random.Generator], Found]
+
+
+@dataclass(frozen=True)
+class Tally:
+    """n : sets.  ok : share whose status is ok.  held : name -> (2,) share of intervals, of those
+    that there are, that hold the truth at 68 and 95 %.  there : name -> (2,) share of sets that
+    have an interval.  width : name -> (2,) mean width.
+    """
+
+    n: int
+    ok: float
+    held: Mapping[str, np.ndarray]
+    there: Mapping[str, np.ndarray]
+    width: Mapping[str, np.ndarray]
+
+
+def tally(case: Case, n: int, *, seed: int = 1, seconds: float = math.inf) -> Tally:
+    ok, done, start = 0, 0, time.process_time()
+    held, there, width = ({name: np.zeros(2) for name in case.truth} for _ in range(3))
+    while done < n and time.process_time() - start < seconds:
+        status, intervals = case.once(
+            np.random.default_rng([seed, zlib.crc32(case.name.encode()), done])
+        )
+        done, ok = done + 1, ok + (status == "ok")
+        for name, true in case.truth.items():
+            for k, p in enumerate(LEVELS):
+                low, high = intervals[name][p]
+                if not math.isnan(low + high):
+                    there[name][k] += 1
+                    held[name][k] += low <= true <= high
+                    width[name][k] += high - low
+    count = {name: np.maximum(of, 1.0) for name, of in there.items()}
+    return Tally(
+        done,
+        ok / done,
+        {name: held[name] / count[name] for name in held},
+        {name: there[name] / done for name in there},
+        {name: width[name] / count[name] for name in width},
+    )
+
+
+def error(p: float, n: int) -> float:
+    """Monte-Carlo standard deviation of a share p of n sets."""
+    return math.sqrt(p * (1.0 - p) / n)
+
+
+# curves of the studies: formula, range of x, true values
+CURVES: Mapping[str, tuple[str, float, Mapping[str, float]]] = {
+    "line": ("a + b*x", 1.0, {"a": 1.0, "b": 2.0}),
+    "sinusoid": ("A*sin(w*x + p)", 10.0, {"A": 2.0, "w": 1.5, "p": 0.4}),
+}
+
+
+def true_y(curve: str, x: np.ndarray) -> np.ndarray:
+    return 1.0 + 2.0 * x if curve == "line" else 2.0 * np.sin(1.5 * x + 0.4)
+
+
+def fitted(
+    formula: str, x: np.ndarray, y: np.ndarray, start: Mapping[str, float], **given
+) -> Found:
+    fit = estim.fit_curve(formula, x, y, start=start, n_start=1, **given)
+    return str(fit.status), fit.intervals
+
+
+def with_jitter(curve: str, n: int, ratio: float, *, jitter: bool = True) -> Case:
+    """Further errors of ratio times the stated ones."""
+    formula, end, truth = CURVES[curve]
+    x = np.linspace(0.0, end, n)
+
+    def once(rng: np.random.Generator) -> Found:
+        y = true_y(curve, x) + U * math.hypot(1.0, ratio) * rng.standard_normal(n)
+        return fitted(formula, x, y, truth, u_y=U, jitter=jitter)
+
+    label = "" if jitter else ", without"
+    return Case(
+        f"jitter {ratio:g} u_y, {curve}, {n} points{label}",
+        {**truth, "jitter": ratio * U} if jitter else truth,
+        once,
+    )
+
+
+def scatter(law: str, n: int, rng: np.random.Generator) -> np.ndarray:
+    """(n,) errors whose good part has the scale 1."""
+    if law == "student":
+        return rng.standard_normal(n) / np.sqrt(rng.chisquare(4.0, n) / 4.0)
+    good = rng.standard_normal(n)
+    return np.where(rng.random(n) < 0.05, 20.0, 1.0) * good if law == "blunders" else good
+
+
+def robust(curve: str, n: int, law: str, kind: str | None, *, stated: bool = True) -> Case:
+    formula, end, truth = CURVES[curve]
+    x = np.linspace(0.0, end, n)
+
+    def once(rng: np.random.Generator) -> Found:
+        y = true_y(curve, x) + U * scatter(law, n, rng)
+        return fitted(formula, x, y, truth, u_y=U if stated else None, robust=kind)
+
+    size = "" if stated else ", u_y left out"
+    return Case(f"robust {kind}, {law} errors, {curve}, {n} points{size}", truth, once)
+
+
+MEANS = ("hierarchical", "weighted", "Birge", "DerSimonian-Laird", "Mandel-Paule")
+
+
+def of_values(n: int, tau: float) -> Case:
+    """All means of the same values, and the one that is quoted."""
+
+    def once(rng: np.random.Generator) -> Found:
+        u = rng.uniform(0.5, 2.0, n)
+        x = rng.normal(0.0, np.hypot(u, tau))
+        ends: dict[str, dict[float, tuple[float, float]]] = {}
+        for p in LEVELS:
+            found = estim.mean(x, u, probability=p)
+            for name, average in {"quoted": found.best, **found.averages}.items():
+                ends.setdefault(name, {})[p] = (average.low, average.high)
+        return "ok" if found.consistent else "scatter", ends
+
+    return Case(f"mean of {n} values, tau {tau:g}", dict.fromkeys(("quoted", *MEANS), 0.0), once)
+
+
+def of_groups(sizes: tuple[int, ...], between: float) -> Case:
+    """Readings that scatter by 1 within a group; "readings" is the mean that knows no groups."""
+    at = np.repeat(np.arange(len(sizes)), sizes)
+
+    def once(rng: np.random.Generator) -> Found:
+        x = rng.standard_normal(at.size) + between * rng.standard_normal(len(sizes))[at]
+        ends: dict[str, dict[float, tuple[float, float]]] = {"groups": {}, "readings": {}}
+        for p in LEVELS:
+            found = estim.mean(x, groups=at.tolist(), probability=p)
+            for name, of in ends.items():
+                of[p] = (found.averages[name].low, found.averages[name].high)
+        return "ok", ends
+
+    each = str(sizes[0]) if len(set(sizes)) == 1 else "2 to 8"
+    truth = {"groups": 0.0, "readings": 0.0}
+    return Case(f"groups: {len(sizes)} of {each} readings, between {between:g}", truth, once)
+
+
+def of_readings(what: str, n: int) -> Case:
+    """Formulas of inputs of which n readings were taken: U = k u by the GUM, draws (JCGM 101), and
+    k of the normal distribution whatever the degrees of freedom ("normal", wrong).
+
+    "g" 4 pi^2 L/T^2: readings of T, L from a certificate, contributions to u 6 to 1.  "R" V/I: n
+    readings of each, contributions alike.  "sum": readings, and a certificate that contributes as
+    much.
+    """
+    formula, true = {"g": ("4*pi**2*L/T**2", math.pi**2), "R": ("V/I", 2.5), "sum": ("m + c", 1.0)}[
+        what
+    ]
+    root = math.sqrt(n)
+
+    def once(rng: np.random.Generator) -> Found:
+        def readings(value: float, u: float) -> list[float]:
+            return rng.normal(value, u * root, n).tolist()
+
+        inputs: dict[str, object] = {}
+        if what == "g":
+            inputs["T"] = readings(2.0, 0.01)
+            inputs["L"] = estim.Input("L", rng.normal(1.0, 0.0017), 0.0017)
+        elif what == "R":
+            inputs["V"], inputs["I"] = readings(5.0, 0.05), readings(2.0, 0.02)
+        else:
+            inputs["m"] = readings(1.0, 0.01)
+            inputs["c"] = estim.Input("c", rng.normal(0.0, 0.01), 0.01)
+        ends: dict[str, dict[float, tuple[float, float]]] = {"GUM": {}, "draws": {}, "normal": {}}
+        for p in LEVELS:
+            linear = estim.propagate_linear(formula, inputs, probability=p)
+            drawn = estim.propagate_monte_carlo(
+                formula, inputs, rng=np.random.default_rng(1), probability=p, n_draw=20_000
+            ).symmetric
+            value, half = float(linear.value), NORMAL[p] * float(linear.u)
+            ends["GUM"][p] = (float(linear.low), float(linear.high))
+            ends["draws"][p] = (float(drawn.low), float(drawn.high))
+            ends["normal"][p] = (value - half, value + half)
+        return "ok", ends
+
+    truth = dict.fromkeys(("GUM", "draws", "normal"), true)
+    return Case(f"readings: {what}, {n} of each", truth, once)
+
+
+def bent(n: int, u_x: float, *, stated: bool = True) -> Case:
+    """exp(3 x) from 0 to 1 with errors of x: its slope changes by 3 u_x over one of them."""
+    true, truth = np.linspace(0.0, 1.0, n), {"a": 1.0, "b": 3.0}
+
+    def once(rng: np.random.Generator) -> Found:
+        x = true + u_x * rng.standard_normal(n)
+        y = np.exp(3.0 * true) + U * rng.standard_normal(n)
+        return fitted("a*exp(b*x)", x, y, truth, u_y=U, u_x=u_x if stated else None)
+
+    label = "" if stated else ", u_x left out"
+    return Case(f"bent exponential, u_x {u_x:g}, {n} points{label}", truth, once)
+
+
+def cases() -> Iterator[Case]:
+    for curve in CURVES:
+        for n in (20, 60):
+            for ratio in (0.0, 0.5, 2.0):
+                yield with_jitter(curve, n, ratio)
+            yield with_jitter(curve, n, 2.0, jitter=False)
+    for curve in CURVES:
+        for law, kind in (
+            ("student", "student-t"),
+            ("normal", "student-t"),
+            ("blunders", "student-t"),
+            ("blunders", "mixture"),
+            ("normal", "mixture"),
+            ("blunders", None),
+        ):
+            yield robust(curve, 40, law, kind)
+    for law, kind in (("student", "student-t"), ("blunders", "mixture")):
+        yield robust("line", 40, law, kind, stated=False)
+    for n in (2, 3, 5, 10):
+        for tau in (0.0, 1.0, 3.0):
+            yield of_values(n, tau)
+    for n in (3, 5, 10):
+        for between in (0.0, 1.0, 3.0):
+            yield of_groups((4,) * n, between)
+        yield of_groups(tuple(np.resize((2, 8, 4), n).tolist()), 1.0)
+    for what in ("g", "R", "sum"):
+        for n in (3, 4, 5, 10):
+            yield of_readings(what, n)
+    for n in (20, 60):
+        for u_x in (0.03, 0.1):
+            yield bent(n, u_x)
+        yield bent(n, 0.03, stated=False)
+
+
+def row(case: Case, found: Tally) -> str:
+    cells = []
+    for name in case.truth:
+        held = "/".join(f"{100.0 * share:.1f}" for share in found.held[name])
+        gap = found.there[name].min()
+        cells.append(f"{name} {held}" + (f" (of {100.0 * gap:.0f} %)" if gap < 1.0 else ""))
+    spread = "/".join(f"{100.0 * error(p, found.n):.1f}" for p in LEVELS)
+    return f"| {case.name} | {found.n} | {'; '.join(cells)} | {spread} | {100.0 * found.ok:.0f} |"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("study", nargs="*")
+    parser.add_argument("--seconds", type=float, default=90.0)
+    parser.add_argument("--sets", type=int, default=1000)
+    chosen = parser.parse_args()
+    print("| case | sets | held at 68/95 %, in % | Monte-Carlo sd | status ok, % |")
+    print("|---|---|---|---|---|")
+    for case in cases():
+        if not chosen.study or any(case.name.startswith(word) for word in chosen.study):
+            found = tally(case, chosen.sets, seconds=chosen.seconds)
+            print(row(case, found), flush=True)
+
+
+if __name__ == "__main__":
+    main()
