@@ -18,6 +18,7 @@ from html import unescape
 from pathlib import Path
 
 import pytest
+from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
 
@@ -132,6 +133,15 @@ def test_a_mean_a_workbook_and_a_formula_of_values(browser: Browser) -> None:
     assert "9.79" in browser.ended(answer.place).text
 
 
+def test_the_columns_of_a_recording_of_tracker(browser: Browser) -> None:
+    points = {i: (300.0 + 40.0 * i, 240.0) for i in range(8)}
+    asked = browser.hand_in({"film.trk": trk(point_mass("ball", points)).encode()})
+    form = browser.get(asked.place).text
+    assert "x_m m 8" in words(form)
+    assert "track &#39;ball&#39;" in form
+    assert browser.get(f"{asked.place}/points-0-3.png").status == 200
+
+
 def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
     home = project / "data" / "gallery"
     names = ("michelson_mean.toml", "michelson_1879.csv")
@@ -145,6 +155,16 @@ def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
     page = browser.ended(answer.place)
     assert page.status == 200, page.text
     assert f"estim fit campaign.toml --run={runs[0]}" in unescape(page.text)
+
+
+def test_a_preview_that_fails_is_said_and_tried_no_further(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    monkeypatch.setattr("estim.web.pages._PREVIEW_SECONDS", 0)
+    form = browser.get(asked.place).text
+    assert "What is in the file cannot be shown" in form
+    assert 'http-equiv="refresh"' not in form
 
 
 def test_an_example_is_one_click(browser: Browser) -> None:
@@ -219,14 +239,14 @@ def test_nobody_without_the_cookie_sees_anything(address: str, folder: Path) -> 
         "/nothing",
     ):
         reply = stranger.get(path)
-        assert reply.status == 403, path
+        assert reply.status == 401, path
         assert "secret" not in reply.text
         assert not stranger.cookies
-    assert stranger.hand_in({"a.csv": LINE}).status == 403
+    assert stranger.hand_in({"a.csv": LINE}).status == 401
     stranger.cookies[f"estim-{address.rpartition(':')[2]}"] = "guess"
-    assert stranger.get("/").status == 403
+    assert stranger.get("/").status == 401
     assert stranger.get("/static/estim.css").status == 200
-    assert stranger.get("/static/../pages.py").status in (403, 404)
+    assert stranger.get("/static/../pages.py").status in (401, 404)
 
 
 def test_the_cookie_is_for_this_page_alone(address: str) -> None:

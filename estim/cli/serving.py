@@ -12,8 +12,6 @@ from estim.cli.options import FOLDER
 from estim.cli.terminal import say
 from estim.common import InputError, phrase
 
-_WORD_LETTERS = "abcdefghjkmnpqrstuvwxyz23456789"  # none that looks like another
-
 
 @click.command()
 @click.option(
@@ -68,9 +66,6 @@ def _passphrase() -> str:
     """What the user types, or one that is made."""
     asked = ""
     if sys.stdin.isatty():
-        asked = click.prompt(
-            "Passphrase of the page (empty: one is made)", default="", show_default=False
-        ).strip()
-    return asked or "-".join(
-        "".join(secrets.choice(_WORD_LETTERS) for _ in range(4)) for _ in range(3)
-    )
+        words = "Passphrase of the page (empty: one is made)"
+        asked = click.prompt(words, default="", show_default=False).strip()
+    return asked or secrets.token_hex(6)

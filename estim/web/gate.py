@@ -17,9 +17,9 @@ from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
-from estim.common import phrase, spoken
+from estim.common import spoken
 from estim.web.listening import ALL, At
-from estim.web.looks import language_of, page
+from estim.web.looks import closed, language_of
 from estim.web.store import MOST_BYTES
 
 if TYPE_CHECKING:
@@ -74,43 +74,34 @@ class Gate:
         """What is answered in place of a page; None where the page may answer."""
         host, path = request.headers.get("host", ""), request.url.path
         if self._hosts.fullmatch(host) is None:
-            return _closed(421, phrase("This is not the address of this page."))
+            return closed(421)
         if request.method == "POST":
             length = request.headers.get("content-length", "")
             if request.headers.get("origin") != f"http://{host}":
-                return _closed(403, phrase("This request came from another page."))
+                return closed(403)
             if not re.fullmatch(r"[0-9]{1,12}", length):
-                return _closed(411, phrase("A request must say how long it is."))
+                return closed(411)
             if int(length) > _MOST_OF_A_FORM + MOST_BYTES * (path == "/files"):
-                most = MOST_BYTES // 1024**2
-                words = phrase("That is too large: at most {most} MB at once.", most=most)
-                return _closed(413, words)
+                return closed(413)
         if path.startswith("/static/"):
             return None
         if path == "/" and _same(request.query_params.get("token", ""), self._token):
             return self._let_in()
         if _same(request.cookies.get(self._cookie, ""), self._session):
             return None
-        if not self._passphrase:
-            words = phrase("Open the address that estim serve printed when it was started.")
-            return _closed(403, words)
-        if path != "/enter" or request.method != "POST":
-            return _closed(401, "", ask=True)
+        if not self._passphrase or path != "/enter" or request.method != "POST":
+            return closed(401, ask=bool(self._passphrase))
         given = str((await request.form()).get("passphrase", "")).strip()
         async with self._guessing:  # one wrong guess a second, whoever guesses
             if _same(given, self._passphrase):
                 return self._let_in()
             await asyncio.sleep(1.0)
-        return _closed(401, phrase("This is not the passphrase."), ask=True)
+        return closed(401, given, ask=True)
 
     def _let_in(self) -> Response:
         answer = RedirectResponse("/", 303)
         answer.set_cookie(self._cookie, self._session, httponly=True, samesite="strict")
         return answer
-
-
-def _closed(status: int, words: str, *, ask: bool = False) -> Response:
-    return page("closed", status, words=words, ask=ask)
 
 
 def _same(given: str, known: str) -> bool:

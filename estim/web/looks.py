@@ -26,8 +26,17 @@ def language_of(request: Request) -> str:
 
 def page(template: str, status: int = 200, **values: object) -> HTMLResponse:
     """A template of `templates/` as an answer.  Every value is escaped by the environment."""
-    text = _environment().get_template(f"{template}.html.j2").render(lang=language(), **values)
+    values |= {"lang": language(), "status": status}
+    text = _environment().get_template(f"{template}.html.j2").render(values)
     return HTMLResponse(text, status)
+
+
+def closed(status: int, said: str = "", *, ask: bool = False) -> HTMLResponse:
+    """A sentence in place of a page: the one of the status, or what estim `said` itself.
+
+    ask : for the passphrase, where `said` is the one that was given.
+    """
+    return page("closed", status, said=said, ask=ask)
 
 
 @cache

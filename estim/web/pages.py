@@ -12,7 +12,6 @@ import json
 import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
-from http import HTTPStatus
 from importlib.resources import files
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
@@ -25,10 +24,10 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from estim.common import LANGUAGES, EstimError, InputError, PhraseTable, language, later, phrase
-from estim.web.looks import LANGUAGE, page
+from estim.common import LANGUAGES, EstimError, InputError, language, phrase
+from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name
-from estim.web.question import KINDS, MODELS, arguments_of, command_line, fields_of
+from estim.web.question import arguments_of, command_line, fields_of
 from estim.web.store import ENDINGS, MOST_BYTES, MOST_FILES, Answer, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
 
@@ -40,28 +39,10 @@ _PATIENCE = 20.0  # s that a page waits for a preview
 _REPORT_POLICY = (
     "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 )
-EXAMPLES = PhraseTable(
-    {
-        "cooling": later("A cup of tea that cools: a curve"),
-        "spring": later("A spring and its load: a straight line"),
-    }
-)
-_ASKED = {
+EXAMPLES = {  # name of a table in examples/ -> fields with which its question begins
     "cooling": {"formula": "room + excess*exp(-t/tau)", "kind": "synthetic"},
     "spring": {"asked": "line"},
 }
-STANDINGS = PhraseTable(
-    {
-        "running": later("under way"),
-        "ok": later("done"),
-        "doubtful": later("not reliable as it stands: the report says why"),
-        "refused": later("not understood: something in the question must be changed"),
-        "failed": later("failed"),
-        "cancelled": later("cancelled"),
-        "interrupted": later("interrupted: the page was stopped before it was done; ask again"),
-        "stopped": later("stopped: it took longer, or more memory, than this page allows"),
-    }
-)
 
 
 class Pages:
@@ -101,10 +82,8 @@ class Pages:
         return page(
             "file",
             status,
-            answers=list(self._store.answers.records.values())[:-51:-1],
-            uploads=list(self._store.uploads.records.values())[:-21:-1],
-            standings=STANDINGS,
-            examples=EXAMPLES,
+            answers=self._store.answers.records,
+            uploads=self._store.uploads.records,
             endings=ENDINGS,
             most=MOST_BYTES // 1024**2,
             error=error,
@@ -130,7 +109,7 @@ class Pages:
             raise HTTPException(404)
         data = files("estim.web").joinpath("examples", f"{name}.csv").read_bytes()
         (upload,) = self._store.take_in({f"{name}.csv": data})
-        self._store.uploads.keep(replace(upload, asked=_ASKED[name]), {})
+        self._store.uploads.keep(replace(upload, asked=EXAMPLES[name]), {})
         return _to(f"/files/{upload.id}")
 
     # ---- the question: about a file, or about a formula of named values ----
@@ -159,21 +138,12 @@ class Pages:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
         seen = await self._preview(upload)
-        names = [column["name"] for column in seen.get("columns", [])]
-        chosen = [
-            names.index(fields[key]) if fields.get(key) in names else seen.get(key, 0)
-            for key in ("x", "y")
-        ]
         return page(
             "question",
             status,
             upload=upload,
             seen=seen,
-            columns=seen.get("columns", []),
-            chosen=chosen,
             fields={"asked": "formula", **fields},
-            kinds=KINDS,
-            models=MODELS,
             error=error,
             wrong=(wrong or "").removeprefix("--"),
         )
@@ -251,7 +221,6 @@ class Pages:
             "answer",
             answer=answer,
             progress=self._progress(answer),
-            words=STANDINGS[answer.standing],
             files=self._store.report_files(answer),
             command=command_line(answer.arguments),
         )
@@ -328,11 +297,4 @@ def _to(place: str) -> Response:
 async def _in_words(_request: Request, error: Exception) -> Response:
     """A sentence in place of a page; what estim says itself, of a full disk say, as it is."""
     status = error.status_code if isinstance(error, HTTPException) else 500
-    words = {
-        400: phrase("This could not be understood, or it held too many files."),
-        404: phrase("There is no such page."),
-        500: phrase("Something went wrong here. Please report it."),
-        503: phrase("Too many questions wait at the moment. Try again in a minute."),
-    }
-    said = str(error) if isinstance(error, EstimError) else words.get(status)
-    return page("closed", status, words=said or HTTPStatus(status).phrase, ask=False)
+    return closed(status, str(error) if isinstance(error, EstimError) else "")

@@ -11,29 +11,7 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping
 
-from estim.common import InputError, PhraseTable, language, later, phrase
-
-KINDS = PhraseTable(
-    {
-        "formula": later("A curve"),
-        "line": later("A straight line"),
-        "mean": later("The mean of a column"),
-    }
-)
-MODELS = (
-    "line",
-    "polynomial2",
-    "exponential",
-    "exponential + constant",
-    "power",
-    "gaussian",
-    "gaussian + line",
-    "lorentzian",
-    "oscillation",
-    "damped_oscillation",
-    "logistic",
-)
-"""Models by name, for a click; `estim.curves` says what they are."""
+from estim.common import InputError, language, phrase
 
 _ASKED = {  # of the kinds, the command and its options; those of a table beside them
     "formula": ("fit", "formula x y u-x u-y window robust kind title track"),
