@@ -172,8 +172,10 @@ class Pages:
                 error=job.error,
                 field=job.field,
             )
-            self._store.answers.keep(ended, {})
-            del self._jobs[answer.id]
+            try:
+                self._store.answers.keep(ended, {})
+            finally:
+                del self._jobs[answer.id]
 
         self._fits.submit(job, keep)
         return _to(f"/answers/{answer.id}")
