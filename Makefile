@@ -37,7 +37,7 @@ bench: $(VENV)/.installed
 # disturbances of real laboratories, beside lmfit and SciPy: docs/coverage.md; cells in COVERAGE are taken up where they stopped
 COVERAGE ?= out/coverage
 coverage: $(VENV)/.installed
-	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/coverage.py --out $(COVERAGE) --docs docs
+	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/interval_coverage.py --out $(COVERAGE) --docs docs
 
 # docs/reference from the code: commands, keys, schema, Python; a test says when it is stale
 docs: $(VENV)/.installed

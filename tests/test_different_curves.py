@@ -4,7 +4,6 @@ hand.
 
 from __future__ import annotations
 
-import doctest
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +15,6 @@ from scipy.stats import t as student_t
 
 from estim import AxisNames, DataSet, EventTimes, Poisson, fit_curve, fit_curves, sample_curve
 from estim.common import InputError
-from estim.curve_fitting import several
 
 EXACT = {"xatol": 1e-8, "fatol": 1e-10, "maxiter": 40000, "maxfev": 40000}
 # SYNTHETIC: current and temperature of a wire that its current heats
@@ -437,11 +435,6 @@ def test_errors_of_x_in_common_by_true_values_as_parameters() -> None:
 
 
 # --- words
-
-
-def test_the_example_of_the_docstring_runs() -> None:
-    done = doctest.testmod(several)
-    assert (done.attempted, done.failed) == (6, 0)
 
 
 def test_what_follows_from_several_sets() -> None:

@@ -18,6 +18,7 @@ from estim.problem import Symmetry
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
+_UNFELT = 0.05  # of the scatter of the points about a curve
 _ALIKE = 0.1  # in log share: solutions of the same weight
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -230,16 +231,21 @@ def _same_curve(
     search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool
 ) -> bool:
     """Whether two sets of values draw the same curves at the points, or, `between`, at places
-    between them as well.
+    between them as well: within rounding errors, or within so small a part of the scatter that no
+    reading could tell them apart (times that a file rounds leave aliases a little apart).
     """
     problem = search.posterior.problem
     for run in problem.runs:
+        counted = run.noise.counted is not None
+        off = 0.0 if counted else run.y - run.points.value(problem.named(values))
+        scatter = float(np.sqrt(np.mean(np.square(off))))
         x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
         a, b = (
             np.broadcast_to(run.curve.value(x, run.bind(problem.named(point))), (1, x.size))[0]
             for point in (values, other)
         )
-        if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
+        alike = max(1e-5 * float(np.max(np.abs(a))), _UNFELT * scatter, 1e-300)
+        if not np.max(np.abs(a - b)) <= alike:
             return False
     return True
 

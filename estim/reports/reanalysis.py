@@ -307,6 +307,7 @@ def reanalysis_text(
             dict.fromkeys(note for body in result.bodies.values() for note in body.joint.notes)
         ),
         troubles=_troubles(result),
+        narrowing=_narrowing(result),
         story=_story(result),
         screens=screens,
         found=table(head, rows),
@@ -369,11 +370,13 @@ def _energies(result: ReanalysisResult) -> dict[str, str]:
     }
 
 
-def _story(result: ReanalysisResult) -> list[str]:
-    """What the bodies together show, beside the table of what was found."""
-    bodies = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
-    told = []
-    widths = {name: [b.median_ratio for b in body.bands.values()] for name, body in bodies.items()}
+def _narrowing(result: ReanalysisResult) -> str:
+    """How much narrower the points make the bands of the curves."""
+    widths = {
+        name: [band.median_ratio for band in body.bands.values()]
+        for name, body in result.bodies.items()
+        if body.joint.status == "ok"
+    }
     shares = [
         phrase(
             "{low} to {high} ({name})",
@@ -384,14 +387,20 @@ def _story(result: ReanalysisResult) -> list[str]:
         for name, ratios in widths.items()
         if ratios
     ]
-    if shares:
-        told.append(
-            phrase(
-                "the points narrow the bands of the curves to {shares} of the width that the "
-                "stated inputs alone leave them",
-                shares=listed(shares),
-            )
+    return (
+        phrase(
+            "the points narrow the bands to {shares} of those of the stated inputs",
+            shares=listed(shares),
         )
+        if shares
+        else ""
+    )
+
+
+def _story(result: ReanalysisResult) -> list[str]:
+    """What to know about the comparison with the paper and with the truth."""
+    bodies = {name: body for name, body in result.bodies.items() if body.joint.status == "ok"}
+    told = []
     known = {n: v for body in bodies.values() for n, v in body.band_published.items()}
     if computed := {v for n, v in known.items() if split_level(n)[0] == "kappa"}:
         told.append(

@@ -1,7 +1,7 @@
 """Disturbances of real laboratories, three everyday curves, three programs as they come: how often
 is there an answer, and how often does its interval hold the truth?  docs/coverage.md.
 
-    nice python benchmarks/coverage.py --out FOLDER [--sets 1000] [--seconds 25] [--docs docs]
+    python benchmarks/interval_coverage.py --out FOLDER [--sets 1000] [--seconds 25] [--docs docs]
 
 Data are SYNTHETIC and made with NumPy alone.  A cell is a curve with a disturbance; all programs
 get the same sets.  Each cell is a JSON file in FOLDER: begun again, the run takes up each cell
