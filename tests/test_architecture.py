@@ -324,6 +324,8 @@ def test_one_place_prints_and_one_file_writes():
         "estim.cli.verifying",
         "estim.cli.batching",
     }
+    # what was handed in to the page and what is shown of it; its lock
+    keeping |= {"estim.web.preview", "estim.web.serving", "estim.web.store"}
     # a report asked for in Python has no command line to write it
     keeping |= {"estim.reports.curve"}
     assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping

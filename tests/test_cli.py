@@ -143,6 +143,22 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     assert done.stdout == ""
 
 
+def test_a_program_that_asks_is_told_of_progress_and_errors_in_lines_of_json(
+    estim: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ESTIM_PROGRESS", "json")
+    done = estim("propagate", "2*a", "a=1.0(1)", "--out", tmp_path / "out", "--figures", "none")
+    assert done.returncode == 0
+    told = [json.loads(line) for line in done.stderr.splitlines()]
+    assert told
+    assert [line["percent"] for line in told] == sorted(line["percent"] for line in told)
+    assert {line["doing"] for line in told} == {"Monte Carlo"}
+    done = estim("propagate", "2*a +", "a=1.0(1)", "--out", tmp_path / "out")
+    (told,) = [json.loads(line) for line in done.stderr.splitlines()]
+    assert done.returncode == 2
+    assert set(told) == {"error", "field"}
+
+
 def test_output_folder_that_cannot_be_made_is_one_line(
     estim: Command, tmp_path: Path, replica: Path
 ) -> None:

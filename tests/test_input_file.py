@@ -156,3 +156,21 @@ def test_bytes_that_are_no_utf8_are_told_with_their_likely_kind(
         match=rf"/a:[14]: 'byte' must be UTF-8 text \(this {what}.*: save it again as UTF-8\)",
     ):
         read_text(tmp_path / "a")
+
+
+def test_outside_a_folder_that_was_named_nothing_is_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file there and one that is not give the same message; a link is followed first."""
+    home = tmp_path / "home"
+    home.mkdir()
+    (tmp_path / "private.csv").write_bytes(b"x,y\n1,2\n")
+    (home / "own.csv").write_bytes(b"x,y\n1,2\n")
+    (home / "link.csv").symlink_to(tmp_path / "private.csv")
+    monkeypatch.setenv("ESTIM_INPUTS_WITHIN", str(home))
+    assert read_bytes(home / "own.csv")
+    for path in ("link.csv", "../private.csv", "../none.csv", "/etc/passwd", "../home-2/own.csv"):
+        with pytest.raises(InputError, match=r"lies outside the folder"):
+            read_bytes(home / path)
+    monkeypatch.delenv("ESTIM_INPUTS_WITHIN")
+    assert read_bytes(tmp_path / "private.csv")

@@ -31,6 +31,7 @@ from estim.sampling import Target
 ROOT = Path(__file__).parent.parent
 ESTIM = ROOT / "estim"
 TEMPLATES = sorted((ESTIM / "reports" / "templates").glob("*.j2"))
+PAGES = sorted((ESTIM / "web" / "templates").glob("*.j2"))  # say each sentence by `phrase`
 CATALOGUE = ESTIM / "common" / "catalogue"
 OTHERS = [name for name in LANGUAGES if name != "en"]
 SPACES = re.compile(r"\s+")
@@ -78,9 +79,10 @@ def literals(node: ast.expr) -> Iterator[str]:
 def said_in_templates() -> dict[str, str]:
     """Sentence of a template, or of a `phrase(...)` in a tag -> where it stands."""
     found: dict[str, str] = {}
-    for path in TEMPLATES:
+    for path in [*TEMPLATES, *PAGES]:
         source = path.read_text(encoding="utf-8")
-        found |= dict.fromkeys(sentences(source), path.name)
+        if path in TEMPLATES:
+            found |= dict.fromkeys(sentences(source), path.name)
         for quoted in re.findall(r"""phrase\(\s*("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')""", source):
             found[ast.literal_eval(quoted)] = path.name
     return found

@@ -148,6 +148,7 @@ def test_every_command_that_draws_can_do_without(project: Path) -> None:
         "verify",
         "diff",
         "models",
+        "serve",
     }
     passed = [
         (

@@ -27,7 +27,16 @@ from estim.campaign.prior_table import PriorTable, Value, read_prior
 from estim.campaign.trial_table import TrialsTable
 from estim.common import EXTREME, InputError, Quantity, extreme, phrase, read_quantity
 from estim.problem import Prior
-from estim.reading import TOML_BYTES, KeyPath, Places, Unit, leads_out, parse_toml, read_text
+from estim.reading import (
+    TOML_BYTES,
+    KeyPath,
+    Places,
+    Unit,
+    leads_out,
+    parse_toml,
+    read_text,
+    refuse_outside,
+)
 
 Kind = Literal["synthetic", "measured", "published"]
 
@@ -209,6 +218,7 @@ class CampaignFile:
         there is no such file.
         """
         written = self.files[self.names[index]]
+        refuse_outside(self.path.parent / written)
         try:
             exists = (self.path.parent / written).exists()
         except OSError:  # a name too long

@@ -45,6 +45,7 @@ from estim.cli.options import (
 from estim.cli.origin_record import SIMULATION
 from estim.cli.planning import plan_next
 from estim.cli.propagating import propagate
+from estim.cli.serving import serve
 from estim.cli.tables import curve_options, load_or_make
 from estim.cli.terminal import (
     announced,
@@ -96,6 +97,7 @@ if TYPE_CHECKING:
         new_campaign,
         plan_next,
         propagate,
+        serve,
         verify,
         diff,
     ],
@@ -397,7 +399,7 @@ def simulate(design: Path, out: Path) -> None:
     say(f"synthetic campaign: {out / 'campaign.toml'} ({len(files)} files)")
 
 
-for _command in cli.commands.values():
+for _command in {*cli.commands.values()} - {serve}:  # which has no result
     with_json(_command)
 
 

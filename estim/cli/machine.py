@@ -1,5 +1,5 @@
 """`--json`: what a command says, writes and finds, as one JSON object on standard output, for
-programs.  Every command has it, and writes the same files as without it.
+programs.  Every command but `serve` has it, and writes the same files as without it.
 """
 
 from __future__ import annotations

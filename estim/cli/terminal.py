@@ -4,6 +4,8 @@ written whole.
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
     from estim.sampling import Progress
 
 _GO_ON = "continue with --resume"
+_FOR_PROGRAMS = "ESTIM_PROGRESS"
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
@@ -54,6 +57,16 @@ def say(line: str, *, err: bool = False) -> None:
     stream = sys.stderr if err else sys.stdout
     stream.write(one_line(line) + "\n")
     stream.flush()
+
+
+def _reported(**facts: object) -> bool:
+    """Whether a program is told of progress and errors, as lines of JSON on stderr: where it set
+    ESTIM_PROGRESS to "json".
+    """
+    asked = os.environ.get(_FOR_PROGRAMS) == "json"
+    if asked:
+        say(json.dumps(facts), err=True)
+    return asked
 
 
 def exit_code(command: Callable[[], object]) -> int:
@@ -77,7 +90,8 @@ def _code(command: Callable[[], object]) -> int:
         return INTERRUPTED
     except (click.ClickException, EstimError) as error:
         message = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        say(f"error: {message}", err=True)
+        if not _reported(error=message, field=getattr(error, "field", None)):
+            say(f"error: {message}", err=True)
         return NOT_OK if isinstance(error, NumericalError) else BAD_INPUT
     # of a file that a person named, looked for where nothing opens it: too long a name, a folder of
     # others
@@ -132,6 +146,7 @@ def pieces(what: str, unit: str, *, kept: bool = False) -> Iterator[Callable[[in
         def show(done: int, total: int) -> None:
             bar.total = total
             bar.update(done - bar.n)
+            _reported(percent=100 * done // max(total, 1), doing=what)
 
         try:
             yield show
@@ -175,6 +190,7 @@ def progress_bar(what: str) -> Iterator[Progress]:
         def show(percent: int, message: str) -> None:
             bar.n = percent
             bar.set_postfix_str(one_line(message[:60]), refresh=True)
+            _reported(percent=percent, doing=message)
 
         yield show
 

@@ -3,5 +3,6 @@ several data sets, the record of a fit, figures.
 """
 
 from estim.curve_fitting.result import CurveFit
+from estim.curve_fitting.tables import read_table
 
-__all__ = ["CurveFit"]
+__all__ = ["CurveFit", "read_table"]

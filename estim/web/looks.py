@@ -1,0 +1,55 @@
+"""How a page looks: its template, filled in and escaped, in the language of its reader."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from starlette.responses import HTMLResponse
+
+from estim.common import LANGUAGES, language, phrase
+
+if TYPE_CHECKING:
+    import jinja2
+    from starlette.requests import Request
+
+LANGUAGE = "estim-lang"
+"""Name of the cookie of a language that was chosen."""
+
+
+def language_of(request: Request) -> str:
+    """The language that was chosen, else the first of the browser's that there is."""
+    accepted = request.headers.get("accept-language", "").split(",")
+    asked = (request.cookies.get(LANGUAGE, ""), *(part.strip()[:2] for part in accepted))
+    return next((name for name in asked if name in LANGUAGES), "en")
+
+
+def page(template: str, status: int = 200, **values: object) -> HTMLResponse:
+    """A template of `templates/` as an answer.  Every value is escaped by the environment."""
+    values |= {"lang": language(), "status": status}
+    text = _environment().get_template(f"{template}.html.j2").render(values)
+    return HTMLResponse(text, status)
+
+
+def closed(status: int, said: str = "", *, ask: bool = False) -> HTMLResponse:
+    """A sentence in place of a page: the one of the status, or what estim `said` itself.
+
+    ask : for the passphrase, where `said` is the one that was given.
+    """
+    return page("closed", status, said=said, ask=ask)
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("estim.web"),
+        undefined=jinja2.StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["when"] = lambda at: f"{at[:4]}-{at[4:6]}-{at[6:8]} {at[9:11]}:{at[11:13]}"
+    environment.globals |= {"phrase": phrase, "languages": LANGUAGES}
+    return environment

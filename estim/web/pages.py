@@ -1,0 +1,302 @@
+"""The pages: a file, a question about it, the answer.  Each works without JavaScript.
+
+No name that comes from a browser is a path: ids are looked up among the records, files of a report
+among those that are there.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib.resources import files
+from mimetypes import guess_type
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from starlette.applications import Starlette
+from starlette.datastructures import UploadFile
+from starlette.exceptions import HTTPException
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from estim.common import LANGUAGES, EstimError, InputError, language, phrase
+from estim.web.looks import LANGUAGE, closed, page
+from estim.web.preview import picture_name, preview_name
+from estim.web.question import arguments_of, command_line, fields_of
+from estim.web.store import ENDINGS, MOST_BYTES, MOST_FILES, Answer, Kept, Shelf, Store, Upload
+from estim.web.work import Job, Workers
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+
+_SECONDS, _PREVIEW_SECONDS = 600, 30
+_PATIENCE = 20.0  # s that a page waits for a preview
+_REPORT_POLICY = (
+    "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+)
+EXAMPLES = {  # name of a table in examples/ -> fields with which its question begins
+    "cooling": {"formula": "room + excess*exp(-t/tau)", "kind": "synthetic"},
+    "spring": {"asked": "line"},
+}
+
+
+class Pages:
+    """What is shown of a store, and asked of workers."""
+
+    def __init__(self, store: Store, fits: Workers, previews: Workers) -> None:
+        self._store, self._fits, self._previews = store, fits, previews
+        self._jobs = dict[str, Job]()  # id of an answer -> while it is under way
+        self._taking = asyncio.Lock()  # one upload after the other is in memory
+
+    def app(self) -> Starlette:
+        post = ["POST"]
+        return Starlette(
+            routes=[
+                Route("/", self.start),
+                Route("/files", self.take_in, methods=post),
+                Route("/examples/{id}", self.example, methods=post),
+                Route("/files/{id}", self.question),
+                Route("/files/{id}", self.ask, methods=post),
+                Route("/files/{id}/points-{x:int}-{y:int}.png", self.points),
+                Route("/propagate", self.question),
+                Route("/propagate", self.ask, methods=post),
+                Route("/answers/{id}", self.answer),
+                Route("/answers/{id}/state", self.state),
+                Route("/answers/{id}/cancel", self.cancel, methods=post),
+                Route("/answers/{id}/all.zip", self.everything),
+                Route("/answers/{id}/report/{path:path}", self.report_file),
+                Route("/language/{to}", self.speak),
+                Mount("/static", StaticFiles(packages=[("estim.web", "static")])),
+            ],
+            exception_handlers={HTTPException: _in_words, EstimError: _in_words, 500: _in_words},
+        )
+
+    # ---- the file ----
+
+    async def start(self, request: Request, status: int = 200, error: str = "") -> Response:
+        return page(
+            "file",
+            status,
+            answers=self._store.answers.records,
+            uploads=self._store.uploads.records,
+            endings=ENDINGS,
+            most=MOST_BYTES // 1024**2,
+            error=error,
+        )
+
+    async def take_in(self, request: Request) -> Response:
+        async with self._taking, request.form(max_files=MOST_FILES, max_fields=0) as form:
+            given = {
+                (value.filename or "").replace("\\", "/").rpartition("/")[2]: await value.read()
+                for value in form.getlist("files")
+                if isinstance(value, UploadFile) and value.filename
+            }
+            try:
+                uploads = await asyncio.to_thread(self._store.take_in, given)
+            except InputError as error:
+                return await self.start(request, 422, error.rule)
+        if not uploads:
+            return await self.start(request, 422, phrase("Choose a file first."))
+        return _to(f"/files/{uploads[0].id}" if len(uploads) == 1 else "/#files-here")
+
+    async def example(self, request: Request) -> Response:
+        if (name := request.path_params["id"]) not in EXAMPLES:
+            raise HTTPException(404)
+        data = files("estim.web").joinpath("examples", f"{name}.csv").read_bytes()
+        (upload,) = self._store.take_in({f"{name}.csv": data})
+        self._store.uploads.keep(replace(upload, asked=EXAMPLES[name]), {})
+        return _to(f"/files/{upload.id}")
+
+    # ---- the question: about a file, or about a formula of named values ----
+
+    async def question(self, request: Request) -> Response:
+        """The form, empty, or as it was filled in: for an answer that was refused, or in the
+        address (a click on a model without JavaScript).
+        """
+        upload = self._upload(request)
+        fields = fields_of(request.query_params.multi_items())
+        before = self._store.answers.records.get(fields.pop("answer", ""))
+        if before is not None:
+            return await self._form(upload, before.fields, before.error, before.field)
+        if "model" in fields:
+            fields["formula"] = fields.pop("model")
+        return await self._form(upload, fields or (upload.asked if upload else {}))
+
+    async def _form(
+        self,
+        upload: Upload | None,
+        fields: Mapping[str, str],
+        error: str = "",
+        wrong: str | None = None,
+        status: int = 200,
+    ) -> Response:
+        if upload is None:
+            return page("propagate", status, fields=fields, error=error)
+        seen = await self._preview(upload)
+        return page(
+            "question",
+            status,
+            upload=upload,
+            seen=seen,
+            fields={"asked": "formula", **fields},
+            error=error,
+            wrong=(wrong or "").removeprefix("--"),
+        )
+
+    async def ask(self, request: Request) -> Response:
+        """Begins the command.  Its answer is kept whole when it ends, whoever still looks."""
+        upload = self._upload(request)
+        fields = fields_of((await request.form(max_files=0)).multi_items())
+        if self._fits.is_full:
+            raise HTTPException(503)
+        try:
+            file, given = (upload.file, upload.given.rpartition(".")[0]) if upload else ("", "")
+            arguments = arguments_of(fields, file, given)
+            answer = self._store.begin(upload, fields, arguments)
+        except InputError as error:
+            return await self._form(upload, fields, error.rule, error.field, 422)
+        folder = self._store.answers.folder / answer.id
+        job = self._jobs[answer.id] = Job(folder, ["run", *arguments], seconds=_SECONDS)
+
+        def keep() -> None:
+            ended = replace(
+                answer,
+                state=job.state,
+                code=job.code,
+                said=tuple(job.said),
+                error=job.error,
+                field=job.field,
+            )
+            try:
+                self._store.answers.keep(ended, {})
+            finally:
+                del self._jobs[answer.id]
+
+        self._fits.submit(job, keep)
+        return _to(f"/answers/{answer.id}")
+
+    async def _preview(self, upload: Upload) -> dict[str, Any]:
+        """What is known of a file; "busy" where that takes too long, "failed" where its process
+        did.
+        """
+        data = await self._seen(upload, preview_name(language()))
+        return {"busy": True} if data is None else dict(json.loads(data or b'{"failed": true}'))
+
+    async def _seen(self, upload: Upload, name: str, *numbers: str) -> bytes | None:
+        """A part of the preview, which is made once; None where it is not there yet, b"" where it
+        could not be made.
+        """
+        uploads = self._store.uploads
+        if (data := uploads.read(upload.id, name)) is None and not self._previews.is_full:
+            task = ["preview", language(), upload.file, *numbers]
+            job = Job(uploads.folder / upload.id, task, seconds=_PREVIEW_SECONDS)
+            ended = asyncio.wrap_future(self._previews.submit(job, lambda: None))
+            await asyncio.wait([ended], timeout=_PATIENCE)
+            data = uploads.read(upload.id, name) or (b"" if ended.done() else None)
+        return data
+
+    async def points(self, request: Request) -> Response:
+        """The picture of two columns, by their numbers."""
+        upload = _found(self._store.uploads, request)
+        numbers = request.path_params["x"], request.path_params["y"]
+        data = None
+        if max(numbers) < len((await self._preview(upload)).get("columns", [])):
+            x, y = map(str, numbers)
+            data = await self._seen(upload, picture_name(x, y), x, y)
+        if not data:
+            raise HTTPException(404)
+        return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
+
+    # ---- the answer ----
+
+    async def answer(self, request: Request) -> Response:
+        answer = _found(self._store.answers, request)
+        if answer.standing == "refused":
+            place = f"/files/{answer.upload}" if answer.upload else "/propagate"
+            return _to(f"{place}?answer={answer.id}")
+        return page(
+            "answer",
+            answer=answer,
+            progress=self._progress(answer),
+            files=self._store.report_files(answer),
+            command=command_line(answer.arguments),
+        )
+
+    async def state(self, request: Request) -> Response:
+        return JSONResponse(self._progress(_found(self._store.answers, request)))
+
+    def _progress(self, answer: Answer) -> dict[str, object]:
+        job = self._jobs.get(answer.id)
+        if job is None:
+            return {"ended": True}
+        waits = job.state == "waiting"
+        doing = phrase("waits for its turn") if waits else job.doing or phrase("reads the points")
+        return {"ended": False, "percent": job.percent, "doing": doing}
+
+    async def cancel(self, request: Request) -> Response:
+        answer = _found(self._store.answers, request)
+        if job := self._jobs.get(answer.id):
+            self._fits.cancel(job)
+        while answer.id in self._jobs:  # until its record is written
+            await asyncio.sleep(0.05)
+        return _to(f"/answers/{answer.id}")
+
+    async def report_file(self, request: Request) -> Response:
+        answer, path = _found(self._store.answers, request), request.path_params["path"]
+        if path not in self._store.report_files(answer):
+            raise HTTPException(404)
+        data = self._store.answers.read(answer.id, f"report/{path}")
+        headers = {"Content-Security-Policy": _REPORT_POLICY} if path.endswith(".html") else {}
+        if "download" in request.query_params or not path.endswith((".html", ".png")):
+            headers["Content-Disposition"] = "attachment"
+        kind = guess_type(path)[0] or "application/octet-stream"
+        return Response(data, media_type=kind, headers=headers)
+
+    async def everything(self, request: Request) -> Response:
+        """The report, what it was made of and the command that repeats it, as a zip."""
+        answer = _found(self._store.answers, request)
+        upload = self._store.uploads.records.get(answer.upload)
+        names = [f"report/{path}" for path in self._store.report_files(answer)]
+        words = phrase("In this folder, with the same version of estim, this repeats the answer:")
+        packed = io.BytesIO()
+        with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("command.txt", f"{words}\n\n{command_line(answer.arguments)}\n")
+            for name in (*names, *(upload.names if upload else ())):
+                archive.writestr(name, self._store.answers.read(answer.id, name) or b"")
+        headers = {"Content-Disposition": "attachment"}
+        return Response(packed.getvalue(), media_type="application/zip", headers=headers)
+
+    # ---- the rest ----
+
+    async def speak(self, request: Request) -> Response:
+        """Back to the page on which the language was chosen."""
+        if (name := request.path_params["to"]) not in LANGUAGES:
+            raise HTTPException(404)
+        answer = _to("/" + urlsplit(request.headers.get("referer", "")).path.lstrip("/\\"))
+        answer.set_cookie(LANGUAGE, name, samesite="strict", httponly=True, max_age=31_536_000)
+        return answer
+
+    def _upload(self, request: Request) -> Upload | None:
+        """The file that a question is about; None on the page that has none."""
+        return _found(self._store.uploads, request) if "id" in request.path_params else None
+
+
+def _found(shelf: Shelf[Kept], request: Request) -> Kept:
+    if (record := shelf.records.get(request.path_params["id"])) is None:
+        raise HTTPException(404)
+    return record
+
+
+def _to(place: str) -> Response:
+    return RedirectResponse(place, 303)
+
+
+async def _in_words(_request: Request, error: Exception) -> Response:
+    """A sentence in place of a page; what estim says itself, of a full disk say, as it is."""
+    status = error.status_code if isinstance(error, HTTPException) else 500
+    return closed(status, str(error) if isinstance(error, EstimError) else "")

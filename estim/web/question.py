@@ -1,0 +1,84 @@
+"""A question as it is asked on a page, and the arguments of the command that answers it.
+
+What a person wrote is one argument together with its option (`--formula=...`), or stands behind
+`--`: it can be no other option, and it is never the name of a file.  What is missing is said in a
+sentence for the page (`InputError.rule`).
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Mapping
+
+from estim.common import InputError, language, phrase
+
+_ASKED = {  # of the kinds, the command and its options; those of a table beside them
+    "formula": ("fit", "formula x y u-x u-y window robust kind title track"),
+    "line": ("line", "x y u-x u-y"),
+    "mean": ("mean", "y u-y group"),
+}
+_OF_TABLES = " sheet decimal"
+_NAMED = ("value", "start", "low", "high")  # one NAME = VALUE a line
+_FLAGS = ("correlated", "jitter")
+
+
+def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
+    """What was filled in; of several alike, a line each."""
+    found: dict[str, str] = {}
+    for name, value in form:
+        if isinstance(value, str) and value.strip():
+            found[name] = "\n".join(filter(None, (found.get(name), value.strip())))
+    return found
+
+
+def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
+    """Arguments of `estim` for a question, in the language that is spoken.
+
+    file : the stored name of a table or campaign; "": a formula of named values.
+    given : what a person calls it, the title of the report of a curve.
+
+    Raises InputError where nothing was asked.
+    """
+    end = ["--format", "html", "--out", "report", *_language()]
+    if not file:
+        values = _lines(fields.get("values", ""))
+        # without a value the formula would be the name of a file
+        if not values or "formula" not in fields:
+            raise InputError(phrase("Write a formula, and the value of each name in it."))
+        return ["propagate", *end, "--", fields["formula"], *values]
+    if file.endswith(".toml"):
+        runs = [f"--run={run}" for run in fields.get("runs", "").splitlines()]
+        return ["fit", file, *runs, *(["--joint"] if "joint" in fields else []), *end]
+    kind = fields.get("asked", "formula")
+    if kind not in _ASKED:
+        raise InputError(phrase("Choose what you want to know."))
+    command, options = _ASKED[kind]
+    said = dict(fields)
+    if kind == "formula":
+        if "formula" not in fields:
+            raise InputError(phrase("Write a formula, or choose a model."), field="--formula")
+        if file.rpartition(".")[0] != given:
+            said = {"title": given} | said
+    words = [f"--{name}={said[name]}" for name in (options + _OF_TABLES).split() if name in said]
+    if kind == "formula":
+        words += [f"--{name}={text}" for name in _NAMED for text in _lines(said.get(name, ""))]
+        words += [f"--{name}" for name in _FLAGS if name in said]
+    return [command, file, *words, *end]
+
+
+def command_line(arguments: Iterable[str]) -> str:
+    """What a person types for the same answer."""
+    return shlex.join(["estim", *arguments])
+
+
+def _language() -> list[str]:
+    return [] if language() == "en" else ["--lang", language()]
+
+
+def _lines(text: str) -> list[str]:
+    """One NAME=VALUE a line, without blanks about the mark; several may stand on a line, parted by
+    a semicolon.
+    """
+    parts = [part.strip() for part in re.split(r"[\n;]", text)]
+    return [re.sub(r"\s*=\s*", "=", part, count=1) for part in parts if part]

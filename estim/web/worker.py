@@ -1,0 +1,57 @@
+"""The process that works for the page: a command of estim, or a preview of a file, within limits.
+
+    python worker.py SECONDS BYTES run ARGUMENT...           the command `estim ARGUMENT...`
+    python worker.py SECONDS BYTES preview LANG FILE [X Y]   preview-LANG.json, points-X-Y.png
+
+The working folder is that of the answer or the file.  The process ends, and all that it started,
+as soon as its standard input does: a server that is killed can tell nobody.
+"""
+
+from __future__ import annotations
+
+import os
+import runpy
+import signal
+import sys
+import threading
+
+
+def _end_with_the_server() -> None:
+    """Ends this process group at the end of standard input."""
+    while os.read(0, 1024):
+        pass
+    if sys.platform != "win32":
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
+
+
+def _limit(seconds: int, size: int) -> None:
+    """Limits of processor time (s), memory and files (bytes), where the system has them."""
+    if sys.platform != "win32":
+        import resource
+
+        limits = {"CPU": seconds, "AS": size, "FSIZE": 2**28, "CORE": 0}
+        for name, most in limits.items():
+            what = getattr(resource, f"RLIMIT_{name}")
+            hard = resource.getrlimit(what)[1]
+            least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+            resource.setrlimit(what, (least, least))
+
+
+def main() -> None:
+    seconds, size, task, *arguments = sys.argv[1:]
+    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    _limit(int(seconds), int(size))
+    # at the end: where estim is not installed, this is where it lies
+    sys.path.append(os.path.abspath(os.path.join(__file__, "..", "..", "..")))
+    if task == "preview":
+        from estim.web.preview import preview
+
+        preview(*arguments)
+        return
+    sys.argv = ["estim", *arguments]
+    runpy.run_module("estim", run_name="__main__", alter_sys=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,662 @@
+"""The page in the browser: the ways through it, over HTTP, and each line of its safety attacked."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from collections.abc import Iterator
+from html import unescape
+from pathlib import Path
+
+import pytest
+from tracker_files import point_mass, trk
+from web_pages import Browser, entered, served, words
+from workbooks import xlsx
+
+from estim.cli.commands import fit
+from estim.common import EstimError, InputError
+from estim.web import At
+from estim.web.listening import listening
+from estim.web.question import arguments_of, fields_of
+from estim.web.store import MOST_BYTES, MOST_FILES, Store
+from estim.web.work import Job, Workers
+
+LINE = b"t [s],U [V],u_U\n0,1.02,0.1\n1,2.95,0.1\n2,5.1,0.1\n3,6.97,0.1\n4,9.02,0.1\n"
+SLOW = "a*exp(-x/tau) + c + d*x"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("answers")
+
+
+@pytest.fixture(scope="module")
+def address(folder: Path) -> Iterator[str]:
+    with served(folder) as address:
+        yield address
+
+
+@pytest.fixture
+def browser(address: str) -> Browser:
+    return entered(address)
+
+
+# ---- the way through ----
+
+
+def test_from_a_file_to_a_report_and_the_command_that_repeats_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    asked = browser.hand_in({"Spring & load.csv": LINE})
+    assert asked.status == 303
+    question = browser.get(asked.place)
+    assert "Spring &amp; load.csv" in question.text
+    assert "t s 5 0 4" in words(question.text)
+    picture = browser.get(f"{asked.place}/points-0-1.png")
+    assert picture.body.startswith(b"\x89PNG")
+    answer = browser.fill_in(asked.place, asked="line", x="t", y="U")
+    page = browser.ended(answer.place)
+    assert "line: ok" in page.text
+    report = browser.get(f"{answer.place}/report/report.html")
+    assert report.headers["content-security-policy"].startswith("sandbox; default-src 'none'")
+    packed = zipfile.ZipFile(io.BytesIO(browser.get(f"{answer.place}/all.zip").body))
+    packed.extractall(tmp_path)
+    command = shlex.split((tmp_path / "command.txt").read_text().splitlines()[-1])
+    assert unescape(page.text).count(shlex.join(command)) == 1
+    before = {name: (tmp_path / name).read_bytes() for name in packed.namelist()}
+    assert command[:2] == ["estim", "line"]
+    # a report of another command is never overwritten, but the same command writes the same bytes
+    subprocess.run(
+        [sys.executable, "-m", *command],
+        cwd=tmp_path,
+        check=True,
+        capture_output=True,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1])},
+    )
+    after = {name: (tmp_path / name).read_bytes() for name in packed.namelist()}
+    assert after == before
+
+
+def test_what_is_not_reliable_says_so_and_has_its_report(browser: Browser) -> None:
+    bent = "x,y\n" + "".join(f"{x},{x * x + 0.01 * (x % 3)}\n" for x in range(12))
+    asked = browser.hand_in({"bent.csv": bent.encode()})
+    answer = browser.fill_in(asked.place, asked="formula", formula="a*x + b", **{"u-y": "0.1"})
+    page = browser.ended(answer.place)
+    assert "Not reliable as it stands" in page.text
+    assert browser.get(f"{answer.place}/report/report.md?download=1").status == 200
+
+
+def test_a_refused_question_comes_back_with_its_fields_and_the_message_beside_one(
+    browser: Browser,
+) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    answer = browser.fill_in(
+        asked.place, asked="formula", formula="a*q(x) +", value="a = 2", window="0:3"
+    )
+    page = browser.ended(answer.place)
+    assert page.status == 303
+    form = browser.get(page.place).text
+    assert 'value="a*q(x) +"' in form
+    assert ">a = 2</textarea>" in form
+    assert 'value="0:3"' in form
+    (message,) = re.findall(r'<span class="error" id="wrong-formula"[^>]*>(.*?)</span>', form)
+    assert "--formula" in unescape(message)
+    nothing = browser.fill_in(asked.place, asked="formula")
+    assert nothing.status == 422
+    assert "Write a formula, or choose a model." in nothing.text
+
+
+def test_a_model_is_chosen_without_javascript(browser: Browser) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    page = browser.get(f"{asked.place}?asked=formula&value=&model=gaussian+%2B+line&u-y=0.2")
+    assert 'value="gaussian + line"' in page.text
+    assert 'value="0.2"' in page.text
+
+
+def test_a_mean_a_workbook_and_a_formula_of_values(browser: Browser) -> None:
+    rows = [["day", "length [cm]"], *([i // 2, 10.0 + 0.1 * i] for i in range(6))]
+    asked = browser.hand_in({"lengths.xlsx": xlsx({"Sheet": rows})})
+    answer = browser.fill_in(asked.place, asked="mean", y="length")
+    assert "mean: ok" in browser.ended(answer.place).text
+    answer = browser.fill_in(
+        "/propagate", formula="g = 4*pi**2*L/T**2", values="L = 0.85(1) m\nT=1.851(3) s"
+    )
+    assert "9.79" in browser.ended(answer.place).text
+
+
+def test_the_columns_of_a_recording_of_tracker(browser: Browser) -> None:
+    points = {i: (300.0 + 40.0 * i, 240.0) for i in range(8)}
+    asked = browser.hand_in({"film.trk": trk(point_mass("ball", points)).encode()})
+    form = browser.get(asked.place).text
+    assert "x_m m 8" in words(form)
+    assert "track &#39;ball&#39;" in form
+    assert browser.get(f"{asked.place}/points-0-3.png").status == 200
+
+
+def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
+    home = project / "data" / "gallery"
+    names = ("michelson_mean.toml", "michelson_1879.csv")
+    text = (home / names[0]).read_text()
+    assert names[1] in text
+    asked = browser.hand_in({name: (home / name).read_bytes() for name in names})
+    form = browser.get(asked.place).text
+    runs = re.findall(r'name="runs" value="([^"]*)"', form)
+    assert runs
+    answer = browser.fill_in(asked.place, runs=runs[0])
+    page = browser.ended(answer.place)
+    assert page.status == 200, page.text
+    assert f"estim fit campaign.toml --run={runs[0]}" in unescape(page.text)
+
+
+def test_a_preview_that_fails_is_said_and_tried_no_further(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    monkeypatch.setattr("estim.web.pages._PREVIEW_SECONDS", 0)
+    form = browser.get(asked.place).text
+    assert "What is in the file cannot be shown" in form
+    assert 'http-equiv="refresh"' not in form
+
+
+def test_an_example_is_one_click(browser: Browser) -> None:
+    asked = browser.send("POST", "/examples/cooling")
+    form = browser.get(asked.place).text
+    assert 'value="room + excess*exp(-t/tau)"' in form
+    assert '<option value="synthetic" selected>' in form
+    assert browser.send("POST", "/examples/..").status in (404, 405)
+    assert browser.send("POST", "/examples/none").status == 404
+
+
+def test_a_file_that_cannot_be_read_says_why_and_several_are_listed(browser: Browser) -> None:
+    asked = browser.hand_in({"bad.csv": b"\x00\x01\x02"})
+    form = browser.get(asked.place)
+    assert form.status == 200
+    assert "The file cannot be read as it is" in form.text
+    asked = browser.hand_in({"one.csv": LINE, "two.csv": LINE})
+    assert asked.place == "/#files-here"
+    page = browser.get("/").text
+    assert ">one.csv<" in page
+    assert ">two.csv<" in page
+    assert browser.hand_in({"": b""}).status == 422
+    refused = browser.hand_in({"run.exe": b"MZ"})
+    assert refused.status == 422
+    assert "run.exe is not one of" in refused.text
+
+
+def test_the_page_speaks_spanish_where_the_browser_or_its_reader_asks(browser: Browser) -> None:
+    spanish = {"Accept-Language": "es-AR,es;q=0.9,en;q=0.8"}
+    page = browser.send("GET", "/", headers=spanish)
+    assert '<html lang="es">' in page.text
+    assert "Obtener" not in browser.get("/").text
+    chosen = browser.send(
+        "GET", "/language/es", headers={"Referer": f"http://{browser.address}/propagate"}
+    )
+    assert chosen.place == "/propagate"
+    assert "Propagar incertidumbres" in browser.get("/propagate").text
+    asked = browser.hand_in({"line.csv": LINE})
+    answer = browser.fill_in(asked.place, asked="line")
+    assert "--lang es" in browser.ended(answer.place).text
+    report = browser.get(f"{answer.place}/report/report.html").text
+    assert '<html lang="es">' in report
+    elsewhere = {"Referer": "http://elsewhere.example//evil.example/"}
+    assert browser.send("GET", "/language/en", headers=elsewhere).place == "/evil.example/"
+    assert browser.get("/language/fr").status == 404
+
+
+def test_the_first_page_is_small_and_asks_nothing_from_elsewhere(browser: Browser) -> None:
+    page = browser.get("/")
+    parts = re.findall(r'(?:src|href)="(/static/[^"]*)"', page.text)
+    size = len(page.body) + sum(len(browser.get(part).body) for part in set(parts))
+    assert len(set(parts)) == 3
+    assert size < 50_000
+    for place in ("/", "/propagate", *parts):
+        assert not re.findall(r"(?<!xmlns=\")https?://", browser.get(place).text), place
+    script = Path(__file__).parents[1] / "estim" / "web" / "static" / "estim.js"
+    assert len(script.read_text().splitlines()) <= 150
+
+
+# ---- who may ask ----
+
+
+def test_nobody_without_the_cookie_sees_anything(address: str, folder: Path) -> None:
+    stranger = Browser(address)
+    asked = entered(address).hand_in({"secret.csv": LINE})
+    for path in (
+        "/",
+        "/?token=wrong",
+        f"/?token={'x' * 5000}",
+        asked.place,
+        "/propagate",
+        "/nothing",
+    ):
+        reply = stranger.get(path)
+        assert reply.status == 401, path
+        assert "secret" not in reply.text
+        assert not stranger.cookies
+    assert stranger.hand_in({"a.csv": LINE}).status == 401
+    stranger.cookies[f"estim-{address.rpartition(':')[2]}"] = "guess"
+    assert stranger.get("/").status == 401
+    assert stranger.get("/static/estim.css").status == 200
+    assert stranger.get("/static/../pages.py").status in (401, 404)
+
+
+def test_the_cookie_is_for_this_page_alone(address: str) -> None:
+    reply = Browser(address).get("/?token=a-token-of-the-tests")
+    cookie = reply.headers["set-cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=strict" in cookie
+    assert "a-token-of-the-tests" not in cookie
+    assert reply.place == "/"
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:{port}",
+        "127.0.0.1",
+        "127.0.0.1:1",
+        "",
+        "localhost.evil:{port}",
+    ],
+)
+def test_another_name_for_this_machine_is_refused(browser: Browser, host: str) -> None:
+    """DNS rebinding: a foreign name that leads to 127.0.0.1."""
+    port = browser.address.rpartition(":")[2]
+    headers = {"Host": host.format(port=port), "Origin": f"http://{host.format(port=port)}"}
+    assert browser.send("GET", "/", headers=headers).status in (400, 421)
+    assert browser.send("POST", "/examples/cooling", headers=headers).status in (400, 421)
+
+
+def test_the_names_of_this_machine_are_not_refused(browser: Browser) -> None:
+    port = browser.address.rpartition(":")[2]
+    assert browser.send("GET", "/", headers={"Host": f"localhost:{port}"}).status == 200
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", None, "https://{address}", ""])
+def test_what_another_page_sends_is_refused(browser: Browser, origin: str | None) -> None:
+    sent = {"Origin": origin and origin.format(address=browser.address)}
+    n = browser.get("/").text.count("<li>")
+    for path in ("/examples/cooling", "/propagate", "/files"):
+        assert browser.send("POST", path, headers=sent).status == 403
+    assert browser.get("/").text.count("<li>") == n
+
+
+def test_every_page_has_the_headers_that_forbid(browser: Browser) -> None:
+    for path in ("/", "/propagate", "/nothing", "/static/estim.js"):
+        headers = browser.get(path).headers
+        policy = headers["content-security-policy"]
+        assert "default-src 'none'" in policy
+        assert "unsafe" not in policy
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "same-origin"
+        assert headers["cache-control"] == "no-store"
+    assert browser.send("PUT", "/").status == 405
+    for page in (Path(__file__).parents[1] / "estim" / "web" / "templates").iterdir():
+        assert not re.findall(r"<script>|<style|\sstyle=|\son\w+=", page.read_text()), page
+
+
+def test_others_need_the_passphrase(tmp_path: Path) -> None:
+    with served(tmp_path, passphrase="three-word-phrase") as address:
+        student = Browser(address)
+        assert student.get("/").status == 401
+        began = time.monotonic()
+        assert student.fill_in("/enter", passphrase="three-word").status == 401
+        assert time.monotonic() - began > 0.9
+        assert student.get("/").status == 401
+        assert student.fill_in("/enter", passphrase=" three-word-phrase ").status == 303
+        assert student.get("/").status == 200
+
+
+# ---- what may be sent ----
+
+NAMES = [
+    "../../up.csv",
+    "/etc/passwd.csv",
+    "..\\..\\up.csv",
+    "C:\\up.csv",
+    "<img src=x onerror=alert(1)>.csv",
+    "a\"b'c.csv",
+    "con.csv",
+    "--out=elsewhere.csv",
+    ".csv",
+    "röntgen {x} {{ 7*7 }} %s.csv",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_name_is_shown_and_is_nothing_else(browser: Browser, folder: Path, name: str) -> None:
+    before = set(folder.parent.iterdir())
+    asked = browser.hand_in({name: LINE})
+    form = browser.get(asked.place)
+    assert form.status == 200
+    assert "<img src=x" not in form.text
+    assert "7*7" not in form.text or "{{ 7*7 }}" in unescape(form.text)
+    if "<img" in name or "--out" in name:
+        answer = browser.fill_in(asked.place, asked="formula", formula="a*x + b", x="t", y="U")
+        page = browser.ended(answer.place)
+        report = browser.get(f"{answer.place}/report/report.html").text
+        assert "ok" in words(page.text)
+        assert "<img src=x" not in page.text + report
+        assert browser.get(f"{answer.place}/all.zip").status == 200
+    stored = {path.name for path in (folder / asked.place[1:]).iterdir()}
+    assert all(re.fullmatch(r"[a-z0-9-]+\.(csv|json|png)", each) for each in stored), stored
+    assert set(folder.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/files/../answers",
+        "/files/..%2f..",
+        "/answers/nothing",
+        "/answers/%00",
+        "/files/" + "0" * 20,
+    ],
+)
+def test_an_address_opens_no_path(browser: Browser, path: str) -> None:
+    assert browser.get(path).status == 404
+
+
+def test_a_report_gives_its_own_files_alone(browser: Browser) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    answer = browser.fill_in(asked.place, asked="line", x="t", y="U")
+    browser.ended(answer.place)
+    for path in (
+        "../record.json",
+        "..%2frecord.json",
+        "%2e%2e/line.csv",
+        "/etc/passwd",
+        ".checkpoint/x",
+        "",
+    ):
+        assert browser.get(f"{answer.place}/report/{path}").status == 404, path
+    assert browser.get(f"{answer.place}/report/result.json").status == 200
+
+
+def test_too_much_is_refused(browser: Browser) -> None:
+    many = {f"{i}.csv": LINE for i in range(MOST_FILES + 1)}
+    assert browser.hand_in(many).status == 400
+    sent = {"Content-Length": str(MOST_BYTES * 2)}
+    assert browser.send("POST", "/files", headers=sent).status == 413
+    assert browser.send("POST", "/files", headers={"Content-Length": None}).status == 411
+    asked = browser.hand_in({"line.csv": LINE})
+    assert browser.fill_in(asked.place, asked="formula", formula="x" * 70_000).status == 413
+
+
+def test_a_campaign_reads_nothing_outside_its_folder(browser: Browser, tmp_path: Path) -> None:
+    (tmp_path / "private.csv").write_bytes(LINE)
+    campaign = """title = "t"
+kind = "measured"
+[curve]
+expression = "a*x + b"
+x = {{column = "t"}}
+y = {{column = "U"}}
+[curve.parameters]
+a = {{start = 1.0}}
+b = {{start = 1.0}}
+[[runs]]
+name = "one"
+file = "{file}"
+"""
+    for file, reads in (
+        (tmp_path / "private.csv", False),
+        ("../../private.csv", False),
+        ("mine.csv", True),
+    ):
+        asked = browser.hand_in({"c.toml": campaign.format(file=file).encode(), "mine.csv": LINE})
+        form = browser.get(asked.place).text
+        assert ("lies outside the folder" in form) is not reads, words(form)
+        assert ("cannot be read" in form) is not reads
+        page = browser.ended(browser.fill_in(asked.place).place)
+        assert page.status == (200 if reads else 303)
+        if not reads:
+            assert "no such file" not in form
+            assert "lies outside the folder" in unescape(browser.get(page.place).text)
+
+
+@pytest.mark.parametrize("asked", ["formula", "line", "mean"])
+def test_no_field_becomes_an_option_or_a_file(asked: str) -> None:
+    options = [option for parameter in fit.params for option in parameter.opts]
+    fields = {option.lstrip("-"): f"--out=/x{option}" for option in options} | {"asked": asked}
+    fields |= {"cov": "/etc/passwd", "runs": "--out=/x", "start": "--out=/x\n-o /y\n/etc/passwd"}
+    told = arguments_of(fields, "points.csv", "--out=/x")
+    end = ["--format", "html", "--out", "report"]
+    assert told[1] == "points.csv"
+    assert told[-4:] == end
+    flags = {"--correlated", "--jitter"}
+    assert all(re.match(r"--[a-z-]+=", word) or word in flags for word in told[2:-4])
+    assert not [word for word in told[2:-4] if word.startswith(("--out", "--cov", "--run"))]
+    told = arguments_of({"runs": "--out=/x\n/y"}, "c.toml", "c")
+    assert told == ["fit", "c.toml", "--run=--out=/x", "--run=/y", *end]
+
+
+def test_a_formula_of_values_is_never_a_file() -> None:
+    told = arguments_of({"formula": "/etc/passwd", "values": "--out = 3\na=1; b =2"}, "", "")
+    assert told[told.index("--") + 1 :] == ["/etc/passwd", "--out=3", "a=1", "b=2"]
+    for fields in (
+        {"formula": "/etc/passwd"},
+        {"values": "a=1"},
+        {"formula": "f", "values": " ; \n"},
+    ):
+        with pytest.raises(InputError):
+            arguments_of(fields, "", "")
+
+
+def test_fields_alike_are_lines_of_one() -> None:
+    assert fields_of([("formula", " a*x "), ("runs", "a"), ("runs", "b"), ("x", " ")]) == {
+        "formula": "a*x",
+        "runs": "a\nb",
+    }
+
+
+# ---- work that takes long, and ends early ----
+
+
+def test_an_answer_that_runs_says_how_far_it_is_and_can_be_cancelled(browser: Browser) -> None:
+    asked = browser.send("POST", "/examples/cooling")
+    answer = browser.fill_in(asked.place, asked="formula", formula=SLOW)
+    page = browser.get(answer.place).text
+    assert "<progress" in page
+    assert '<noscript><meta http-equiv="refresh"' in page
+    state = json.loads(browser.get(f"{answer.place}/state").body)
+    assert set(state) == {"ended", "percent", "doing"}
+    assert not state["ended"]
+    assert browser.send("POST", f"{answer.place}/cancel").status == 303
+    page = browser.get(answer.place)
+    assert "Cancelled" in page.text
+    assert browser.send("POST", f"{answer.place}/cancel").status == 303
+
+
+def test_two_tabs_and_two_sessions_do_not_disturb_each_other(address: str) -> None:
+    one, two = entered(address), entered(address)
+    pages = [browser.hand_in({f"{i}.csv": LINE}).place for i, browser in enumerate((one, two, one))]
+    kinds = ("line", "mean", "line")
+    answers = [
+        browser.fill_in(page, asked=kind, y="U").place
+        for browser, page, kind in zip((one, two, one), pages, kinds, strict=True)
+    ]
+    assert len(set(answers)) == 3
+    for browser, answer, i, kind in zip((one, two, one), answers, (0, 1, 2), kinds, strict=True):
+        page = browser.ended(answer).text
+        assert f"<h1>{i}.csv</h1>" in page
+        assert f"{kind}: ok" in page
+
+
+def children(of: int) -> list[int]:
+    """Processes that one has started."""
+    with subprocess.Popen(
+        ["ps", "-o", "pid=", "--ppid", str(of)], stdout=subprocess.PIPE, text=True
+    ) as listing:
+        pids = [int(pid) for pid in listing.communicate()[0].split()]
+    return [pid for pid in pids if pid != listing.pid]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are counted by ps")
+def test_a_killed_worker_harms_nobody(address: str, tmp_path: Path) -> None:
+    browser = entered(address)
+    asked = browser.send("POST", "/examples/cooling")
+    answer = browser.fill_in(asked.place, asked="formula", formula=SLOW)
+    while not json.loads(browser.get(f"{answer.place}/state").body)["doing"]:
+        time.sleep(0.05)
+    end = time.monotonic() + 30
+    while not (workers := children(os.getpid())) and time.monotonic() < end:
+        time.sleep(0.05)
+    for worker in workers:
+        os.kill(worker, signal.SIGKILL)
+    page = browser.ended(answer.place).text
+    assert "Stopped:" in page or "Failed" in page
+    again = browser.hand_in({"line.csv": LINE})
+    assert "line: ok" in browser.ended(browser.fill_in(again.place, asked="line").place).text
+
+
+def test_a_worker_is_held_to_its_seconds(tmp_path: Path, project: Path) -> None:
+    data = project / "data" / "tutorial" / "tea.csv"
+    (tmp_path / "tea.csv").write_bytes(data.read_bytes())
+    job = Job(tmp_path, ["run", "fit", "tea.csv", f"--formula={SLOW}"], seconds=1)
+    job.run()
+    assert job.state == "stopped"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits of memory as Linux has them")
+def test_a_worker_is_held_to_its_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("estim.web.work._BYTES", 100 * 1024**2)
+    job = Job(tmp_path, ["run", "line", "none.csv"], seconds=60)
+    job.run()
+    assert job.code not in (0, 2)
+
+
+def test_a_full_queue_takes_nothing_and_a_waiting_job_can_be_cancelled(tmp_path: Path) -> None:
+    workers = Workers(1, 1)
+    ended: list[str] = []
+    first, second = (Job(tmp_path, ["run", "fit", "none.toml"], seconds=60) for _ in range(2))
+    workers.submit(first, lambda: ended.append("first"))
+    workers.submit(second, lambda: ended.append("second"))
+    assert workers.is_full
+    workers.cancel(second)
+    assert ended == ["second"]
+    assert second.state == "cancelled"
+    workers.close()
+    assert sorted(ended) == ["first", "second"]
+    assert first.state in ("interrupted", "done")
+
+
+def test_a_full_queue_is_a_sentence_on_the_page(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    monkeypatch.setattr(Workers, "is_full", True)
+    reply = browser.fill_in(asked.place, asked="line")
+    assert reply.status == 503
+    assert "Too many questions wait" in reply.text
+
+
+def test_fifty_uploads_at_once_are_all_answered(browser: Browser) -> None:
+    places: list[str] = []
+
+    def hand_in(i: int) -> None:
+        places.append(
+            Browser(browser.address, dict(browser.cookies)).hand_in({f"{i}.csv": LINE}).place
+        )
+
+    threads = [threading.Thread(target=hand_in, args=[i]) for i in range(50)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(set(places)) == 50
+
+
+# ---- what stays ----
+
+
+def test_a_restart_finds_what_was_answered_and_shows_what_was_interrupted(tmp_path: Path) -> None:
+    with served(tmp_path) as address:
+        browser = entered(address)
+        asked = browser.hand_in({"line.csv": LINE})
+        done = browser.fill_in(asked.place, asked="line").place
+        browser.ended(done)
+        cut = browser.fill_in(asked.place, asked="formula", formula="a*t + b").place
+    with served(tmp_path) as address:
+        browser = entered(address)
+        assert "line: ok" in browser.get(done).text
+        assert browser.get(f"{done}/report/report.html").status == 200
+        assert "Interrupted" in browser.get(cut).text
+        assert browser.get(asked.place).status == 200
+
+
+def test_a_damaged_record_loses_itself_alone(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    (kept,) = store.take_in({"line.csv": LINE})
+    (damaged,) = store.take_in({"other.csv": LINE})
+    (tmp_path / "files" / damaged.id / "record.json").write_bytes(b'{"id": ')
+    (tmp_path / "files" / "somebody's own").mkdir()
+    assert set(Store(tmp_path).uploads.records) == {kept.id}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals")
+def test_the_command_serves_until_it_is_stopped_and_its_workers_end_with_it(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "estim", "serve", "--no-browser", "--folder", str(tmp_path)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as server:
+        assert server.stdout is not None
+        url = server.stdout.readline().split()[1]
+        address, token = re.fullmatch(r"http://(.*)/\?token=(.*)", url).groups()
+        browser = Browser(address)
+        assert browser.get(f"/?token={token}").status == 303
+        other = subprocess.run(
+            command, capture_output=True, text=True, env=environment, check=False
+        )
+        assert other.returncode == 2
+        assert "is in use by another process" in other.stderr
+        asked = browser.send("POST", "/examples/cooling")
+        browser.fill_in(asked.place, asked="formula", formula=SLOW)
+        end = time.monotonic() + 30
+        while not (workers := children(server.pid)) and time.monotonic() < end:
+            time.sleep(0.05)
+        server.kill()
+        server.wait()
+    end = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in workers) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert workers
+    assert not any(Path(f"/proc/{pid}").exists() for pid in workers)
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    ) as server:
+        assert server.stdout is not None
+        assert server.stderr is not None
+        server.stdout.readline()
+        server.send_signal(signal.SIGINT)
+        assert server.wait(20) == 0
+        assert server.stderr.read() == ""
+
+
+def test_a_taken_port_is_one_line_and_the_usual_one_gives_way(tmp_path: Path) -> None:
+    listener, address = listening(At("127.0.0.1", 0, tmp_path))
+    port = int(address.rpartition(":")[2])
+    with listener, pytest.raises(EstimError, match="'--port' cannot be listened on"):
+        listening(At("127.0.0.1", port, tmp_path))
+    others = [listening(At("127.0.0.1", None, tmp_path)) for _ in range(2)]
+    assert len({address for _, address in others}) == 2
+    for each, _ in others:
+        each.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "local"),
+    [("127.0.0.1", True), ("localhost", True), ("::1", True), ("0.0.0.0", False), ("lab", False)],
+)
+def test_other_machines_reach_all_but_a_loopback_address(host: str, local: bool) -> None:
+    assert At(host, None, Path()).is_local is local
