@@ -415,3 +415,20 @@ def test_the_place_of_a_peak_far_from_zero_is_no_angle(far: float) -> None:
             found = fit_curve(curve, x, noisy)
             assert found.status == "ok", found.reasons
             assert abs(found.values["center"] - far) < 5.0 * found.sds["center"]
+
+
+@pytest.mark.parametrize("decimals", [6, 4])
+def test_times_that_a_file_rounds_leave_aliases_what_they_are(decimals: int) -> None:
+    """At 30 pictures a second, times of a few decimals tell aliases apart by what was rounded away:
+    not by a reading.
+    """
+    for seed in range(3):
+        noise = np.random.default_rng(seed).normal(0.0, 0.05, 60)
+        times = np.arange(60) / 30.0
+        y = 2.0 * np.exp(-0.3 * times) * np.sin(2.0 * np.pi * 1.3 * times + 0.4) + noise
+        file = "".join(f"{t:.{decimals}f},{v:.5f}\n" for t, v in zip(times, y, strict=True))
+        t, read = np.loadtxt(file.splitlines(), delimiter=",", unpack=True)
+        fit = fit_curve("damped_oscillation", t, read, u_y=0.05)
+        assert fit.status == "ok"
+        assert abs(fit.values["frequency"] - 1.3) < 4.0 * fit.sds["frequency"]
+        assert "curves of higher frequency pass through the same points" in fit.message

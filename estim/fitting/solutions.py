@@ -18,7 +18,8 @@ from estim.problem import Symmetry
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
-_UNFELT = 0.05  # of the scatter of the points about a curve
+_ROUNDED = 0.01  # of the distance between two points
+_UNFELT = 0.2  # of the scatter of the points about a curve
 _ALIKE = 0.1  # in log share: solutions of the same weight
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -103,25 +104,26 @@ def choose(
     and what was left aside.
 
     Each is as it is usually `written`.  Of curves through the same points (a frequency plus the
-    rate of sampling) that weigh the same the one closest to the start is taken.  Where the user
-    gave no range that holds the others and it is the smoothest of all, they are left aside and no
-    solutions; so are other numbers that draw the same curve everywhere.  A worse end from which
-    the next step would still lead away is no optimum: a parameter on its way to infinity has any
-    share.
+    rate of sampling) that weigh the same the one closest to the start is taken, whatever they weigh
+    where only times that a file rounds tell them apart.  Where the user gave no range that holds
+    the others and it is the smoothest of all, they are left aside and no solutions; so are other
+    numbers that draw the same curve everywhere.  A worse end from which the next step would still
+    lead away is no optimum: a parameter on its way to infinity has any share.
     """
     distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
-    least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
-    equal = equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
-    level = [i for i, (_, chi2) in enumerate(distinct) if least <= chi2 <= equal]
     through = [
         i
-        for i in level
+        for i in range(len(distinct))
         if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)
     ]
-    same = [i for i in through if i == heaviest or shares[i] > shares[heaviest] - _ALIKE]
+    rounded = all(
+        not np.array_equal(_evened(run.x), run.x) for run in search.posterior.problem.runs
+    )
+    least = -math.inf if rounded else shares[heaviest] - _ALIKE
+    same = [i for i in through if i == heaviest or shares[i] > least]
     points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
     steady = np.array(
@@ -239,7 +241,8 @@ def _same_curve(
         counted = run.noise.counted is not None
         off = 0.0 if counted else run.y - run.points.value(problem.named(values))
         scatter = float(np.sqrt(np.mean(np.square(off))))
-        x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
+        ends = run.x.min(), run.x.max()
+        x = np.linspace(*ends, 3 * run.n_obs + 7) if between else _evened(run.x)
         a, b = (
             np.broadcast_to(run.curve.value(x, run.bind(problem.named(point))), (1, x.size))[0]
             for point in (values, other)
@@ -248,6 +251,14 @@ def _same_curve(
         if not np.max(np.abs(a - b)) <= alike:
             return False
     return True
+
+
+def _evened(x: FloatArray) -> FloatArray:
+    """The places of evenly spaced points where x (n_obs,) is that but for rounding; else x."""
+    number = np.arange(x.size) - 0.5 * (x.size - 1)
+    step = float(number @ x) / max(float(number @ number), 1.0)
+    even = np.mean(x) + step * number
+    return even if np.max(np.abs(x - even)) <= _ROUNDED * step else x
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
