@@ -11,13 +11,16 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from troubles import Formula
 
 from estim import pipeline
 from estim.cli.commands import main
 from estim.common.interruption import STOPPING
+from estim.sampling.ensembles import sampler_of
 
 PATIENCE = 300.0  # s, for what happens within a few unless it never does
 ENDLESS = """
@@ -195,3 +198,19 @@ def test_second_fit_into_the_same_folder_is_refused_while_the_first_lives(
     endless.wait()
     assert fit("--run", "r")[0] == 0
     assert not folder.exists()
+
+
+def test_an_end_within_the_density_prints_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    """emcee prints a traceback of whatever ends its density, a signal too."""
+
+    class Ended:
+        names = ("a",)
+
+        def log_density(self, draws: np.ndarray) -> np.ndarray:
+            raise KeyboardInterrupt
+
+    ahead = SimpleNamespace(steps=lambda: iter(()))
+    sampler = sampler_of(Ended(), (1, 8), ahead, seed=1)
+    with pytest.raises(KeyboardInterrupt):
+        sampler.compute_log_prob(np.zeros((8, 1)))
+    assert capfd.readouterr() == ("", "")

@@ -71,6 +71,8 @@ def sampler_of(
         vectorize=True,
         moves=Moves(ahead, others),
     )
+    # as it is: the one that emcee makes of it prints a traceback where a signal ends it
+    sampler.log_prob_fn = density.log_density
     # emcee would start from NumPy's global state
     sampler.random_state = np.random.RandomState(seed).get_state()
     return sampler
