@@ -209,7 +209,7 @@ def test_an_end_within_the_density_prints_nothing(capfd: pytest.CaptureFixture[s
         def log_density(self, draws: np.ndarray) -> np.ndarray:
             raise KeyboardInterrupt
 
-    ahead = SimpleNamespace(steps=lambda: iter(()))
+    ahead = SimpleNamespace(steps=lambda: iter(()), proposal=None, share=0.0)
     sampler = sampler_of(Ended(), (1, 8), ahead, seed=1)
     with pytest.raises(KeyboardInterrupt):
         sampler.compute_log_prob(np.zeros((8, 1)))
