@@ -432,3 +432,15 @@ def test_times_that_a_file_rounds_leave_aliases_what_they_are(decimals: int) -> 
         assert fit.status == "ok"
         assert abs(fit.values["frequency"] - 1.3) < 4.0 * fit.sds["frequency"]
         assert "curves of higher frequency pass through the same points" in fit.message
+
+
+@pytest.mark.parametrize("decimals", [15, 6])
+def test_other_values_that_nearly_draw_the_same_curve_stay_solutions(decimals: int) -> None:
+    """p near .34 and near 1.53, a tenth of the scatter apart at most, between the points too: no
+    alias, and no reason to choose one.
+    """
+    x = np.round(np.arange(60) / 30.0, decimals)
+    y = 0.5 - x + np.random.default_rng(2).normal(0.0, 0.05, 60)
+    curve = "(p**3 - 3*p)*x + 1e-3*p*x**2 + c"
+    fit = fit_curve(curve, x, y, u_y=0.05, start={"p": 0.3, "c": 0.4})
+    assert fit.status == "multimodal"

@@ -23,7 +23,7 @@ _STEP = 1e-3  # of a standard deviation, for differences: their error moves an o
 _NOWHERE = 1e30  # -2 log density from which the density counts as zero
 _REACH = 5.0  # standard deviations
 _FELT = 0.01  # of -2 log density
-_LONGER = np.append(1.0, 10.0 ** np.arange(1.0, 300.0))
+_LONGER = 10.0 ** np.arange(1.0, 300.0)
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -206,7 +206,7 @@ def search_of(fit: Fit) -> ProfileSearch:
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
     search = ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
-    longer = np.array([_felt(search, fit.values, i) for i in range(sds.size)])
+    longer = _longer(search, fit.values)
     return replace(
         search,
         scale=longer * search.scale,
@@ -215,24 +215,27 @@ def search_of(fit: Fit) -> ProfileSearch:
     )
 
 
-def _felt(search: ProfileSearch, values: FloatArray, i: int) -> float:
-    """By which power of ten the scale of parameter i must be longer, so that the density feels a
-    step of it.
+def _longer(search: ProfileSearch, values: FloatArray) -> FloatArray:
+    """(n_par,) by which power of ten each scale must be longer, so that the density feels a step of
+    it.
 
     It does at once, but where the information at the fit has no bound: where a count of 0 is
     expected to be 0.
     """
-    points = np.tile(values, (2 * _LONGER.size, 1))
-    with np.errstate(over="ignore"):
-        points[:, i] += np.outer([1.0, -1.0], _LONGER).ravel() * search.scale[i]
-    points = np.clip(points, search.low, search.high)
-    here = search.objective(values)
+    here, longer = search.objective(values), np.ones(values.size)
 
-    def felt(some: FloatArray) -> NDArray[np.bool_]:
-        risen = search.objectives(some) - here
+    def felt(steps: FloatArray) -> NDArray[np.bool_]:
+        """(n,) whether either way is felt of steps (n, n_par)."""
+        both = np.clip(np.concatenate([values + steps, values - steps]), search.low, search.high)
+        risen = search.objectives(both) - here
         return np.any((np.isfinite(risen) & (risen > _FELT)).reshape(2, -1), axis=0)
 
-    if not np.isfinite(here) or felt(points[[0, _LONGER.size]])[0]:
-        return 1.0
-    at = felt(points)
-    return float(_LONGER[np.argmax(at)]) if np.any(at) else 1.0
+    if not np.isfinite(here):
+        return longer
+    for i in np.flatnonzero(~felt(np.diag(search.scale))):
+        steps = np.zeros((_LONGER.size, values.size))
+        with np.errstate(over="ignore"):
+            steps[:, i] = _LONGER * search.scale[i]
+        at = felt(steps)
+        longer[i] = _LONGER[np.argmax(at)] if np.any(at) else 1.0
+    return longer

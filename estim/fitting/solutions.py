@@ -13,13 +13,15 @@ from estim.common import Amount, Finding, Kind
 from estim.fitting.gauss_newton import End, inverse_information
 from estim.fitting.least_squares import WITHIN_REACH
 from estim.fitting.separable import SeparableSearch
-from estim.problem import Symmetry
+from estim.problem import Observations, Symmetry
 
 SAME = 1e-6  # relative difference of sums of squares between equal optima
 MOST_OTHERS = 16  # other optima that are kept
 PLACE = 0.5  # standard deviations: closer ends are one place
-_ROUNDED = 0.01  # of the distance between two points
+_EXACT, _ROUNDED = 1e-9, 0.01  # of the distance between two points: from its even place
 _UNFELT = 0.2  # of the scatter of the points about a curve
+_PARTED = 5.0  # times that
+_ASIDE = 0.382  # of the distance: no simple share, at which other aliases meet again
 _ALIKE = 0.1  # in log share: solutions of the same weight
 # ratio of singular values from which a normal distribution says what an optimum holds
 _SOUND = 1e-6
@@ -113,17 +115,22 @@ def choose(
     distinct = distinct[:1] + [end for end in distinct[1:] if _is_optimum(search, end)]
     shares = [_log_share(search, end) for end in distinct]
     heaviest = int(np.argmax(shares)) if math.isfinite(shares[0]) else 0
+    least = distinct[heaviest][1] * (1.0 - SAME) - search.rounding
+    equal = equal_to(search, distinct[heaviest][1])
     named = [written(search, values, symmetry, start) for values, _ in distinct]
+    rounded = [_is_alias(search, values, distinct[heaviest][0]) for values, _ in distinct]
     through = [
         i
-        for i in range(len(distinct))
-        if _same_curve(search, distinct[i][0], distinct[heaviest][0], between=False)
+        for i, (values, chi2) in enumerate(distinct)
+        if rounded[i]
+        or (
+            least <= chi2 <= equal
+            and _same_curve(search, values, distinct[heaviest][0], between=False)
+        )
     ]
-    rounded = all(
-        not np.array_equal(_evened(run.x), run.x) for run in search.posterior.problem.runs
-    )
-    least = -math.inf if rounded else shares[heaviest] - _ALIKE
-    same = [i for i in through if i == heaviest or shares[i] > least]
+    same = [
+        i for i in through if i == heaviest or rounded[i] or shares[i] > shares[heaviest] - _ALIKE
+    ]
     points = np.array([named[i] for i in through])
     apart = np.ptp(points, axis=0)
     steady = np.array(
@@ -233,32 +240,47 @@ def _same_curve(
     search: SeparableSearch, values: FloatArray, other: FloatArray, *, between: bool
 ) -> bool:
     """Whether two sets of values draw the same curves at the points, or, `between`, at places
-    between them as well: within rounding errors, or within so small a part of the scatter that no
-    reading could tell them apart (times that a file rounds leave aliases a little apart).
+    between them as well.
     """
     problem = search.posterior.problem
     for run in problem.runs:
-        counted = run.noise.counted is not None
-        off = 0.0 if counted else run.y - run.points.value(problem.named(values))
-        scatter = float(np.sqrt(np.mean(np.square(off))))
-        ends = run.x.min(), run.x.max()
-        x = np.linspace(*ends, 3 * run.n_obs + 7) if between else _evened(run.x)
-        a, b = (
-            np.broadcast_to(run.curve.value(x, run.bind(problem.named(point))), (1, x.size))[0]
-            for point in (values, other)
-        )
-        alike = max(1e-5 * float(np.max(np.abs(a))), _UNFELT * scatter, 1e-300)
-        if not np.max(np.abs(a - b)) <= alike:
+        x = np.linspace(run.x.min(), run.x.max(), 3 * run.n_obs + 7) if between else run.x
+        a, b = (_drawn(run, search, point, x) for point in (values, other))
+        if not np.max(np.abs(a - b)) <= 1e-5 * max(float(np.max(np.abs(a))), 1e-300):
             return False
     return True
 
 
-def _evened(x: FloatArray) -> FloatArray:
-    """The places of evenly spaced points where x (n_obs,) is that but for rounding; else x."""
-    number = np.arange(x.size) - 0.5 * (x.size - 1)
-    step = float(number @ x) / max(float(number @ number), 1.0)
-    even = np.mean(x) + step * number
-    return even if np.max(np.abs(x - even)) <= _ROUNDED * step else x
+def _is_alias(search: SeparableSearch, values: FloatArray, other: FloatArray) -> bool:
+    """Whether points that are evenly spaced but for rounding are all that tells two curves apart
+    there: moved to where they would be, they could not, and between them the curves differ.
+    """
+    problem, apart = search.posterior.problem, False
+    for run in problem.runs:
+        number = np.arange(run.n_obs) - 0.5 * (run.n_obs - 1)
+        step = float(number @ run.x) / max(float(number @ number), 1.0)
+        even = np.mean(run.x) + step * number
+        off = float(np.max(np.abs(run.x - even)))
+        if run.noise.counted is not None or not _EXACT * step < off <= _ROUNDED * step:
+            return False
+        fitted = np.ravel(run.points.value(problem.named(values)))
+        unfelt = _UNFELT * float(np.sqrt(np.mean(np.square(run.y - fitted))))
+        at_points, between = (
+            np.max(np.abs(_drawn(run, search, values, x) - _drawn(run, search, other, x)))
+            for x in (even, even[:-1] + _ASIDE * step)
+        )
+        if not at_points <= unfelt:
+            return False
+        apart |= bool(between > _PARTED * unfelt)
+    return apart
+
+
+def _drawn(
+    run: Observations, search: SeparableSearch, values: FloatArray, x: FloatArray
+) -> FloatArray:
+    """(n,) the curve of a run at the places x (n,)."""
+    named = search.posterior.problem.named(values)
+    return np.broadcast_to(run.curve.value(x, run.bind(named)), (1, x.size))[0]
 
 
 def _roughness(search: SeparableSearch, values: FloatArray) -> float:
