@@ -273,7 +273,8 @@ WORDS: Table = MappingProxyType(
         ),
         Kind.NO_FURTHER: later(
             "{name} goes as far as counts of 0 allow: beyond, the curve would expect less than "
-            "none there; it has no standard deviation; use its interval"
+            "none there; it has no standard deviation, and its interval ends too early (that of "
+            "95 % for a single count of 0 at 1.9 instead of 3.0)"
         ),
     }
 )
