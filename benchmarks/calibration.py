@@ -33,7 +33,7 @@ from estim.calibration.trial import Engine, What
 from estim.campaign import Campaign, load_campaign
 from estim.campaign.campaign_file import NoiseTable
 from estim.fitting.least_squares import fit_least_squares
-from model import Body, trajectory
+from estim.model import Body, trajectory
 
 CAMPAIGN = """
 title = "one run for calibration"

@@ -40,11 +40,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import load_campaign
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.model import Body
+from estim.model.simulate import frame_times, simulate_positions
 from estim.sampling.chain import Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.marginal import MarginalOptions, sample_marginal
-from model import Body
-from model.simulate import frame_times, simulate_positions
 
 FloatArray = NDArray[np.float64]
 HEAD = """title = "benchmark"

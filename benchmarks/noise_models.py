@@ -38,8 +38,8 @@ from estim.campaign import Campaign, load_campaign
 from estim.checks.diagnosis import too_many_outliers
 from estim.checks.outliers import find_outliers
 from estim.fitting.least_squares import Fit, fit_least_squares
-from model import Body, ascends
-from model.simulate import frame_times, simulate_positions
+from estim.model import Body, ascends
+from estim.model.simulate import frame_times, simulate_positions
 
 FloatArray = NDArray[np.float64]
 PROJECT = Path(__file__).resolve().parents[1]

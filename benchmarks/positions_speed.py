@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from model import Body, motion, positions_at
+from estim.model import Body, motion, positions_at
 
 PROJECT = Path(__file__).resolve().parents[1]
 COMMANDS = {  # words -> noise of the campaign, arguments

@@ -39,8 +39,8 @@ from estim.line.regression import coverage_factor, fit_line
 from estim.line.release_analysis import weigh
 from estim.line.release_likelihood import release_posterior
 from estim.line.trial_data import Trials, by_tilt
+from estim.model.simulate import simulate_trials
 from estim.problem import HalfNormal, LogNormal, Prior, Uniform
-from model.simulate import simulate_trials
 
 FloatArray = NDArray[np.float64]
 DEGREE = math.pi / 180.0

@@ -29,11 +29,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from estim.campaign import load_campaign
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.model import Body, trajectory
 from estim.sampling.certificate import Certificate, certify
 from estim.sampling.chain import Chain, Convergence, Target, sample_posterior
 from estim.sampling.diagnostics import effective_size
 from estim.sampling.proposal import adapt_proposal
-from model import Body, trajectory
 
 FloatArray = NDArray[np.float64]
 

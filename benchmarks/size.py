@@ -1,7 +1,7 @@
 """How large the program is, as Markdown: python benchmarks/size.py
 
 Nodes of the syntax tree (`ast.walk`), module-level numbers that tune something, and the files and
-functions of estim and model that a fit of three parameters and `estim fit` of one run enter
+functions of estim that a fit of three parameters and `estim fit` of one run enter
 (`sys.setprofile`; what runs at import is not counted).
 """
 
@@ -19,15 +19,10 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
-PACKAGES = ("estim", "model")
 
 
 def trees() -> list[ast.Module]:
-    return [
-        ast.parse(path.read_text(encoding="utf-8"))
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-    ]
+    return [ast.parse(path.read_text(encoding="utf-8")) for path in (ROOT / "estim").rglob("*.py")]
 
 
 def is_number(node: ast.expr | None) -> bool:
@@ -65,7 +60,7 @@ def entered(run: Callable[[], object]) -> tuple[int, int]:
     """Files and functions that `run` enters the second time, when everything has been imported."""
     run()
     seen: set[tuple[str, str, int]] = set()
-    ours = tuple(str(ROOT / package) for package in PACKAGES)
+    ours = str(ROOT / "estim")
 
     def profile(frame: FrameType, event: str, _argument: Any) -> None:
         code = frame.f_code

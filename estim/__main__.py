@@ -10,7 +10,7 @@ import gc
 import os
 import sys
 
-from estim.namesakes import forget_working_folder, found_instead, in_the_way, namesake_behind
+from estim.namesakes import forget_working_folder, in_the_way, namesake_behind
 
 _BAD_INPUT = 2  # `estim.cli.commands.BAD_INPUT`, which cannot be imported yet
 # made before garbage is looked for: modules make many that stay, and looking through them took a
@@ -28,17 +28,14 @@ def main() -> None:
         # the matrices are small: a second thread of linear algebra only waits for the first
         for name in _THREADS:
             os.environ.setdefault(name, "1")
-    file = found_instead("model")
-    if not file:
-        try:
-            from estim.cli.commands import main as command
+    try:
+        from estim.cli.commands import main as command
 
-            command()
-        except Exception as error:
-            file = namesake_behind(error)
-            if not file:
-                raise
-    if file:
+        command()
+    except Exception as error:
+        file = namesake_behind(error)
+        if not file:
+            raise
         sys.stderr.write(f"error: {in_the_way(file)}\n")
         sys.exit(_BAD_INPUT)
 

@@ -1,5 +1,5 @@
-"""Files of a user that take the place of a module: a `model.py` beside the data is found before
-estim's own package `model`.
+"""Files of a user that take the place of a module: a `random.py` beside the data is found before
+Python's.
 
 It imports next to nothing, so that it works where a `re.py` or a `typing.py` is in the way.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 HOME = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-"""The folder that holds the packages `estim` and `model`."""
+"""The folder that holds the package `estim`."""
 
 
 def forget_working_folder() -> None:
@@ -26,16 +26,6 @@ def forget_working_folder() -> None:
     """
     if not sys.flags.safe_path and sys.path[:1] == [working_folder()] and sys.path[0] != HOME:
         del sys.path[0]
-
-
-def found_instead(package: str) -> str:
-    """The file that `import package` finds in place of the one beside estim; "" where it finds that
-    one.
-    """
-    spec = PathFinder.find_spec(package)
-    if spec is None or spec.origin is None:
-        return ""
-    return "" if _own(spec.origin) else spec.origin
 
 
 def namesake_behind(error: BaseException) -> str:
@@ -106,10 +96,7 @@ def working_folder() -> str:
 
 
 def _own(file: str) -> bool:
-    return any(
-        os.path.realpath(file).startswith(os.path.join(os.path.realpath(HOME), package, ""))
-        for package in ("estim", "model")
-    )
+    return os.path.realpath(file).startswith(os.path.join(os.path.realpath(HOME), "estim", ""))
 
 
 def _is_package(file: str) -> bool:

@@ -1,4 +1,4 @@
-"""The shape of the code, read from its imports: two packages, one direction, and one file for each
+"""The shape of the code, read from its imports: one direction, and one file for each
 thing that is done in one place.
 """
 
@@ -21,12 +21,10 @@ from estim.common.statuses import Amount, Finding
 
 PROJECT = Path(__file__).resolve().parents[1]
 FILES = {
-    ".".join((package, *path.relative_to(PROJECT / package).with_suffix("").parts)): path
-    for package in ("model", "estim")
-    for path in sorted((PROJECT / package).rglob("*.py"))
+    ".".join(path.relative_to(PROJECT).with_suffix("").parts): path
+    for path in sorted((PROJECT / "estim").rglob("*.py"))
 }
-MODEL = [m for m in FILES if m.startswith("model.")]
-ESTIM = [m for m in FILES if m.startswith("estim.")]
+MODEL = [m for m in FILES if m.startswith("estim.model.")]
 HEAVY = {
     "lmfit",
     "emcee",
@@ -80,20 +78,21 @@ def importers(package):
 
 def test_the_code_is_found():
     assert {
-        "model.body",
-        "model.phase",
+        "estim.model.body",
+        "estim.model.phase",
         "estim.cli.commands",
         "estim.campaign.bodies",
         "estim.fitting.least_squares",
     } <= set(FILES)
-    assert importers("numpy") > {"model.phase", "estim.problem.priors"}
+    assert importers("numpy") > {"estim.model.phase", "estim.problem.priors"}
 
 
 def test_physics_needs_numpy_and_nothing_else():
     for module in MODEL:
         # the extra `fast`, without which NumPy computes the same
-        more = {"numba"} if module == "model.compiled" else set()
-        assert packages(module) <= {"model", "numpy", *more, *sys.stdlib_module_names}, module
+        more = {"numba"} if module == "estim.model.compiled" else set()
+        others = {name for name in packages(module) if name != "estim"}
+        assert others <= {"numpy", *more, *sys.stdlib_module_names}, module
 
 
 def test_the_command_line_alone_knows_click():
@@ -108,7 +107,7 @@ def test_inference_meets_physics_in_eight_files():
         "estim.curves.rolling",
         "estim.line.release_likelihood",
     }
-    assert {m for m in importers("model") if m in ESTIM} == found
+    assert {m for m in FILES if "estim.model" in map(room, imports()[m])} - set(MODEL) == found
 
 
 @pytest.mark.parametrize(
@@ -120,32 +119,21 @@ def test_one_file_knows_each_engine(package, module):
 
 
 ARCHITECTURE = (PROJECT / "docs" / "architecture.md").read_text()
-ORDER = [
-    "model",
-    *(
-        f"estim.{name}"
-        for name in re.findall(r"^\| `(\w+)` \|", ARCHITECTURE, re.M)
-        if name != "model"
-    ),
-]
+ORDER = [f"estim.{name}" for name in re.findall(r"^\| `(\w+)` \|", ARCHITECTURE, re.M)]
 PAGES = [
     m.removesuffix(".__init__")
     for m in FILES
-    if m.startswith("estim.")
-    and m.endswith(".__init__")
+    if m.endswith(".__init__")
     and m.count(".") == 2
-    and m not in ("estim.studies.__init__", "estim.reports.__init__")
+    and m.split(".")[1] not in ("model", "studies", "reports")
 ]
 # they export and start; nothing imports them
-FRONT = {"estim.__init__", "estim.__main__", "model.__init__"}
+FRONT = {"estim.__init__", "estim.__main__"}
 
 
 def room(name):
-    """The package of `estim` (or the file beside the packages) that a dotted name belongs to;
-    "model" for physics.
-    """
-    parts = name.split(".")
-    return "model" if parts[0] == "model" else ".".join(parts[:2])
+    """The package of `estim` (or the file beside the packages) that a dotted name belongs to."""
+    return ".".join(name.split(".")[:2])
 
 
 def of_the_house(module):
@@ -153,9 +141,7 @@ def of_the_house(module):
     return {
         node.module
         for node in nodes()[module]
-        if isinstance(node, ast.ImportFrom)
-        and node.module
-        and node.module.split(".")[0] in ("model", "estim")
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "estim"
     }
 
 
@@ -185,7 +171,7 @@ def test_the_check_of_the_order_sees_an_arrow_up():
         ORDER.index("estim.checks")
         > ORDER.index("estim.problem")
         > ORDER.index("estim.common")
-        > ORDER.index("model")
+        > ORDER.index("estim.model")
         == 0
     )
 
@@ -216,7 +202,7 @@ def test_nobody_asks_which_kind_of_noise_it_is():
         "StudentT",
         "Mixture",
     }
-    for module in ESTIM:
+    for module in FILES:
         for node in nodes()[module]:
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") in (
                 "isinstance",
@@ -309,7 +295,7 @@ def test_one_place_prints_and_one_file_writes():
     assert {module for module, found in nodes().items() if outputs(found)} == printing
     # `terminal.say` escapes
     assert not any(
-        getattr(node, "attr", "") == "echo" for module in ESTIM for node in nodes()[module]
+        getattr(node, "attr", "") == "echo" for module in FILES for node in nodes()[module]
     )
     storage = {
         f"estim.common.{node.name}"
@@ -328,7 +314,7 @@ def test_one_place_prints_and_one_file_writes():
     keeping |= {"estim.web.preview", "estim.web.serving", "estim.web.store"}
     # a report asked for in Python has no command line to write it
     keeping |= {"estim.reports.curve"}
-    assert {m for m in ESTIM if storage & imports()[m] and room(m) != "estim.common"} == keeping
+    assert {m for m in FILES if storage & imports()[m] and room(m) != "estim.common"} == keeping
     # between processes only, never from a file
     assert importers("pickle") | importers("shelve") <= {"estim.common.jobs"}
     assert importers("h5py") <= {"estim.reports.interop"}
@@ -460,11 +446,11 @@ def test_no_sentence_is_read_back():
         )
         == []
     )
-    assert {m for m in ESTIM if readings(nodes()[m])} == OF_OTHERS | FILLING
+    assert {m for m in FILES if readings(nodes()[m])} == OF_OTHERS | FILLING
 
 
 def test_one_place_knows_to_which_status_a_finding_leads():
-    assert {m for m in ESTIM if "estim.common.kinds.LEADS_TO" in imports()[m]} == {
+    assert {m for m in FILES if "estim.common.kinds.LEADS_TO" in imports()[m]} == {
         "estim.common.statuses"
     }
 
@@ -539,11 +525,10 @@ def test_importing_the_package_loads_none_of_its_stages():
     assert ran.stdout.split() == []
 
 
-def test_physics_works_where_inference_is_not_installed():
-    heavy = "{'scipy', 'estim.common.errors', 'uncertainties'}"
+def test_physics_loads_nothing_of_inference():
     code = (
-        f"import sys; sys.modules['estim'] = None; import model; print(*sorted({heavy} & "
-        "set(sys.modules)))"
+        "import sys, estim.model; print(*sorted(m for m in sys.modules if m.startswith('scipy') "
+        "or m.startswith('estim.') and not m.startswith('estim.model')))"
     )
     ran = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PROJECT
@@ -551,17 +536,15 @@ def test_physics_works_where_inference_is_not_installed():
     assert ran.stdout.split() == []
 
 
-NAMES = (
-    "import sys, estim, model, importlib\nfor name in sys.argv[1:]: importlib.import_module(name)\n"
-)
+NAMES = "import sys, estim.model\nfor name in sys.argv[1:]: __import__(name)\n"
 NAMES += (
-    "for package in (estim, model):\n for name in package.__all__: print(package.__name__, "
+    "for package in (estim, estim.model):\n for name in package.__all__: print(package.__name__, "
     "name, type(getattr(package, name)).__name__)"
 )
 
 
 def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
-    absent = {"model.compiled"} if find_spec("numba") is None else set()
+    absent = {"estim.model.compiled"} if find_spec("numba") is None else set()
     modules = [
         module.removesuffix(".__init__")
         for module in sorted(FILES.keys() - absent)
@@ -579,14 +562,20 @@ def test_public_names_are_the_same_in_a_fresh_process_and_after_every_import():
     )
     assert after == fresh
     assert "module" not in fresh.split()
-    assert {"estim budget function", "estim line_posterior function", "model Body type"} <= set(
-        fresh.splitlines()
-    )
+    assert {
+        "estim budget function",
+        "estim line_posterior function",
+        "estim.model Body type",
+    } <= set(fresh.splitlines())
 
 
-@pytest.mark.parametrize("package", ["estim", "model"])
+@pytest.mark.parametrize("package", ["estim", "estim.model"])
 def test_no_public_name_is_that_of_a_file_or_folder(package):
-    inside = {module.split(".")[1] for module in FILES if module.startswith(f"{package}.")}
+    inside = {
+        module.removeprefix(f"{package}.").split(".")[0]
+        for module in FILES
+        if module.startswith(f"{package}.")
+    }
     facade = import_module(package)
     assert not inside & set(facade.__all__)
     assert list(facade.__all__) == list(dict.fromkeys(facade.__all__))
@@ -617,7 +606,7 @@ def test_what_a_script_imports_of_the_project_is_there(folder: str) -> None:
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.ImportFrom) or node.level:
                 continue
-            if (node.module or "").partition(".")[0] in ("estim", "model"):
+            if (node.module or "").partition(".")[0] == "estim":
                 home = import_module(str(node.module))
                 for alias in node.names:
                     file = f"{node.module}.{alias.name}"

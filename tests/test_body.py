@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from uncertainties import ufloat
 
-from model import Body
+from estim.model import Body
 
 WHEEL = Body.from_masses(
     0.235,

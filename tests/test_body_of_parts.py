@@ -18,8 +18,8 @@ from estim.campaign.campaign_file import read_campaign_file
 from estim.campaign.levels import body_levels
 from estim.cli.commands import cli
 from estim.common import format_quantity
+from estim.model import Body, trajectory
 from estim.studies.bodies import weigh
-from model import Body, trajectory
 
 DEVICE = Path(__file__).parents[1] / "data" / "device" / "bodies.toml"
 

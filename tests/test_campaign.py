@@ -18,11 +18,11 @@ from estim.campaign.dialect_table import DialectKeys
 from estim.campaign.selection import Window, select
 from estim.campaign.track_table import TrackKeys
 from estim.common import Kind
+from estim.model import Body, trajectory, turning_point
 from estim.problem.noise import Differentiated, Independent
 from estim.problem.priors import HalfNormal, LogNormal, Normal, TruncatedNormal, Uniform
 from estim.reading.toml import locate_keys
 from estim.words import tell
-from model import Body, trajectory, turning_point
 
 DEGREE = math.pi / 180
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)

@@ -11,9 +11,11 @@ import sys
 import numpy as np
 import pytest
 
-from model import Body, back_and_forth, motion, positions_at
+from estim.model import Body, back_and_forth, motion, positions_at
 
-compiled = pytest.importorskip("model.compiled", reason="numba, the extra fast, is not installed")
+compiled = pytest.importorskip(
+    "estim.model.compiled", reason="numba, the extra fast, is not installed"
+)
 N = 150
 
 
@@ -129,7 +131,7 @@ def test_numbers_of_one_run_need_no_columns():
 
 
 def test_numba_that_compiles_nothing_is_not_used():
-    code = "from model import motion; print(motion._compiled())"
+    code = "from estim.model import motion; print(motion._compiled())"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={"NUMBA_DISABLE_JIT": "1"},

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import (
+from estim.model import (
     Body,
     End,
     Forces,

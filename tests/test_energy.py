@@ -9,11 +9,11 @@ import pytest
 from test_noise import CAMPAIGN, SIGMA, campaign_file
 
 from estim.campaign import Campaign, load_campaign
+from estim.model import Body, trajectory
+from estim.model.energy import kinetic_energy, potential_energy
 from estim.pipeline import analyse
 from estim.sampling.chain import Target
 from estim.studies.energy import drift_of, energy_along
-from model import Body, trajectory
-from model.energy import kinetic_energy, potential_energy
 
 BODY = Body(radius=0.15, gamma=0.187, kappa=0.45)
 MOTION = {"phi": np.radians(4.0), "theta0": np.radians(60.0)}
@@ -58,7 +58,7 @@ def lossy_run(
     folder: Path, c_rr: float, noise: str, text: str, rng: np.random.Generator, *, angular: bool
 ) -> Campaign:
     """A run that truly loses energy, in metres or in radians."""
-    from model import turning_point
+    from estim.model import turning_point
 
     stop = float(turning_point(BODY, **MOTION, rolling_resistance=c_rr))
     t = np.arange(0.01, 3.0, 1.0 / 30.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from model import (
+from estim.model import (
     Body,
     Forces,
     angular_rate,
@@ -27,8 +27,8 @@ from model import (
     turning_angle,
     turning_point,
 )
-from model.energy import kinetic_energy, potential_energy
-from model.phase import energy_ratio, energy_ratio_derivatives
+from estim.model.energy import kinetic_energy, potential_energy
+from estim.model.phase import energy_ratio, energy_ratio_derivatives
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.motion import Truth, solve

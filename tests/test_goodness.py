@@ -47,7 +47,7 @@ def wheel(folder: Path, *, gamma: str, rng: np.random.Generator) -> Path:
     """An encoder record of an eccentric wheel rolling down, true gamma 0.163, and a campaign that
     claims `gamma`.
     """
-    from model import Body, trajectory
+    from estim.model import Body, trajectory
 
     body = Body(radius=0.235, gamma=0.163, kappa=0.75)
     t = np.arange(0.03, 3.5, 0.1)

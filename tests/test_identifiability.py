@@ -16,8 +16,8 @@ from estim.campaign import load_campaign
 from estim.checks.identifiability import PRIOR_DOMINATED, identify
 from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
+from estim.model import Body, speed
 from estim.problem.priors import HalfNormal, Normal, Uniform
-from model import Body, speed
 
 X = np.linspace(0.0, 2.0, 12)
 

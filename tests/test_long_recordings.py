@@ -17,10 +17,10 @@ from estim.deviation import BadFrames, FreeStart, Trajectory, bad_frames, pose_f
 from estim.deviation.autocorrelated import AutoCorrelated
 from estim.deviation.smoothing import settled
 from estim.fitting import screen
+from estim.model import Body, positions_at
 from estim.problem import normal, roots
 from estim.problem.roots import LowRankRoot
 from estim.reports.curve_figures import residual_figure
-from model import Body, positions_at
 
 NOISES = {
     "speeds": 'derivative = "central"',

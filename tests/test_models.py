@@ -33,6 +33,8 @@ from estim.deviation.residuals import Residuals
 from estim.explanation import predictive_checks
 from estim.fitting import fit_problem
 from estim.fitting.least_squares import fit_least_squares
+from estim.model import Body
+from estim.model.simulate import simulate_positions
 from estim.problem import HalfNormal, Normal, Problem
 from estim.problem.roots import root_of
 from estim.reports.models import ground_words, price_words, verdicts
@@ -47,8 +49,6 @@ from estim.studies.models import (
     fit_model,
     recommend,
 )
-from model import Body
-from model.simulate import simulate_positions
 
 QUICK = Target(ess=1000.0, max_step=1500)
 KNOWN = CAMPAIGN.replace(

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from model import (
+from estim.model import (
     Body,
     Forces,
     back_and_forth,
@@ -428,7 +428,7 @@ def test_the_place_that_is_read_off_a_table_is_reached_when_the_clock_says(phi, 
 
 @by_numpy
 def test_a_table_that_is_too_coarse_is_noticed(monkeypatch):
-    from model import inversion
+    from estim.model import inversion
 
     body, run = _draws(20, 4.0, 60.0)
     t = np.linspace(0.0, 1.3, 40)
@@ -445,7 +445,7 @@ def test_a_table_that_is_too_coarse_is_noticed(monkeypatch):
 
 @by_numpy
 def test_draws_in_blocks_are_the_draws_together(monkeypatch):
-    from model import motion
+    from estim.model import motion
 
     body, run = _draws(40, 4.0, 60.0)
     t = np.linspace(-0.1, 2.5, 60)  # back again, and over the release

@@ -15,10 +15,10 @@ from estim.checks.goodness import P_TOLD, Check, Goodness, check_goodness
 from estim.common import Kind
 from estim.distributions import normal_below
 from estim.fitting.least_squares import fit_least_squares
+from estim.model import Body, trajectory
 from estim.pipeline import analyse
 from estim.reports.result import result_of
 from estim.sampling.chain import Target
-from model import Body, trajectory
 
 TEXT = """\
 title = "a run"

@@ -107,21 +107,20 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_the_wheel_holds_both_packages_with_their_types_and_nothing_else(
+def test_the_wheel_holds_the_package_with_its_types_and_nothing_else(
     built: Path, project: Path
 ) -> None:
     (wheel,) = built.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
     sources = {
         path.relative_to(project).as_posix()
-        for package in ("model", "estim")
-        for path in (project / package).rglob("*")
+        for path in (project / "estim").rglob("*")
         if path.is_file()
     }
     assert {name for name in names if ".dist-info/" not in name} == {
         name for name in sources if "__pycache__" not in name
     }
-    assert {"model/py.typed", "estim/py.typed"} <= names
+    assert "estim/py.typed" in names
     (entry,) = (name for name in names if name.endswith("entry_points.txt"))
     assert "estim = estim.__main__:main" in zipfile.ZipFile(wheel).read(entry).decode()
 

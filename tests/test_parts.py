@@ -10,7 +10,7 @@ import math
 import numpy as np
 import pytest
 
-from model import Body, Part, assemble, bolt, disk, ring, rod, speed
+from estim.model import Body, Part, assemble, bolt, disk, ring, rod, speed
 
 R = 0.15
 

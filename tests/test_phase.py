@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from model import (
+from estim.model import (
     Body,
     angular_rate,
     ascends,
@@ -22,7 +22,7 @@ from model import (
     turning_angle,
     turning_point,
 )
-from model.phase import (
+from estim.model.phase import (
     STANDARD_GRAVITY,
     energy_ratio,
     energy_ratio_derivatives,

@@ -7,7 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model import Body, phase
+from estim.model import Body, phase
 
 
 def literal(angle, gamma, j, theta0, phi, resistance):

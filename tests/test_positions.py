@@ -111,7 +111,7 @@ def test_an_uncertain_zero_of_the_positions_costs_certainty(tmp_path, rng):
 def test_the_way_back_is_used(tmp_path, rng):
     from test_noise import GAMMA, KAPPA, PHI, RADIUS, THETA0
 
-    from model import Body, back_and_forth
+    from estim.model import Body, back_and_forth
 
     t = np.arange(0.0, 2.7, 1 / 30)
     truth = back_and_forth(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model import Readings, blurred_sigma
+from estim.model import Readings, blurred_sigma
 
 ODD = Readings(scale_x=0.01, scale_t=-0.02, bow=0.005, length=0.6, start=0.1)
 

@@ -141,7 +141,7 @@ def test_links_of_the_documents_lead_somewhere(project: Path) -> None:
 def test_pages_that_code_and_data_name_are_there(project: Path) -> None:
     code = [
         file
-        for folder in ("estim", "model", "tests", "benchmarks")
+        for folder in ("estim", "tests", "benchmarks")
         for file in (project / folder).rglob("*.py")
     ]
     page = re.compile(r"(?<![\w/.])docs/[\w/-]+\.(?:md|json|ipynb)")

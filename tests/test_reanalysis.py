@@ -158,7 +158,7 @@ def test_propagated_band_is_that_of_brute_force(
     """Draw the stated inputs, evaluate the curve, take quantiles: kappa and c_rr as published where
     that is known, else as fitted.
     """
-    from model import Body, speed
+    from estim.model import Body, speed
 
     analysis = single
     numbers = read_published(project / "data" / "paper" / "published.toml")[1] if of_paper else ()

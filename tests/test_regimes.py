@@ -16,8 +16,7 @@ from report_words import first_screen, words
 
 from estim.campaign import load_campaign
 from estim.cli.commands import cli
-from estim.studies.regimes import BodyMap, map_bodies
-from model import (
+from estim.model import (
     Body,
     range_of_release,
     release_for_turn,
@@ -27,6 +26,7 @@ from model import (
     trajectory,
     turning_angle,
 )
+from estim.studies.regimes import BodyMap, map_bodies
 
 
 @pytest.fixture(autouse=True)

@@ -21,9 +21,9 @@ from estim.line.release_analysis import weigh
 from estim.line.release_likelihood import effective_start, release_posterior
 from estim.line.thresholds import thresholds
 from estim.line.trial_data import HIGH, LOW, Trials, by_tilt, read_trials
+from estim.model import theta_min
+from estim.model.simulate import simulate_trials
 from estim.problem import HalfNormal, Uniform
-from model import theta_min
-from model.simulate import simulate_trials
 
 DEGREE = math.pi / 180.0
 SEPARATED = (

@@ -33,7 +33,7 @@ def test_rolling_resistance_costs_about_five_percent_of_the_energy(replica: Path
     """As the paper saw: relative to E0 = M g R (theta0 sin phi + gamma cos theta0), up to the
     turning point.
     """
-    from model import Body, turning_angle
+    from estim.model import Body, turning_angle
 
     truth = tomllib.loads((replica / "truth.toml").read_text())
     losses = []

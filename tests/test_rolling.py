@@ -17,6 +17,7 @@ from estim.curves.disturbed import DisturbedMotion, Setting
 from estim.curves.rolling import RollingMotion
 from estim.distributions import normal_tail
 from estim.fitting import fit_problem
+from estim.model import Body, trajectory
 from estim.pipeline import analyse
 from estim.problem.priors import Uniform
 from estim.reports.analysis import analysis_report
@@ -24,7 +25,6 @@ from estim.reports.result import result_of
 from estim.reports.rolling import rolling_figure
 from estim.sampling import Target
 from estim.words import tell
-from model import Body, trajectory
 
 BODY = {
     "radius": 0.15,

@@ -12,8 +12,8 @@ import pytest
 
 from estim import InputError
 from estim.campaign.design import load_design, mass_particle, simulate_campaign
-from model import Body, trajectory, turning_point
-from model.simulate import frame_times, simulate_positions, simulate_theta_min
+from estim.model import Body, trajectory, turning_point
+from estim.model.simulate import frame_times, simulate_positions, simulate_theta_min
 
 PAPER = Body(radius=0.15, gamma=0.187, kappa=0.45)
 RUN = {"phi": math.radians(4.0), "theta0": math.radians(60.0), "g": 9.81}

@@ -14,8 +14,8 @@ import pytest
 from estim.campaign import as_complete, load_campaign
 from estim.checks import check_goodness, tolerated_pattern
 from estim.fitting import finish, fit_least_squares, fit_problem
+from estim.model import Body, trajectory
 from estim.words import tell
-from model import Body, trajectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.__main__ import Case, against, by_quantity, generator

@@ -29,9 +29,9 @@ from estim.curves import (
     Setting,
 )
 from estim.fitting import Fit, fit_least_squares, fit_problem
+from estim.model import Body, speed
 from estim.problem import Independent, Normal, Observations, Parameter, Problem, Scale
 from estim.words import tell
-from model import Body, speed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from truth.motion import Truth, solve

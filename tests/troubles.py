@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from model import Body
-from model.simulate import frame_times, simulate_positions
+from estim.model import Body
+from estim.model.simulate import frame_times, simulate_positions
 
 
 def uniform(low: float, high: float) -> str:

@@ -7,9 +7,10 @@ two Markdown tables.
                             [--out FILE] [--keep FOLDER]
 
 Each line: a disturbance of one run (`recordings.py`; the motion is solved by SciPy and shares no
-code with `model/`), analysed as `estim fit` does by default, with no hint; beside it, if asked for,
-what lmfit makes of the same recordings (`peers.py`).  --joint: three runs of one body at three
-tilts of one ramp instead, analysed as `estim fit --joint` does; θ₀ and φ count once for each run.
+code with `estim/model/`), analysed as `estim fit` does by default, with no hint; beside it, if
+asked for, what lmfit makes of the same recordings (`peers.py`).  --joint: three runs of one body at
+three tilts of one ramp instead, analysed as `estim fit --joint` does; θ₀ and φ count once for
+each run.
 The true c_rr is its average over the track, drag and hills included.  --derived (with --noise
 speeds): what follows from these, too, as a method of its own: the inertia ratio j, the effective
 slope s, the turning point.  Shift: mean of (posterior mean - true value)/posterior sd over the

@@ -1,8 +1,8 @@
 """The true motion of a rolling body: Lagrange's equation solved by SciPy, every mass and force
 written out in SI units.
 
-Shares no code and no formula with `model/`.  The parts are point masses with places r_i(u), u the
-angle turned, and moments of inertia I; primes are derivatives with respect to u:
+Shares no code and no formula with `estim/model/`.  The parts are point masses with places r_i(u), u
+the angle turned, and moments of inertia I; primes are derivatives with respect to u:
 
     m(u) u'' + (m'/2) u'^2 = Q,    m = sum m_i r_i'.r_i' + I,    m'/2 = sum m_i r_i'.r_i''
 

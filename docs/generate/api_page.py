@@ -1,4 +1,4 @@
-"""docs/reference/python.md: what `estim` and `model` offer to Python, from their docstrings."""
+"""docs/reference/python.md: what `estim` and `estim.model` offer to Python, from their docstrings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import Enum
 from typing import Any
 
 import estim
-import model
+from estim import model
 
 _SUBJECTS = {
     "curve_fit": "Curves",
@@ -30,7 +30,7 @@ _SUBJECTS = {
 _MADE_BY_ESTIM = ("Analysis", "Campaign", "CurveFit", "LineFit")
 _INTRODUCTION = """# What Python offers
 
-Made by `make docs` from the docstrings. `import estim` has all names below but the last section, which is `import model`: physics alone, SI units and
+Made by `make docs` from the docstrings. `import estim` has all names below but the last section, which is `import estim.model`: physics alone, SI units and
 radians. Shapes are written `(n_obs,)`; a "mapping" goes from names to values. Start with `fit_curve` or `load_campaign`.
 """
 
@@ -42,7 +42,7 @@ def api_page() -> str:
         groups.setdefault(_SUBJECTS.get(home.split(".")[1], "Further names"), []).append(
             _entry(name, getattr(estim, name))
         )
-    groups["Physics of the rolling body: `model`"] = [
+    groups["Physics of the rolling body: `estim.model`"] = [
         _entry(name, getattr(model, name)) for name in model.__all__
     ]
     return _INTRODUCTION + "".join(
@@ -137,7 +137,7 @@ def _members(name: str, thing: Any) -> str:
         {
             key
             for kind in thing.__mro__[:-1]
-            if kind.__module__.startswith(("estim", "model"))
+            if kind.__module__.startswith("estim")
             for key in vars(kind)
         }
     ):

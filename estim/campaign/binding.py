@@ -27,10 +27,10 @@ from estim.campaign.parts import (
 )
 from estim.campaign.quantities import EFFECTS, GRIP, QUANTITIES, QuantityKind
 from estim.common import Quantity, format_quantity, phrase, signed
+from estim.model import Body
 from estim.problem import DefaultError, Prior, as_prior
 from estim.propagation import Input
 from estim.reading import KeyPath
-from model import Body
 
 KINDS_OF_QUANTITIES: Mapping[str, QuantityKind] = MappingProxyType({**QUANTITIES, **EFFECTS})
 

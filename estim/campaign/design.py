@@ -20,15 +20,15 @@ from estim.campaign.campaign_file import checked
 from estim.campaign.name_rules import check_body_names, check_run_names
 from estim.campaign.toml_text import toml_key, toml_string
 from estim.common import one_line
-from estim.reading import TOML_BYTES, Places, parse_toml, read_text
-from model import Body, ascends, theta_min
-from model.simulate import (
+from estim.model import Body, ascends, theta_min
+from estim.model.simulate import (
     film_time,
     frame_times,
     simulate_positions,
     simulate_theta_min,
     simulate_trials,
 )
+from estim.reading import TOML_BYTES, Places, parse_toml, read_text
 
 _RANGES: Mapping[str, tuple[float, float]] = {
     "g": (1e-3, 1e3),
@@ -80,7 +80,7 @@ class LineDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class TrialsDesign(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """Trials of release at both ends, as `model.simulate.simulate_trials` makes them."""
+    """Trials of release at both ends, as `estim.model.simulate.simulate_trials` makes them."""
 
     body: str
     phi_deg: list[float]
@@ -312,7 +312,7 @@ def _body(design: Design, name: str) -> Body:
 
 
 def _motion(design: Design, run: RunDesign) -> dict[str, Any]:
-    """The body and how it moves, as arguments of `model.simulate`."""
+    """The body and how it moves, as arguments of `estim.model.simulate`."""
     constants = design.constants
     return {
         "body": _body(design, run.body),

@@ -15,7 +15,7 @@ Written = float | str
 
 
 class PartTable(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """A piece that was weighed and measured; `model.parts` says what each kind is."""
+    """A piece that was weighed and measured; `estim.model.parts` says what each kind is."""
 
     kind: PartKind
     mass_kg: Written

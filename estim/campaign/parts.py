@@ -21,9 +21,9 @@ from estim.arrays import FloatArray
 from estim.campaign.campaign_file import CampaignFile, LevelTable
 from estim.campaign.part_table import NEEDED, PART_UNITS, POSSIBLE, PartTable
 from estim.common import Notation, Quantity, later, read_quantity
+from estim.model import Body, Part, assemble, bolt, disk, ring, rod
 from estim.propagation import Input, LinearResult, propagate_linear
 from estim.reading import KeyPath
-from model import Body, Part, assemble, bolt, disk, ring, rod
 
 _MOST_PARTS, _ROUNDING, _NEGLIGIBLE = 100, 1e-9, 0.05
 _LARGEST = 10.0  # radii of the body: beyond, a length is in another unit

@@ -14,7 +14,7 @@ from types import MappingProxyType
 import numpy as np
 
 from estim.common import Notation, later, phrase
-from model import STANDARD_GRAVITY
+from estim.model import STANDARD_GRAVITY
 
 _DEGREE = float(np.pi / 180.0)
 

@@ -1,10 +1,10 @@
 """The motion of a rolling body with all that a campaign may know beside weight and plain rolling
 resistance.
 
-A start with a push, drag, moments, a ramp that is not straight (`model.forces`), errors of the
-length scale, the clock and the image (`model.readings`): each an argument of the curves here.
-Without any of them the curves of `estim.curves.rolling` are the ones to use: they are the same to
-the last bits, and faster.
+A start with a push, drag, moments, a ramp that is not straight (`estim.model.forces`), errors of
+the length scale, the clock and the image (`estim.model.readings`): each an argument of the curves
+here.  Without any of them the curves of `estim.curves.rolling` are the ones to use: they are the
+same to the last bits, and faster.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from estim.curves.rolling import (
     footing_of,
     from_release,
 )
-from estim.problem import Derived, Footing, LocalCurve
-from model import (
+from estim.model import (
     Body,
     Forces,
     Readings,
@@ -44,6 +43,7 @@ from model import (
     sagging,
     turn_amplitude,
 )
+from estim.problem import Derived, Footing, LocalCurve
 
 _FORCES = {  # argument -> field of Forces
     "load_resistance": "load_resistance",
@@ -110,7 +110,7 @@ class _Disturbed:
 
     @property
     def acting(self) -> dict[str, Any]:
-        """Keywords of the functions of `model.phase`."""
+        """Keywords of the functions of `estim.model.phase`."""
         return {**self.motion, "release_energy": self.energy, "forces": self.forces}
 
     def true_position(self, reading: FloatArray) -> FloatArray:

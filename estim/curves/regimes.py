@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.curves.rolling import body_of
 from estim.curves.varying import own_values, shift_of
-from model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
+from estim.model import range_of_release, release_for_turn, release_that_rolls_on, turning_point
 
 Arguments = Mapping[str, ArrayLike]
 

@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike
 from estim.arrays import FloatArray
 from estim.common import Notation, later, phrase
 from estim.curves.differences import with_gradient
-from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Prior, Wording
-from model import (
+from estim.model import (
     Body,
     ContactForces,
     back_and_forth,
@@ -27,6 +26,7 @@ from model import (
     phase,
     positions_at,
 )
+from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Prior, Wording
 
 _BODY = ("radius", "gamma", "kappa", "rho", "trailing_fraction", "particle_gyration")
 _ZEROED = ("phi", "theta0")  # angles that an instrument may read with a common zero error

@@ -41,8 +41,8 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.line.trial_data import HIGH, LOW, Tilt, Trials
+from estim.model.phase import effective_slope
 from estim.problem import HalfNormal, LogNormal, Normal, Prior, Uniform
-from model.phase import effective_slope
 
 FACTOR = 4.0  # to which the stated u_theta is taken as known, 95 %
 LOG_SD = math.log(FACTOR) / 1.959964

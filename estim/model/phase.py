@@ -14,8 +14,8 @@ angles of rotation.  They hold for motion with theta increasing from rest.  Wher
 conservation leaves no speed (W/D < 0) the speed is 0; behind a turning point W may become positive
 again, so ask `turning_angle` what can be reached.
 
-A `release_energy` E0 (weights x R) adds to W: v^2 = 2 g R (E0 + W)/D, `model.forces` has what else
-may act.
+A `release_energy` E0 (weights x R) adds to W: v^2 = 2 g R (E0 + W)/D, `estim.model.forces` has what
+else may act.
 
 The triple (gamma, s, 1 + j) multiplied by one factor leaves the curve unchanged: positions and
 speeds alone never tell the three apart.
@@ -29,9 +29,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.driven import driven_energy
-from model.forces import Forces, energy_series, inertia, work
+from estim.model.body import Body
+from estim.model.driven import driven_energy
+from estim.model.forces import Forces, energy_series, inertia, work
 
 FloatArray = NDArray[np.float64]
 

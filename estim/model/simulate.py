@@ -11,9 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.motion import trajectory, travel_time
-from model.phase import STANDARD_GRAVITY, theta_min, turning_point
+from estim.model.body import Body
+from estim.model.motion import trajectory, travel_time
+from estim.model.phase import STANDARD_GRAVITY, theta_min, turning_point
 
 FloatArray = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from model.chebyshev_series import evaluate
+from estim.model.chebyshev_series import evaluate
 
 FloatArray = NDArray[Any]
 

@@ -2,7 +2,7 @@
 vectorised over draws.
 
 The state is the angle turned u and y = +-sqrt(q), the root of the kinetic energy in weights x R
-(table in `model.forces`):
+(table in `estim.model.forces`):
 
     u' = w y,    y' = (w/2) dq/du,    w = sqrt(2 g/(R D))
 
@@ -22,8 +22,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.forces import Forces, work
+from estim.model.body import Body
+from estim.model.forces import Forces, work
 
 FloatArray = NDArray[Any]
 

@@ -22,12 +22,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.chebyshev_series import cosine_transform, evaluate, integral
-from model.driven import driven_motion
-from model.forces import Forces
-from model.inversion import invert
-from model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
+from estim.model.body import Body
+from estim.model.chebyshev_series import cosine_transform, evaluate, integral
+from estim.model.driven import driven_motion
+from estim.model.forces import Forces
+from estim.model.inversion import invert
+from estim.model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
 
 FloatArray = NDArray[Any]
 
@@ -378,7 +378,7 @@ def _states(
 def _compiled() -> Callable[..., tuple[FloatArray, FloatArray, NDArray[np.bool_]]] | None:
     """`model.compiled.states`, where numba is there and has a place to keep what it compiles."""
     try:
-        from model.compiled import states
+        from estim.model.compiled import states
     except (ImportError, RuntimeError):
         return None
     return states

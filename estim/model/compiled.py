@@ -1,7 +1,7 @@
-"""What `model.motion` finds of a body that rolls back and forth, in machine code, draw by draw:
-numba, the extra `fast`.
+"""What `estim.model.motion` finds of a body that rolls back and forth, in machine code, draw by
+draw: numba, the extra `fast`.
 
-The scheme is that of `model.motion` and `model.inversion`, with the same Chebyshev points and
+The scheme is that of `estim.model.motion` and `model.inversion`, with the same Chebyshev points and
 knots.  All that is linear in the pace dt/dz at those points (clock, pace and its slope at the
 knots, the clock half way between some of them, the last Chebyshev coefficients) is one matrix.
 Draws that this does not settle are left to NumPy: a series that has not died away, a table that is
@@ -19,9 +19,9 @@ import numpy as np
 from numba import config, njit
 from numpy.typing import NDArray
 
-from model.body import Body
-from model.chebyshev_series import cosine_transform, integral
-from model.inversion import CLOSE, TRIED, basis, derivative
+from estim.model.body import Body
+from estim.model.chebyshev_series import cosine_transform, integral
+from estim.model.inversion import CLOSE, TRIED, basis, derivative
 
 if config.DISABLE_JIT:  # NUMBA_DISABLE_JIT=1: NumPy is many times faster than this as plain Python
     raise ImportError("numba compiles nothing")
@@ -140,7 +140,7 @@ def _zero(theta, sign, phi):  # type: ignore[no-untyped-def]
 
 @_compile
 def _turning_angle(gamma, slope, theta0):  # type: ignore[no-untyped-def]
-    """`model.phase.turning_angle`: 0 where the body does not start, inf where it never stops."""
+    """`phase.turning_angle`: 0 where the body does not start, inf where it never stops."""
     if not gamma * math.sin(theta0) > slope:
         return 0.0
     if abs(slope) >= gamma:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from model.body import Body, Quantity
+from estim.model.body import Body, Quantity
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
+from estim.model.body import Body
 
 FloatArray = NDArray[np.float64]
 

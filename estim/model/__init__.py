@@ -1,10 +1,10 @@
 """Physics of an eccentric body rolling on an incline: NumPy, SI units, radians.  Start with
-`model.body`.
+`estim.model.body`.
 """
 
-from model.body import Body
-from model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
-from model.forces import (
+from estim.model.body import Body
+from estim.model.contact import ContactForces, End, contact_forces, end_of_rolling, needed_friction
+from estim.model.forces import (
     Forces,
     moment_ratio,
     release_energy,
@@ -13,9 +13,9 @@ from model.forces import (
     turn_amplitude,
     turn_components,
 )
-from model.motion import back_and_forth, positions_at, trajectory, travel_time
-from model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
-from model.phase import (
+from estim.model.motion import back_and_forth, positions_at, trajectory, travel_time
+from estim.model.parts import Assembly, Part, assemble, bolt, disk, ring, rod
+from estim.model.phase import (
     STANDARD_GRAVITY,
     angular_rate,
     ascends,
@@ -25,8 +25,8 @@ from model.phase import (
     turning_angle,
     turning_point,
 )
-from model.readings import Readings, blurred_sigma
-from model.regimes import range_of_release, release_for_turn, release_that_rolls_on
+from estim.model.readings import Readings, blurred_sigma
+from estim.model.regimes import range_of_release, release_for_turn, release_that_rolls_on
 
 __all__ = [
     "STANDARD_GRAVITY",

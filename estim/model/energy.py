@@ -5,7 +5,7 @@ phi)
 
 (paper, eqs. kinetic_nrg_2 and potential_nrg, here for any body; V is zero where theta sin(phi) +
 gamma cos(theta) is.) With rolling resistance T + V falls by c_rr g cos(phi) per metre.  `forces`
-(`model.forces`): the tilt of D and the height follow a ramp that is not straight; every other
+(`estim.model.forces`): the tilt of D and the height follow a ramp that is not straight; every other
 force, a moment that depends on the angle too, counts as work done on T + V.
 """
 
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.forces import Forces, inertia, ramp_height
-from model.phase import STANDARD_GRAVITY
+from estim.model.body import Body
+from estim.model.forces import Forces, inertia, ramp_height
+from estim.model.phase import STANDARD_GRAVITY
 
 FloatArray = NDArray[Any]
 

@@ -1,9 +1,9 @@
 """The force between ramp and body: how hard it presses, the friction that rolling needs, and where
 rolling must end.
 
-With H = W/D the energy ratio of `model.phase` (theta'^2 = 2 g H/R, theta'' = g H'/R) and a = theta
-+ phi_x the angle of the particle from the normal of the ramp, Newton's law for the centre of mass
-gives, per unit weight,
+With H = W/D the energy ratio of `estim.model.phase` (theta'^2 = 2 g H/R, theta'' = g H'/R) and a =
+theta + phi_x the angle of the particle from the normal of the ramp, Newton's law for the centre of
+mass gives, per unit weight,
 
     N/(M g) = cos phi_x + 2 phi' R H - gamma [H' sin a + 2 H cos a]
     F/(M g) = sin phi_x + H' + gamma [H' cos a - 2 H sin a] + k_1 v/g + k_2 v^2/g
@@ -33,9 +33,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.body import Body
-from model.forces import Forces, energy_series, inertia
-from model.phase import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
+from estim.model.body import Body
+from estim.model.forces import Forces, energy_series, inertia
+from estim.model.phase import STANDARD_GRAVITY, energy_ratio_derivatives, turning_angle
 
 FloatArray = NDArray[np.float64]
 
@@ -77,7 +77,7 @@ def contact_forces(
     """Normal force and friction per unit weight after the body has turned by `angle` (rad) since
     release.
 
-    phi, theta0, rolling_resistance, release_energy, forces : as in `model.phase`.
+    phi, theta0, rolling_resistance, release_energy, forces : as in `estim.model.phase`.
     rate : rad/s, theta' there, either sign, where it is known; else that of the motion from release
         with theta increasing.
     """
