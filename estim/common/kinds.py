@@ -172,7 +172,7 @@ class Kind(StrEnum):
     AT_LIMIT = auto()
     NEAR_LIMIT = auto()
     CUT_BY_LIMIT = auto()
-    NO_FURTHER = auto()
+    CUT_BY_NONE = auto()
     # a line
     LINE_NOT_RISING = auto()
     SLOPES_DIFFER = auto()

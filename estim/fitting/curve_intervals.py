@@ -43,10 +43,11 @@ from estim.fitting.least_squares import Fit
 from estim.fitting.open_ends import open_sides, side_left_open
 from estim.fitting.optimum import Optimum
 from estim.fitting.profile import profile_intervals
+from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]
 
-_TINY = 1e-3  # of the 68 % interval, of a standard deviation that the density does not feel
+_NONE = 1e-9  # variance of a count that is expected to be 0
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -89,6 +90,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         if math.isfinite(dof)
         else np.full(len(names), np.inf)
     )
+    ended = any(_nothing_expected(run, fixed) for run in fixed.problem.runs)
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
@@ -112,22 +114,26 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
                 )
             )
             sds[i] = np.nan
-        elif counted and sds[i] < _TINY * np.ptp(intervals[name][PROBABILITIES[0]]):
-            # a count of 0 is expected to be 0 there: beyond, the curve has no meaning
-            notes.append(Finding(Kind.NO_FURTHER, parameters=(Amount(name),)))
-            sds[i] = np.nan
-        elif np.any(beside) and _lopsided(
+        elif (np.any(beside) or ended) and _lopsided(
             intervals[name], float(best.values[i]), float(sds[i]), float(dofs[i])
         ):
             notes.append(
                 Finding(
-                    Kind.CUT_BY_LIMIT,
+                    Kind.CUT_BY_LIMIT if np.any(beside) else Kind.CUT_BY_NONE,
                     parameters=(Amount(name),),
                     names=tuple(np.array(names)[beside].tolist()),
                 )
             )
             sds[i] = np.nan
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
+
+
+def _nothing_expected(run: Observations, fit: Fit) -> bool:
+    """Whether the curve expects no count somewhere: next to these values it would expect less."""
+    if (counted := run.noise.counted) is None:
+        return False
+    mean = run.curve.value(run.x, run.bind(fit.problem.named(fit.values)))
+    return not np.all(counted.law.variance(np.asarray(mean), counted.trials) > _NONE)
 
 
 def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:

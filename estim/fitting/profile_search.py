@@ -8,7 +8,7 @@ that are independent of each other are differentiated each in its own parameters
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +22,6 @@ from estim.problem import Likelihood, Posterior
 _STEP = 1e-3  # of a standard deviation, for differences: their error moves an optimum by 1e-6 sd
 _NOWHERE = 1e30  # -2 log density from which the density counts as zero
 _REACH = 5.0  # standard deviations
-_FELT = 0.01  # of -2 log density
-_LONGER = 10.0 ** np.arange(1.0, 300.0)
 _AT_ONCE = 512  # rows of a call: what they need stays small
 
 
@@ -205,37 +203,4 @@ def search_of(fit: Fit) -> ProfileSearch:
     cov = (basis / (1.0 + np.maximum(known, 0.0))) @ basis.T * np.outer(sds, sds)
     low = np.array([p.prior.low for p in fit.problem.parameters])
     high = np.array([p.prior.high for p in fit.problem.parameters])
-    search = ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)
-    longer = _longer(search, fit.values)
-    return replace(
-        search,
-        scale=longer * search.scale,
-        cov=cov * np.outer(longer, longer),
-        prior_sd=longer * sds,
-    )
-
-
-def _longer(search: ProfileSearch, values: FloatArray) -> FloatArray:
-    """(n_par,) by which power of ten each scale must be longer, so that the density feels a step of
-    it.
-
-    It does at once, but where the information at the fit has no bound: where a count of 0 is
-    expected to be 0.
-    """
-    here, longer = search.objective(values), np.ones(values.size)
-
-    def felt(steps: FloatArray) -> NDArray[np.bool_]:
-        """(n,) whether either way is felt of steps (n, n_par)."""
-        both = np.clip(np.concatenate([values + steps, values - steps]), search.low, search.high)
-        risen = search.objectives(both) - here
-        return np.any((np.isfinite(risen) & (risen > _FELT)).reshape(2, -1), axis=0)
-
-    if not np.isfinite(here):
-        return longer
-    for i in np.flatnonzero(~felt(np.diag(search.scale))):
-        steps = np.zeros((_LONGER.size, values.size))
-        with np.errstate(over="ignore"):
-            steps[:, i] = _LONGER * search.scale[i]
-        at = felt(steps)
-        longer[i] = _LONGER[np.argmax(at)] if np.any(at) else 1.0
-    return longer
+    return ProfileSearch(fit.posterior, low, high, np.sqrt(np.diag(cov)), sds, cov)

@@ -50,6 +50,9 @@ class Law(Protocol):
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         """V of y."""
 
+    def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        """How many m expects of what was not seen at all; inf where all was seen."""
+
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
         """Standard deviation of y where the mean is not known: never 0."""
 
@@ -79,6 +82,9 @@ class Poisson:
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean + 0.0 * size)
+
+    def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return np.where(y > 0.0, np.inf, mean)
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(np.sqrt(y + 1.0))
@@ -117,6 +123,9 @@ class Binomial:
 
     def variance(self, mean: FloatArray, size: FloatArray) -> FloatArray:
         return np.asarray(mean * (1.0 - mean) / size)
+
+    def unseen(self, y: FloatArray, mean: FloatArray, size: FloatArray) -> FloatArray:
+        return size * np.where(y == 0.0, mean, np.where(y == 1.0, 1.0 - mean, np.inf))
 
     def guess(self, y: FloatArray, size: FloatArray) -> FloatArray:
         share = (size * y + 1.0) / (size + 2.0)

@@ -6,6 +6,10 @@ deviance, so that least squares on them are the maximum of the likelihood; where
 are far from linear, and steps by the Fisher information (`scoring`) finish: iteratively reweighted
 least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests
 see the same residuals against counts that are drawn at the fit.
+
+The likelihood of a count of 0 falls to its end, an expectation of 0, without flattening.  It goes on
+beyond as the foot of a parabola with the same slope, so that a search may walk along the end: what
+it adds to minus twice the log likelihood at the end is a millionth.
 """
 
 from __future__ import annotations
@@ -26,7 +30,8 @@ from estim.problem.readings import Readings
 from estim.problem.size import Named, Scale, Size
 
 _LEAST = 1e-300  # expectation or variance, so that nothing is divided by 0
-_ROUNDING = 1e-12  # of the largest count
+# standard deviation of the wall, in counts, at which the likelihood of a count of 0 ends
+_WALL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,50 +47,63 @@ class CountErrors(Likelihood):
     creeps = True
 
     def pointwise(self, named: Named) -> FloatArray:
-        return self.law.log_density(self.y, self._mean(named), self.trials)
+        mean, none = self._expected(named)
+        beyond = np.where(none < 0.0, none + 0.5 * np.square(none / _WALL), 0.0)
+        return self.law.log_density(self.y, mean, self.trials) - beyond
 
     def residuals(self, named: Named) -> FloatArray:
         """Signed roots of the deviance, which are closer to normal than (y - m)/sd."""
-        return deviance_residual(self.law, self.y, self._mean(named), self.trials)
+        mean, none = self._expected(named)
+        root = deviance_residual(self.law, self.y, mean, self.trials)
+        unseen = np.where(none < 0.0, none / _WALL + _WALL, np.sqrt(root**2 + _WALL**2))
+        return np.where(np.isfinite(none), np.where(self.y > 0.0, unseen, -unseen), root)
 
     def jacobian(self, named: Named, names: Sequence[str]) -> FloatArray:
-        mean, variance = self._mean(named)[0], self._variance(named)
         r = CountErrors.residuals(self, named)[0]
         near = np.abs(r) < 1e-6
         with np.errstate(all="ignore"):
             slope = np.where(
-                near,
-                -1.0 / np.sqrt(variance),
-                (mean - self.y) / (variance * np.where(near, 1.0, r)),
+                near, -1.0 / self.sd(named), self._score(named) / np.where(near, 1.0, r)
             )
         return np.asarray(slope[:, None] * self.points.gradient(named, names))
 
     def scoring(self, named: Named, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-        return self._slopes(named, names), (self._mean(named)[0] - self.y) / self.sd(named)
+        return self._slopes(named, names), self._score(named) * self.sd(named)
 
     def information_root(self, named: Named, names: Sequence[str]) -> FloatArray:
         return self._slopes(named, names)
 
     def whitened(self, named: Named, names: Sequence[str]) -> CountedResiduals:
-        mean = self._mean(named)[0]
+        mean = self._expected(named)[0][0]
         return CountedResiduals(
             self.law, self.y, mean, self.trials, self._slopes(named, names), self.sd(named)
         )
 
     def sd(self, named: Named) -> FloatArray:
-        return np.asarray(np.sqrt(self._variance(named)))
+        variance = self.law.variance(self._expected(named)[0][0], self.trials)
+        return np.sqrt(np.maximum(variance, np.square(_WALL / self.trials)))
 
-    def _mean(self, named: Named) -> FloatArray:
-        """(n_draw, n_obs) expectations; those below 0 by a rounding error alone are 0."""
+    def _expected(self, named: Named) -> tuple[FloatArray, FloatArray]:
+        """(n_draw, n_obs) expectations, and how many are expected of what was not seen at all, as
+        the curve says: inf at all other points.
+
+        Of what was not seen, expectations below 0 (or above the ceiling) are at that limit.
+        """
         value = np.asarray(self.points.value(named))
-        if np.any(slight := (value < 0.0) & (value > -_ROUNDING * np.max(self.y))):
-            value = np.where(slight, 0.0, value)
-        return np.broadcast_to(
+        mean = np.broadcast_to(
             value, (np.shape(value)[0] if np.ndim(value) == 2 else 1, self.y.size)
         )
+        none = self.law.unseen(self.y, mean, self.trials)
+        return np.where(none < 0.0, np.clip(mean, 0.0, self.law.ceiling), mean), none
 
-    def _variance(self, named: Named) -> FloatArray:
-        return np.maximum(self.law.variance(self._mean(named)[0], self.trials), _LEAST)
+    def _score(self, named: Named) -> FloatArray:
+        """(n_obs,) derivatives of minus the log likelihood by the expectation."""
+        mean, none = self._expected(named)
+        with np.errstate(all="ignore"):
+            score = (mean - self.y) / self.law.variance(mean, self.trials)
+        edge = self.trials * (1.0 + np.minimum(none, 0.0) / _WALL**2)
+        edge = np.where(self.y > 0.0, -edge, edge)
+        return np.asarray(np.where(none > 0.0, score, edge)[0])
 
     def _slopes(self, named: Named, names: Sequence[str]) -> FloatArray:
         """(n_obs, n_par) derivatives of the expectations over the standard deviations."""

@@ -271,10 +271,10 @@ WORDS: Table = MappingProxyType(
             "{name} has no standard deviation, because the limit of {names} "
             "truncates it: use its interval"
         ),
-        Kind.NO_FURTHER: later(
-            "{name} goes as far as counts of 0 allow: beyond, the curve would expect less than "
-            "none there; it has no standard deviation, and its interval ends too early (that of "
-            "95 % for a single count of 0 at 1.9 instead of 3.0)"
+        Kind.CUT_BY_NONE: later(
+            "{name} has no standard deviation, because the curve expects none where 0 was counted "
+            "and cannot expect less: use its interval, which is too short beside counts of 0 (that "
+            "of 95 % for a single one ends at 1.9 instead of 3.0)"
         ),
     }
 )
