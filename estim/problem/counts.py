@@ -7,9 +7,9 @@ are far from linear, and steps by the Fisher information (`scoring`) finish: ite
 least squares (McCullagh and Nelder, Generalized Linear Models, 2nd ed., 1989, section 2.5).  Tests
 see the same residuals against counts that are drawn at the fit.
 
-The likelihood of a count of 0 falls to its end, an expectation of 0, without flattening.  It goes on
-beyond as the foot of a parabola with the same slope, so that a search may walk along the end: what
-it adds to minus twice the log likelihood at the end is a millionth.
+The likelihood of a count of 0 still rises where it ends, at an expectation of 0.  It goes on beyond
+as a steep parabola with the same slope there, so that a search may walk along the end; this adds a
+millionth to the deviance.
 """
 
 from __future__ import annotations
