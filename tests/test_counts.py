@@ -761,3 +761,11 @@ def test_a_decay_with_a_tail_of_zeros_has_the_profile_interval(
     assert (y[-1], fit.status) == (0, "ok")
     assert deviance(fit.values["tau"]) == pytest.approx(best.fun, abs=1e-4)
     assert [deviance(end) - best.fun for end in ends] == pytest.approx([3.8415] * 2, abs=0.02)
+
+
+@pytest.mark.parametrize(("y", "none"), [([0, 0, 0], "successes"), ([5, 5, 5], "failures")])
+def test_trials_that_all_end_alike_have_a_limit_and_no_curve(y: list[int], none: str) -> None:
+    with pytest.raises(InputError, match=f"show no {none}.*below 0.18") as caught:
+        fit_curve("p", [1.0, 2.0, 3.0], y, noise=Binomial(trials=5))
+    assert caught.value.field == "y"
+    assert (1.0 - 0.18) ** 15 == pytest.approx(0.05, abs=0.002)

@@ -256,6 +256,13 @@ def _binomial(x: FloatArray, y: FloatArray, trials: ArrayLike, what: str) -> Cou
     if np.any(y > size):
         bad = int(np.argmax(y > size))
         raise InputError("must not exceed the trials", field="y", value=float(y[bad]), index=bad)
+    if not np.any(y) or np.all(y == size):
+        none = "failures" if np.any(y) else "successes"
+        raise InputError(
+            f"show no {none}, so no curve can be fit to them: their probability is below "
+            f"{1.0 - 0.05 ** (1.0 / float(np.sum(size))):.2g} (95 %)",
+            field="y",
+        )
     order = np.argsort(x, kind="stable")
     share, size = (y / size)[order], size[order]
     return CountedPoints(x[order], share, Counts(BINOMIAL, size, share, what), None, None)

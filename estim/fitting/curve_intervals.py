@@ -47,7 +47,6 @@ from estim.problem import Observations
 
 Ends = Mapping[float, tuple[float, float]]
 
-_NONE = 1e-9  # variance of a count that is expected to be 0
 FEW = 10  # degrees of freedom up to which value ± s is not shown: it would hold less than 66 %
 
 
@@ -90,7 +89,7 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
         if math.isfinite(dof)
         else np.full(len(names), np.inf)
     )
-    ended = any(_nothing_expected(run, fixed) for run in fixed.problem.runs)
+    ended = any(_at_end(run, fixed) for run in fixed.problem.runs)
     counted = any(run.noise.counted is not None for run in fixed.problem.runs)
     beside = _within_reach(fixed, np.where(best.at_bound, free, np.sqrt(np.diag(cov))), dofs)
     if not np.any(beside) and not counted:
@@ -128,12 +127,12 @@ def spread(fixed: Fit, best: Optimum, *, dof: float, scale: float, unknown: bool
     return Spread(cov, sds, intervals, tuple(notes), tuple(left_open))
 
 
-def _nothing_expected(run: Observations, fit: Fit) -> bool:
-    """Whether the curve expects no count somewhere: next to these values it would expect less."""
+def _at_end(run: Observations, fit: Fit) -> bool:
+    """Whether the curve lies where the likelihood of a count of 0 ends, or of no failure."""
     if (counted := run.noise.counted) is None:
         return False
     mean = run.curve.value(run.x, run.bind(fit.problem.named(fit.values)))
-    return not np.all(counted.law.variance(np.asarray(mean), counted.trials) > _NONE)
+    return bool(np.any((mean < 0.0) | (mean > counted.law.ceiling)))
 
 
 def _degrees_of_freedom(cov: FloatArray, pulls: FloatArray, dof: float) -> FloatArray:
