@@ -103,7 +103,9 @@ def test_there_are_27_such_sets() -> None:
     assert len({path.stem for path in NONLINEAR} | {"Nelson"}) == 27
 
 
-@pytest.mark.parametrize("name", ["filament", "falling_phone", "muon_binned"])
+@pytest.mark.parametrize(
+    "name", ["filament", "falling_phone", "muon_binned", "alpha_counts", "balmer", "forbes"]
+)
 def test_formulas_of_the_gallery_reach_their_optimum_without_starts(
     name: str, project: Path, tmp_path: Path
 ) -> None:

@@ -71,7 +71,7 @@ def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its
         for place in (".", "reports/gallery")
     )
     titles = re.findall(r"^\| \[(.*?)\]\(#", gallery, flags=re.MULTILINE)
-    assert f"{['Eight', 'Nine', 'Ten'][len(titles) - 8]} real experiments" in readme
+    assert f"{['Thirteen', 'Fourteen', 'Fifteen'][len(titles) - 13]} real experiments" in readme
     value, high, low = re.search(
         r"^\| \[The lifetime of the muon\].* \| ([\d.]+) \(\+([\d.]+), −([\d.]+)\) µs",
         gallery,
