@@ -276,6 +276,17 @@ def test_results_are_copied_as_siunitx_reads_them(rng: np.random.Generator) -> N
     assert [float(end) for end in ends] == pytest.approx([3.75, 4.25, 3.51, 4.49], abs=0.03)
 
 
+def test_the_table_resolves_the_interval_of_a_value_known_to_a_part_in_a_million(
+    rng: np.random.Generator,
+) -> None:
+    draws = 109677.58 + 0.06 * standard(rng)
+    copies = copies_of([Estimate(Notation("R").label("1/cm"), summary(draws), "", True)])
+    _, value, u, *ends, _, _ = copies.table.splitlines()[2].split(",")
+    assert (value, float(u)) == ("109677.58", pytest.approx(0.06, rel=1e-5))
+    shown = np.quantile(draws, [0.15865525, 0.84134475, 0.025, 0.975])
+    assert [float(end) for end in ends] == pytest.approx(shown.tolist(), abs=0.002)
+
+
 def test_every_copy_of_a_lopsided_value_has_the_same_number(rng: np.random.Generator) -> None:
     """Its median, since ± would mislead; the mean is another number."""
     draws = np.exp(0.5 * standard(rng))

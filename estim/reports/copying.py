@@ -9,6 +9,7 @@ without u, whose 68 % interval stands beside it.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -141,15 +142,19 @@ def _rows(estimates: Sequence[Estimate]) -> list[str]:
             # as the text has it, in which ± would mislead there
             centre = [p.median, None] if lopsided(p) else [p.mean, p.sd]
             numbers = [*centre, p.q16, p.q84, p.q025, p.q975]
-            cells = ["" if v is None else _digits(v * factor) for v in numbers]
+            cells = [
+                "" if v is None else _digits(v * factor, p.sd and p.sd * factor) for v in numbers
+            ]
         unit = "" if estimate.label.unit == "1" else estimate.label.unit
         measured = "yes" if estimate.measured else "no"
         rows.append([estimate.label.symbol, *cells, unit, measured])
     return as_csv(rows).splitlines()
 
 
-def _digits(value: float) -> str:
-    return f"{value:.6g}"
+def _digits(value: float, sd: float | None = None) -> str:
+    """Six digits, or as many as resolve a standard deviation to a hundredth."""
+    known = math.ceil(math.log10(abs(value / sd))) if value and sd else 0
+    return f"{value:.{max(6, known + 2)}g}"
 
 
 def _noted(one: Estimate, plus_minus: bool) -> str:
