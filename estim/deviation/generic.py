@@ -74,8 +74,8 @@ def deviation_shapes(x: FloatArray) -> tuple[Shape, ...]:
 
 
 def correlated_shapes(t: FloatArray) -> tuple[Shape, ...]:
-    """Errors correlated in time t (n_obs,), exp(-dt/l): lengths from the typical step to half of
-    the duration, equally probable.
+    """Errors correlated in time t (n_obs,), exp(-dt/l): lengths from the typical step, but
+    at least a thousandth of the duration, to half of the duration, equally probable.
     """
     apart = distances(t)
     extent = _extent(t, "t")
