@@ -39,6 +39,15 @@ def project() -> Path:
     return PROJECT
 
 
+@pytest.fixture(scope="session")
+def reports() -> Path:
+    """The committed reports, which the source archive leaves out."""
+    folder = PROJECT / "reports"
+    if not folder.is_dir():
+        pytest.skip("the committed reports are in the repository, not in the source archive")
+    return folder
+
+
 @pytest.fixture
 def replica() -> Path:
     return PROJECT / "data" / "replica"

@@ -443,8 +443,10 @@ def test_numbers_keep_their_units_on_one_line_and_code_stays_as_it_is() -> None:
     assert re.search("\\(3\\.\\d\\d\u00a0±\u00a00\\.\\d\\d\\)°", report.partition("<details>")[0])
 
 
-def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_put_in() -> None:
-    report = (PROJECT / "reports" / "replica" / "report.md").read_text()
+def test_the_sample_report_prints_on_six_pages_and_publishes_nothing_that_was_put_in(
+    reports: Path,
+) -> None:
+    report = (reports / "replica" / "report.md").read_text(encoding="utf-8")
     before_figures = report.partition("![")[0]
     assert len(words(before_figures)) < 120
     assert len(words(report.partition("<details>")[0])) < 120

@@ -23,6 +23,7 @@ from estim.campaign import load_campaign
 from estim.cli import commands as cli
 from estim.common.quantity import Quantity
 
+pytestmark = pytest.mark.usefixtures("reports")
 STEPS = {step["name"]: step for experiment in gallery.experiments() for step in experiment["step"]}
 CAMPAIGNS = sorted(file for file in gallery.DATA.glob("*.toml") if file.name != "gallery.toml")
 

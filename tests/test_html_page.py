@@ -79,8 +79,7 @@ def seen(page: bytes) -> Page:
     return parsed
 
 
-def files_of(name: str) -> dict[str, bytes]:
-    place = PROJECT / "reports" / name
+def files_of(place: Path) -> dict[str, bytes]:
     return {
         path.relative_to(place).as_posix(): path.read_bytes()
         for path in (place / "report.md", *sorted(place.glob("figures/*.png")))
@@ -92,8 +91,8 @@ def page_of(text: str, **pictures: bytes) -> Page:
 
 
 @pytest.fixture(scope="module", params=REPORTS)
-def report(request: pytest.FixtureRequest) -> tuple[dict[str, bytes], Page]:
-    files = files_of(request.param)
+def report(request: pytest.FixtureRequest, reports: Path) -> tuple[dict[str, bytes], Page]:
+    files = files_of(reports / request.param)
     return files, seen(with_formats(files, ["html"])["report.html"])
 
 
@@ -162,9 +161,9 @@ def test_a_page_can_be_found_one_s_way_in(report: tuple[dict[str, bytes], Page])
     assert len(page.all("div")) >= len(page.all("table"))
 
 
-def test_html_ends_at_a_blank_line_in_every_report() -> None:
+def test_html_ends_at_a_blank_line_in_every_report(reports: Path) -> None:
     """Else Markdown takes what follows a folded part for HTML (CommonMark 0.31, section 4.6)."""
-    for text in (path.read_text() for path in (PROJECT / "reports").rglob("report.md")):
+    for text in (path.read_text(encoding="utf-8") for path in reports.rglob("report.md")):
         assert not BROKEN.search(text)
 
 
@@ -309,8 +308,8 @@ def test_what_is_missing_is_said_before_anything_is_computed(
         assert not (model / "out").exists()
 
 
-def test_on_paper_what_is_folded_follows_as_an_appendix() -> None:
-    files = files_of("gallery/filament")
+def test_on_paper_what_is_folded_follows_as_an_appendix(reports: Path) -> None:
+    files = files_of(reports / "gallery" / "filament")
     folds = re.findall(rb"<summary><b>(.*?)</b></summary>", files["report.md"])
     page = seen(html_page(files, paper=True))
     assert not page.all("details", "nav", "input", "summary")

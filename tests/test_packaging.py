@@ -91,6 +91,64 @@ def test_the_lock_file_has_all_that_the_project_asks_for(
                 )
 
 
+def test_every_place_that_tells_the_version_tells_the_same(project: Path) -> None:
+    package = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    said = {
+        name: re.search(pattern, (project / name).read_text(encoding="utf-8"), flags=re.M)
+        for name, pattern in {
+            "CITATION.cff": r"^version: (\S+)$",
+            "CHANGELOG.md": r"^## (\S+) \((?:\d{4}-\d\d-\d\d|not yet released)\)$",
+            "release/recipe.yaml": r'^  version: "(\S+)"$',
+        }.items()
+    }
+    assert {name: found and found[1] for name, found in said.items()} == dict.fromkeys(
+        said, package["version"]
+    )
+
+
+def of_recipe(project: Path, part: str) -> dict[str, str]:
+    """Name -> condition of a list in the recipe, by the names that pip knows."""
+    recipe = (project / "release" / "recipe.yaml").read_text(encoding="utf-8")
+    (listed,) = re.findall(rf"^  {part}:\n((?:    - .*\n)+)", recipe, flags=re.M)
+    pairs = (line.removeprefix("    - ").partition(" ") for line in listed.splitlines())
+    return {name.replace("matplotlib-base", "matplotlib"): what for name, _, what in pairs}
+
+
+def test_the_recipe_asks_for_what_the_package_asks_for(project: Path) -> None:
+    table = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))
+    package, extras = table["project"], table["project"]["optional-dependencies"]
+
+    def asked(texts: list[str]) -> dict[str, str]:
+        return {r.name: str(r.specifier) for r in map(Requirement, texts)}
+
+    oldest = '  python_min: "' + package["requires-python"].removeprefix(">=") + '"\n'
+    assert oldest in (project / "release" / "recipe.yaml").read_text(encoding="utf-8")
+    assert of_recipe(project, "run") == {"python": ">=${{ python_min }}"} | asked(
+        package["dependencies"]
+    )
+    assert of_recipe(project, "host") == {"python": "${{ python_min }}.*", "pip": ""} | asked(
+        table["build-system"]["requires"]
+    )
+    further = [r for name, extra in extras.items() if name not in ("test", "dev") for r in extra]
+    assert of_recipe(project, "run_constraints") == asked(further)
+
+
+def test_the_page_of_an_index_shows_what_the_readme_shows_and_links_to_no_file(
+    project: Path,
+) -> None:
+    """An index has none of the project's files."""
+    page = (project / "release" / "index-page.md").read_text(encoding="utf-8")
+    readme = (project / "README.md").read_text(encoding="utf-8")
+    assert re.findall(r"\]\(|<img|src=|^\[", page, flags=re.M) == []
+    first, code, printed = page.split("\n\n")[1], *re.findall(r"```\w+\n.*?\n```\n", page, re.S)
+    assert all(part in readme for part in (first, code, printed))
+    extras = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    named = re.findall(r"`(\w+)` (?:reads|speeds|hands|writes|spreads)|estim\[(\w+)\]", page)
+    assert {one or other for one, other in named} == extras.keys() - {"test", "dev"}
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the wheel and the source archive."""
@@ -123,9 +181,17 @@ def test_the_wheel_holds_the_package_with_its_types_and_nothing_else(
     assert "estim/py.typed" in names
     (entry,) = (name for name in names if name.endswith("entry_points.txt"))
     assert "estim = estim.__main__:main" in zipfile.ZipFile(wheel).read(entry).decode()
+    assert [name for name in names if name.endswith("licenses/LICENSE")]
+    (head,) = (name for name in names if name.endswith(".dist-info/METADATA"))
+    said = zipfile.ZipFile(wheel).read(head).decode()
+    assert "\nLicense-Expression: MIT\n" in said
+    assert said.endswith((project / "release" / "index-page.md").read_text(encoding="utf-8"))
 
 
-def test_the_source_archive_holds_every_file_of_the_project(built: Path, project: Path) -> None:
+def test_the_source_archive_holds_every_file_that_a_packager_needs_and_is_small(
+    built: Path, project: Path
+) -> None:
+    """Not the committed reports, nor the outcomes of a study, which are half of the project."""
     (archive,) = built.glob("*.tar.gz")
     with tarfile.open(archive) as tar:
         held = {name.partition("/")[2] for name in tar.getnames()}
@@ -134,7 +200,11 @@ def test_the_source_archive_holds_every_file_of_the_project(built: Path, project
     )
     if listed.returncode != 0:
         pytest.skip("not a clone: nothing says which files belong to the project")
-    assert set(filter(None, listed.stdout.split("\0"))) - held == set()
+    files = set(filter(None, listed.stdout.split("\0")))
+    left_out = {name for name in files - held if not name.startswith("reports/")}
+    assert left_out == {"benchmarks/truth/outcomes.jsonl.gz"}
+    assert not [name for name in held if name.startswith("reports")]
+    assert archive.stat().st_size < 3e6
     assert not [
         name for name in held if name.startswith(("out/", ".venv")) or "__pycache__" in name
     ]

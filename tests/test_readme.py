@@ -50,25 +50,23 @@ def test_commands_of_the_readme_run(
         assert (done.exit_code, done.output.splitlines()[1]) == (0, "tea: ok"), done.output
 
 
-def test_the_real_experiment_is_the_one_of_the_gallery(project: Path) -> None:
+def test_the_real_experiment_is_the_one_of_the_gallery(project: Path, reports: Path) -> None:
     text = (project / "README.md").read_text(encoding="utf-8")
     (shown,) = blocks(text, "toml")
     assert tomllib.loads(shown) == tomllib.loads(
         (project / "data" / "gallery" / "muon.toml").read_text(encoding="utf-8")
     )
-    result = json.loads(
-        (project / "reports" / "gallery" / "muon" / "result.json").read_text(encoding="utf-8")
-    )
+    result = json.loads((reports / "gallery" / "muon" / "result.json").read_text(encoding="utf-8"))
     tau = result["parameters"]["tau"]
     assert f"says ({tau['mean']:.2f} ± {tau['sd']:.2f}) µs, status `{result['status']}`" in text
 
 
 def test_the_gallery_has_as_many_experiments_as_the_readme_says_and_the_muon_its_published_lifetime(
-    project: Path,
+    project: Path, reports: Path
 ) -> None:
     readme, gallery = (
-        (project / place / "README.md").read_text(encoding="utf-8")
-        for place in (".", "reports/gallery")
+        (place / "README.md").read_text(encoding="utf-8")
+        for place in (project, reports / "gallery")
     )
     titles = re.findall(r"^\| \[(.*?)\]\(#", gallery, flags=re.MULTILINE)
     assert f"{['Thirteen', 'Fourteen', 'Fifteen'][len(titles) - 13]} real experiments" in readme
@@ -107,7 +105,7 @@ def pages(project: Path) -> list[Path]:
         *project.glob("*.md"),
         *project.glob("docs/**/*.md"),
         *project.glob("data/**/README.md"),
-        project / "reports" / "gallery" / "README.md",
+        *project.glob("reports/gallery/README.md"),
     ]
 
 
@@ -130,6 +128,8 @@ def test_links_of_the_documents_lead_somewhere(project: Path) -> None:
         for target in targets:
             name, _, anchor = target.partition("#")
             page = document.parent / name if name else document
+            if "reports/" in name and not (project / "reports").is_dir():
+                continue  # the source archive has none
             assert page.exists(), f"{document.name}: {target}"
             assert (
                 not anchor
@@ -175,7 +175,7 @@ def test_citation_and_package_say_the_same(project: Path) -> None:
             r"^([a-z-]+): (.+)$", (project / "CITATION.cff").read_text(encoding="utf-8"), flags=re.M
         )
     )
-    assert (citation["version"], citation["license"]) == (package["version"], package["license"])
+    assert citation["license"] == package["license"]
     assert {"cff-version", "message", "title", "type"} <= citation.keys()
 
 

@@ -324,14 +324,14 @@ def test_published_numbers_meet_what_was_found(project: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("unrendered")
 def test_committed_report_is_what_the_code_finds(
-    project: Path, replica: Path, reanalysed: Reanalysis
+    reports: Path, replica: Path, reanalysed: Reanalysis
 ) -> None:
     """A new reanalysis agrees with `reports/replica` within Monte-Carlo error, and recovers the
     truth; of the bodies that were done again.
     """
     import tomllib
 
-    files, committed = reanalysis_report(reanalysed, figures="all"), project / "reports" / "replica"
+    files, committed = reanalysis_report(reanalysed, figures="all"), reports / "replica"
     new, old = json.loads(files["result.json"]), json.loads((committed / "result.json").read_text())
     assert set(new["statuses"].values()) == {"ok"}
     bodies = {body.body for body in reanalysed.bodies}
@@ -425,9 +425,9 @@ def says(cell: str, *values: float) -> bool:
     )
 
 
-def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path) -> None:
+def test_tables_of_the_committed_report_say_what_its_results_hold(reports: Path) -> None:
     """Of both bodies: one that is not computed again is not written by hand either."""
-    committed = project / "reports" / "replica"
+    committed = reports / "replica"
     result, text = (
         json.loads((committed / "result.json").read_text()),
         (committed / "report.md").read_text().replace("\xa0", " "),
@@ -490,8 +490,8 @@ def test_tables_of_the_committed_report_say_what_its_results_hold(project: Path)
         assert says(row[5], one["e_n"]), row
 
 
-def test_story_of_the_committed_report_is_that_of_its_results(project: Path) -> None:
-    committed = project / "reports" / "replica"
+def test_story_of_the_committed_report_is_that_of_its_results(reports: Path) -> None:
+    committed = reports / "replica"
     text = " ".join((committed / "report.md").read_text().replace("\xa0", " ").split())
     bodies = json.loads((committed / "result.json").read_text())["bodies"]
     shares = [b["median_ratio"] for body in bodies.values() for b in body["bands"].values()]
