@@ -90,10 +90,15 @@ def _names(campaigns: Sequence[Path]) -> dict[Path, str]:
     name.
     """
     full = {path: path.resolve() for path in campaigns}
-    root = Path(os.path.commonpath([path.parent for path in full.values()]))
+    try:
+        root = Path(os.path.commonpath([path.parent for path in full.values()]))
+    except ValueError:  # on several drives
+        root = Path()
     names: dict[Path, str] = {}
     for path, resolved in full.items():
-        parts = list(resolved.relative_to(root).with_suffix("").parts)
+        parts = list(
+            resolved.relative_to(root if root.name else resolved.anchor).with_suffix("").parts
+        )
         if resolved.name == _CAMPAIGN:
             parts = parts[:-1] or [root.name]
         name = wanted = "/".join(_UNSAFE.sub("-", part) or "-" for part in parts)

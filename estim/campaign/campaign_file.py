@@ -36,6 +36,7 @@ from estim.reading import (
     parse_toml,
     read_text,
     refuse_outside,
+    way_to,
 )
 
 Kind = Literal["synthetic", "measured", "published"]
@@ -259,7 +260,7 @@ class CampaignFile:
         if not leads_out(path, self.path.parent):
             return None
         home, end = os.path.realpath(self.path.parent), os.path.realpath(path)
-        link = phrase(": a link leads to {place}", place=os.path.relpath(end, home))
+        link = phrase(": a link leads to {place}", place=way_to(end, home))
         return phrase("{file} lies outside the folder of the campaign", file=written) + link * (
             os.path.normpath(os.path.join(home, written)) != end
         )

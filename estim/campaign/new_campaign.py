@@ -4,7 +4,6 @@ say what else may stand there.
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from estim.reading import (
     numeric_columns,
     read_layout,
     value_columns,
+    way_to,
 )
 
 GUESS = "a + b*x"  # linear, so that any start will do
@@ -58,7 +58,7 @@ def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tupl
         if not choices.formula:
             choices = _guessed(file, choices)
     campaign = campaign_of_table(file, choices)
-    name = Path(os.path.relpath(file, within)).as_posix()
+    name = way_to(file, within)
     lines = [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")]
     written = text_of_table(file, choices, name=name).splitlines()
     stated = any(line.startswith("u_y = ") for line in written)

@@ -38,6 +38,7 @@ _THREADS = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
+_MOST = 61 if sys.platform == "win32" else 2**10  # processes: Windows waits for no more of them
 _task: Callable[[Any], Any] | None = None  # of a worker process
 
 
@@ -69,7 +70,7 @@ def run_parallel(
     elif jobs <= 1 or not numbers:
         results = ((n, task(n)) for n in numbers)
     else:
-        results = _in_pool(task, numbers, min(jobs, len(numbers)), wait_on_error)
+        results = _in_pool(task, numbers, min(jobs, len(numbers), _MOST), wait_on_error)
     for n, result in results:
         done[n] = result
         if tell is not None:
@@ -163,14 +164,14 @@ def _interrupts_held() -> Iterator[None]:
     """Signals to stop come after this: processes started meanwhile never see Ctrl-C or the end of a
     terminal, the parent does.
     """
-    if not hasattr(signal, "pthread_sigmask"):
+    if sys.platform == "win32":
         yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, set(STOPPING))
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    else:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, set(STOPPING))
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -203,7 +204,7 @@ def _start(task: bytes) -> None:
     """Prepare a worker process."""
     global _task
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(signal, "pthread_sigmask"):
+    if sys.platform != "win32":
         # held when this process was started; its parent ends it so
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
     threading.Thread(target=_end_with_parent, daemon=True).start()

@@ -195,25 +195,25 @@ def held(path: Path, *, within: Path | None = None) -> Iterator[None]:
     """
     if sys.platform == "win32":
         yield
-        return
-    with contextlib.ExitStack() as stack:
-        with _said(path, "cannot be written"):
-            place = stack.enter_context(_opened(path.parent, within, make=True))
-            assert place is not None
+    else:
+        with contextlib.ExitStack() as stack:
+            with _said(path, "cannot be written"):
+                place = stack.enter_context(_opened(path.parent, within, make=True))
+                assert place is not None
+                try:
+                    handle = _lock(place, path)
+                except BlockingIOError:
+                    raise EstimError(
+                        f"{path.parent}: is in use by another process: wait for its end, or "
+                        "choose another place"
+                    ) from None
             try:
-                handle = _lock(place, path)
-            except BlockingIOError:
-                raise EstimError(
-                    f"{path.parent}: is in use by another process: wait for its end, or "
-                    "choose another place"
-                ) from None
-        try:
-            yield
-        finally:
-            with contextlib.suppress(OSError):
-                os.unlink(path.name, dir_fd=place.handle)
-            os.close(handle)
-            remove_empty(path.parent, within=within)  # only if nothing else is there
+                yield
+            finally:
+                with contextlib.suppress(OSError):
+                    os.unlink(path.name, dir_fd=place.handle)
+                os.close(handle)
+                remove_empty(path.parent, within=within)  # only if nothing else is there
 
 
 def _lock(place: _Place, path: Path) -> int:
@@ -233,7 +233,8 @@ def _lock(place: _Place, path: Path) -> int:
                     "is in the way: estim needs this name for an empty file, its lock; "
                     "move it away",
                 )
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if sys.platform != "win32":
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             current = place.look(path.name)
             if current is not None and (opened.st_ino, opened.st_dev) == (
                 current.st_ino,

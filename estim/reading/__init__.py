@@ -15,7 +15,7 @@ from estim.reading.dialect import (
     is_column,
     name_and_unit,
 )
-from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside
+from estim.reading.input_file import TOML_BYTES, leads_out, read_text, refuse_outside, way_to
 from estim.reading.layout import (
     Layout,
     first_and_second,

@@ -13,6 +13,7 @@ import hashlib
 import os
 import re
 import stat
+import sys
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, note_input, phrase
@@ -37,7 +38,7 @@ def read_bytes(path: Path, *, limit: int = MAX_BYTES) -> bytes:
         _check_status(path.stat(), limit)
         with path.open("rb", buffering=0) as stream:
             _check_status(os.fstat(stream.fileno()), limit)
-            if os.name == "posix":
+            if sys.platform != "win32":
                 os.set_blocking(stream.fileno(), False)
             data = _read(stream.fileno(), limit + 1)
     except OSError as error:
@@ -173,6 +174,16 @@ def leads_out(path: Path, folder: Path) -> bool:
         return os.path.commonpath([target, home]) != home
     except ValueError:  # another drive, or no name of a file at all
         return True
+
+
+def way_to(path: Path | str, folder: Path | str) -> str:
+    """How `path` is called from `folder`, with `/`: by its whole name where it is on another
+    drive.
+    """
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return Path(path).resolve().as_posix()
 
 
 def line_after_comment(text: str) -> int | None:

@@ -14,11 +14,12 @@ import runpy
 import signal
 import sys
 import threading
+from contextlib import suppress
 
 
-def _end_with_the_server() -> None:
-    """Ends this process group at the end of standard input."""
-    while os.read(0, 1024):
+def _end_with_the_server(pipe: int) -> None:
+    """Ends this process group at the end of what the server writes."""
+    while os.read(pipe, 1024):
         pass
     if sys.platform != "win32":
         os.killpg(0, signal.SIGKILL)
@@ -26,7 +27,9 @@ def _end_with_the_server() -> None:
 
 
 def _limit(seconds: int, size: int) -> None:
-    """Limits of processor time (s), memory and files (bytes), where the system has them."""
+    """Limits of processor time (s), memory and files (bytes), where the system has them: macOS
+    refuses one of memory.
+    """
     if sys.platform != "win32":
         import resource
 
@@ -35,12 +38,18 @@ def _limit(seconds: int, size: int) -> None:
             what = getattr(resource, f"RLIMIT_{name}")
             hard = resource.getrlimit(what)[1]
             least = most if hard == resource.RLIM_INFINITY else min(most, hard)
-            resource.setrlimit(what, (least, least))
+            with suppress(ValueError, OSError):
+                resource.setrlimit(what, (least, least))
 
 
 def main() -> None:
     seconds, size, task, *arguments = sys.argv[1:]
-    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    # Windows lets whoever looks at a pipe wait for its reader, and libraries look at standard input
+    # as they are loaded: they find an empty one
+    pipe = os.dup(0)
+    with open(os.devnull, "rb") as nothing:
+        os.dup2(nothing.fileno(), 0)
+    threading.Thread(target=_end_with_the_server, args=[pipe], daemon=True).start()
     _limit(int(seconds), int(size))
     # at the end: where estim is not installed, this is where it lies
     sys.path.append(os.path.abspath(os.path.join(__file__, "..", "..", "..")))
