@@ -24,7 +24,7 @@ from estim.reading import way_to
 
 FOLDER, TABLE, COPY = "Messung Öl 1", "Läufe é.csv", "Läufe ü 2"
 DECAY = "room + excess*exp(-t/tau)"
-PATIENCE = 120.0
+PATIENCE = 300.0
 
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -107,6 +107,7 @@ def test_the_stand_in_lacks_what_it_should(project: Path, tmp_path: Path) -> Non
         assert said in of_windows(as_ours), line
 
 
+@pytest.mark.slow
 def test_a_table_is_fit_and_its_report_verified(run: Run, folder: Path) -> None:
     out = "Bericht ä 1"
     fit = run("fit", TABLE, "--formula", DECAY, "--format", "html", "--lang", "es", "--out", out)
@@ -122,6 +123,7 @@ def test_a_table_is_fit_and_its_report_verified(run: Run, folder: Path) -> None:
     assert not (folder / out / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_campaigns_are_drafted_and_fit_by_two_processes(run: Run, folder: Path) -> None:
     for name in ("Läufe ä", COPY):
         (folder / name).mkdir()
