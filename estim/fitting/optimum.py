@@ -170,17 +170,28 @@ def _found(
     symmetry = find_symmetry(search.posterior.problem, best[0], search.bent.tolist(), rng)
     best, every = _scanned(search, best, tried, symmetry)
     symmetry = symmetry.scaled(spread_at(search, best), search.bent.tolist())
+    optimum = _chosen(search, start, best, tried, every, symmetry, n_start=len(starts))
+    return replace(optimum, unheld=_unheld(search, optimum, symmetry.period))
+
+
+def _chosen(
+    search: SeparableSearch,
+    start: FloatArray,
+    best: End,
+    tried: list[End],
+    every: list[End],
+    symmetry: Symmetry,
+    *,
+    n_start: int,
+) -> Optimum:
+    """The optimum that `every` end of descents and scans gives, with the other solutions among
+    them; tried : the ends that the starts led to.
+    """
     distinct = distinct_ends(search, best, every, symmetry, start)
     values, others, aliases = choose(search, distinct, symmetry, start)
     n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    optimum = _polished(search, values, n_start=len(starts), n_same=n_same)
-    return replace(
-        optimum,
-        others=others,
-        symmetry=symmetry,
-        aliases=aliases,
-        unheld=_unheld(search, optimum, symmetry.period),
-    )
+    optimum = _polished(search, values, n_start=n_start, n_same=n_same)
+    return replace(optimum, others=others, symmetry=symmetry, aliases=aliases)
 
 
 def _unheld(search: SeparableSearch, found: Optimum, period: FloatArray) -> Finding | None:
@@ -237,16 +248,7 @@ def _found_near(search: SeparableSearch, start: FloatArray, afar: Optimum) -> Op
     if not tried:
         raise _nowhere_finite(search.posterior.problem, start)
     best = min(tried, key=lambda end: end[1])
-    symmetry = afar.symmetry
-    distinct = distinct_ends(search, best, tried, symmetry, start)
-    values, others, aliases = choose(search, distinct, symmetry, start)
-    n_same = sum(is_at(search, best, end, values, symmetry) for end, _ in tried)
-    return replace(
-        _polished(search, values, n_start=len(starts), n_same=n_same),
-        others=others,
-        symmetry=symmetry,
-        aliases=aliases,
-    )
+    return _chosen(search, start, best, tried, tried, afar.symmetry, n_start=len(starts))
 
 
 def _scanned(
@@ -332,34 +334,17 @@ def scanned_fit(fit: Fit, *, rng: np.random.Generator) -> Fit:
             if not any(is_close(point, other, spread, 3.0) for other in (*near, *fresh)):
                 fresh.append(point)
     refitted = [fit_least_squares(fit.problem, rng=rng, n_start=1, start=point) for point in fresh]
-    ends = [
-        (candidate.values, float(fit.posterior.log_density(candidate.values[None, :])[0]))
-        for candidate in (fit, *refitted)
-        if candidate.success
-    ]
-    ends += [(other, float(fit.posterior.log_density(other[None, :])[0])) for other in fit.others]
-    highest = max((height for _, height in ends), default=-math.inf)
-    better = [
-        candidate
-        for candidate in refitted
-        if candidate.success
-        and float(
-            fit.posterior.log_density(np.vstack([candidate.values, fit.values])) @ [1.0, -1.0]
-        )
-        > 0.5
-    ]
-    if better:
-        best = max(
-            better,
-            key=lambda candidate: float(fit.posterior.log_density(candidate.values[None, :])[0]),
-        )
-        fit = replace(
-            best, n_start=fit.n_start, n_same=0, message=settled(led_here(0, fit.n_start))
-        )
+    known = [candidate for candidate in (fit, *refitted) if candidate.success]
+    places = [*(candidate.values for candidate in known), *fit.others]
+    heights = fit.posterior.log_density(np.array(places).reshape(-1, fit.values.size))
+    best = int(np.argmax(heights[: len(known)])) if known else 0
+    if known and heights[best] > fit.posterior.log_density(fit.values[None, :])[0] + 0.5:
+        words = settled(led_here(0, fit.n_start))
+        fit = replace(known[best], n_start=fit.n_start, n_same=0, message=words)
     ranked = [
-        values
-        for values, height in sorted(ends, key=lambda end: -end[1])
-        if height > highest - WITHIN_REACH
+        places[i]
+        for i in np.argsort(-heights, kind="stable")
+        if heights[i] > np.max(heights) - WITHIN_REACH
     ]
     scale = np.where(np.diag(fit.cov) > 0.0, np.sqrt(np.diag(fit.cov)), np.inf)
     return replace(fit, others=far_apart(fit.values, ranked, scale))

@@ -9,7 +9,6 @@ that are independent of each other are differentiated each in its own parameters
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -102,7 +101,9 @@ class ProfileSearch:
         slopes = _quotients(
             self._priors(up), self._priors(points), self._priors(down), up, points, down
         )
-        for likelihood, indices in self._groups:
+        for likelihood, indices in zip(
+            self.posterior.likelihoods, self.posterior.problem.columns, strict=True
+        ):
             n = indices.size
             rows = np.repeat(points[:, None, :], 1 + 2 * n, axis=1)
             rows[:, 1 + np.arange(n), indices], rows[:, 1 + n + np.arange(n), indices] = (
@@ -125,25 +126,9 @@ class ProfileSearch:
                 2.0 * information(self.posterior, values) * np.outer(self.scale, self.scale)
             )
 
-    @cached_property
-    def _groups(self) -> tuple[tuple[Likelihood, FloatArray], ...]:
-        """The likelihood of each group of runs that depends on any parameter, and the indices of
-        those.
-        """
-        problem, groups = self.posterior.problem, []
-        for group, likelihood in zip(problem.groups, self.posterior.likelihoods, strict=True):
-            used = frozenset[str]().union(*(run.parameters for run in group.runs))
-            groups.append(
-                (
-                    likelihood,
-                    np.array(
-                        [i for i, name in enumerate(problem.names) if name in used], dtype=int
-                    ),
-                )
-            )
-        return tuple((likelihood, indices) for likelihood, indices in groups if indices.size)
-
-    def _heights(self, likelihood: Likelihood, own: FloatArray, rows: FloatArray) -> FloatArray:
+    def _heights(
+        self, likelihood: Likelihood, own: NDArray[np.int64], rows: FloatArray
+    ) -> FloatArray:
         """(n_point, n_row) -2 log likelihood of a group, inf where there is none, at rows (n_point,
         n_row, n_par).
         """

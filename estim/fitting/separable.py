@@ -117,12 +117,6 @@ class SeparableSearch:
         """Whether least squares creep, so that steps by the information must finish."""
         return any(run.creeps for run in self.posterior.likelihoods)
 
-    def residuals(self, values: FloatArray) -> FloatArray:
-        return self.posterior.residuals(values)
-
-    def jacobian(self, values: FloatArray) -> FloatArray:
-        return self.posterior.jacobian(values)
-
     def scoring(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Jacobian and residuals (data, then priors) for a step of least squares."""
         pairs = self.posterior.scoring(values)
@@ -136,23 +130,8 @@ class SeparableSearch:
         """Sum of squares of the data and of the priors of the parameters that are moved; those of
         the noise stay where they are.
         """
-        total = float(np.sum(self.residuals(values) ** 2)) - self._of_noise
+        total = float(np.sum(self.posterior.residuals(values) ** 2)) - self._of_noise
         return max(total, 0.0) if math.isfinite(total) else math.inf
-
-    def solved(self, values: FloatArray) -> FloatArray:
-        """`values` with the linear parameters at their least-squares solution."""
-        if not self.linear.size:
-            return values
-        columns = self.jacobian(values)[:, self.linear]
-        residual = self.residuals(values)
-        if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(residual))):
-            return values
-        scale = np.linalg.norm(columns, axis=0)
-        scale[scale == 0.0] = 1.0
-        step, *_ = np.linalg.lstsq(columns / scale, -residual, rcond=self.resolved)
-        solution = values.copy()
-        solution[self.linear] += step / scale
-        return solution
 
 
 def set_apart(
