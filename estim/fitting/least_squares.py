@@ -26,7 +26,6 @@ from estim.fitting.fisher_information import information
 from estim.fitting.noise_fit import fit_noise
 from estim.fitting.readings import measure_of
 from estim.fitting.rounds import LEAST_SHARE, Held, settle_by_runs
-from estim.fitting.starts import led_together, stands_for
 from estim.problem import Posterior, Problem, Symmetry
 
 _MAX_ROUNDS = 60
@@ -260,41 +259,23 @@ def _rough_ends(starts: list[tuple[FloatArray, Posterior]]) -> list[_End]:
     """Where each start leads in a few rounds, without those that meet no curvature; starts that the
     first round leads together go on as one.
     """
-    places: list[tuple[FloatArray, FloatArray, _End]] = []
+    places: list[tuple[FloatArray, _End]] = []
     ends = []
-    for (start, begun), led in zip(
-        starts, led_together(starts[0][1], np.array([start for start, _ in starts])), strict=True
-    ):
+    for start, begun in starts:
+        values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
+        if math.isnan(moved):
+            continue
+        scale = _spread(information(posterior, values), posterior.problem)
         near = (
-            end
-            for place, scale, end in places
-            if float(np.max(np.abs(led - place) / scale)) < _TWINS
+            end for place, end in places if float(np.max(np.abs(values - place) / scale)) < _TWINS
         )
-        twin = next((end for end in near if stands_for(end[1], end[0], led)), None)
+        twin = next(near, None)
         if twin is None:
-            values, posterior, moved = _settle(start, begun, max_rounds=1, tolerance=_ROUGH)
-            if math.isnan(moved):
-                continue
-            scale = _spread(information(posterior, values), posterior.problem)
-            twin = next(
-                (
-                    end
-                    for place, _, end in places
-                    if float(np.max(np.abs(values - place) / scale)) < _TWINS
-                ),
-                None,
-            )
-            if twin is None:
-                twin = (values, posterior, moved)
-                if moved >= _SETTLED:
-                    twin = _settle(
-                        values,
-                        posterior,
-                        max_rounds=_ROUGH_ROUNDS - 1,
-                        hasty=True,
-                        tolerance=_ROUGH,
-                    )
-                places.append((values, scale, twin))
+            twin = (values, posterior, moved)
+            if moved >= _SETTLED:
+                more = _ROUGH_ROUNDS - 1
+                twin = _settle(values, posterior, max_rounds=more, hasty=True, tolerance=_ROUGH)
+            places.append((values, twin))
         ends.append(twin)
     return [end for end in ends if not math.isnan(end[2])]
 
