@@ -14,7 +14,6 @@ from formulas import formula_problem
 
 from estim.campaign import load_campaign
 from estim.checks.identifiability import PRIOR_DOMINATED, identify
-from estim.common.errors import InputError
 from estim.fitting.least_squares import Fit, fit_least_squares
 from estim.model import Body, speed
 from estim.problem.priors import HalfNormal, Normal, Uniform
@@ -178,19 +177,6 @@ def test_weakest_direction_of_the_replica_is_the_known_ridge(replica: Path) -> N
             / np.linalg.norm(wrong / found.prior_sds)
             < 0.95
         )
-
-
-def test_known_direction_is_named_only_where_the_data_do_not_see_it(replica: Path) -> None:
-    fit = heavy_04(replica)
-    words = "gamma, kappa and the slope are known only as ratios"
-    named = identify(fit, known={words: ridge(fit)})
-    assert "Gamma, kappa and the slope are known only as ratios." in named.sentences
-    wrong = identify(
-        fit, known={words: ridge(fit) * [1.0, -1.0, 1.0, 1.0, 1.0, 1.0] + 0.1 * np.eye(6)[2]}
-    )
-    assert not any("ratios" in sentence for sentence in wrong.sentences)
-    with pytest.raises(InputError, match="must be 6 numbers"):
-        identify(fit, known={words: np.zeros(6)})
 
 
 def test_replica_run_tells_half_of_its_six_parameters(replica: Path) -> None:

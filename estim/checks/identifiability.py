@@ -19,13 +19,12 @@ Everything here is local (a Gaussian at the fit); `estim.fitting.profile` and
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from estim.arrays import FloatArray
-from estim.common import Amount, Finding, InputError, Kind, phrase
+from estim.common import Amount, Finding, Kind, phrase
 from estim.fitting import Fit, prior_sds
 from estim.words import tell
 
@@ -34,7 +33,6 @@ PRIOR_DOMINATED = 0.8  # posterior sd / prior sd above which the prior is most o
 _ONLY_PRIOR = 1.0
 _NO_PULL = 1e-6  # information of data and prior together, below which nothing holds a direction
 _SHOWN = 0.2  # component of a unit direction that is worth a word
-_PARALLEL = 0.95  # share of a known direction that must lie among those of the prior
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,15 +85,8 @@ class Identifiability:
     sentences: tuple[str, ...]
 
 
-def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Identifiability:
-    """What the data of `fit` can tell, direction by direction.
-
-    known : words -> (n_par,) displacement in the parameters' units, for combinations that a curve
-        is known not to show; the words are said where the displacement lies (cosine above 0.95, in
-        prior units) among the directions of the prior.
-
-    Raises InputError where a known displacement has the wrong length or is zero.
-    """
+def identify(fit: Fit) -> Identifiability:
+    """What the data of `fit` can tell, direction by direction."""
     problem = fit.problem
     sds = prior_sds(problem, fit.cov)
     whitened = fit.posterior.information(fit.values) * np.outer(sds, sds)
@@ -108,7 +99,7 @@ def identify(fit: Fit, *, known: Mapping[str, FloatArray] | None = None) -> Iden
     )
     ratios = np.sqrt(np.sum(vectors**2 / (1.0 + values), axis=1))
     n_learnt = float(np.sum(values / (1.0 + values)))
-    sentences = _sentences(directions, n_learnt, _recognised(known or {}, directions, sds))
+    sentences = _sentences(directions, n_learnt)
     return Identifiability(
         names=fit.names,
         directions=directions,
@@ -147,36 +138,7 @@ def _moves(fit: Fit, vector: FloatArray, sds: FloatArray) -> tuple[Amount, ...]:
     return tuple(moves)
 
 
-def _recognised(
-    known: Mapping[str, FloatArray], directions: tuple[Direction, ...], sds: FloatArray
-) -> list[str]:
-    """The words of those known displacements that lie among the directions of the prior."""
-    recognised = []
-    for words, displacement in known.items():
-        whitened = (
-            np.asarray(displacement, dtype=float) / sds
-            if np.shape(displacement) == sds.shape
-            else np.zeros(0)
-        )
-        if not whitened.size or not np.linalg.norm(whitened) > 0.0:
-            raise InputError(
-                f"must be {sds.size} numbers, not all zero", field=words, value=displacement
-            )
-        silent = [d.vector for d in directions if d.held_by != "data"]
-        share = (
-            math.hypot(*(float(vector @ whitened) for vector in silent))
-            / float(np.linalg.norm(whitened))
-            if silent
-            else 0.0
-        )
-        if share > _PARALLEL:
-            recognised.append(words)
-    return recognised
-
-
-def _sentences(
-    directions: tuple[Direction, ...], n_learnt: float, recognised: list[str]
-) -> tuple[str, ...]:
+def _sentences(directions: tuple[Direction, ...], n_learnt: float) -> tuple[str, ...]:
     n = len(directions)
     free = [d for d in directions if d.held_by == "nothing"]
     prior = [d for d in directions if d.held_by == "prior"]
@@ -203,6 +165,5 @@ def _sentences(
                 **count,
             )
         )
-    sentences += [f"{words[:1].upper()}{words[1:]}." for words in recognised]
     sentences += [phrase("Constrained only by the prior: {words}.", words=d.words) for d in prior]
     return tuple(sentences)

@@ -88,8 +88,6 @@ class Moves:
 
     def __init__(self, ahead: IndependenceMoves, others: Sequence[tuple[Any, float]]) -> None:
         self._proposal, self._steps, self._others = ahead.proposal, ahead.steps(), others
-        # where walkers were, log densities of the proposal there
-        self._known: tuple[FloatArray, FloatArray] | None = None
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
         """The state after one step, and which walkers moved."""
@@ -98,21 +96,8 @@ class Moves:
             which = model.random.choice(len(self._others), p=[weight for _, weight in self._others])
             return self._others[which][0].propose(model, state)
         points, log_density, log_proposal = proposed
-        before = self._log_proposal(state.coords)
+        before = self._proposal.log_density(state.coords)
         ratio = log_density - log_proposal
         accepted = np.log(model.random.rand(ratio.size)) < ratio - (state.log_prob - before)
         state.coords[accepted], state.log_prob[accepted] = points[accepted], log_density[accepted]
-        self._known = state.coords.copy(), np.where(accepted, log_proposal, before)
         return state, accepted
-
-    def _log_proposal(self, coords: FloatArray) -> FloatArray:
-        """(n_walker,) log density of the proposal where the walkers are (n_walker, n_par); new only
-        of those that other moves have moved.
-        """
-        if self._known is None:
-            return self._proposal.log_density(coords)
-        moved = np.any(coords != self._known[0], axis=1)
-        values = self._known[1].copy()
-        if np.any(moved):
-            values[moved] = self._proposal.log_density(coords[moved])
-        return values
