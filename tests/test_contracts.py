@@ -12,16 +12,9 @@ from scipy import stats
 
 from estim import Component, InputError
 from estim.campaign import load_campaign
-from estim.curves.disturbed import (
-    DisturbedMotion,
-    DisturbedMotionCurve,
-    DisturbedPhaseCurve,
-    Place,
-    Setting,
-)
 from estim.curves.formula import read_formula
 from estim.curves.function import wrap_function
-from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
+from estim.curves.rolling import MotionCurve, PhaseCurve, Place, RollingMotion, Setting
 from estim.curves.shared_errors import DistortedCurve
 from estim.fitting import Fit, fit_problem
 from estim.problem.counts import CountErrors
@@ -76,24 +69,21 @@ CURVES = {
     "phase curve, angles": (PhaseCurve(True), BODY),
     "motion in time": (MotionCurve(False), BODY | {"release_time": -0.2, "offset": 0.0}),
     "motion in time, angles": (MotionCurve(True), BODY | {"release_time": -0.2, "offset": 0.0}),
-    "phase curve, pushed": (DisturbedPhaseCurve(False), BODY | {"release_energy": 0.01}),
-    "phase curve, late": (DisturbedPhaseCurve(False), BODY | {"release_energy": -0.0005}),
+    "phase curve, pushed": (PhaseCurve(False), BODY | {"release_energy": 0.01}),
+    "phase curve, late": (PhaseCurve(False), BODY | {"release_energy": -0.0005}),
     "phase curve, forces and image": (
-        DisturbedPhaseCurve(False, SETTING),
+        PhaseCurve(False, SETTING),
         BODY | FORCES | READ | {"release_speed": 0.1, "offset": 0.004},
     ),
-    "phase curve, drag": (DisturbedPhaseCurve(False, SETTING), BODY | FORCES | DRAG | READ),
+    "phase curve, drag": (PhaseCurve(False, SETTING), BODY | FORCES | DRAG | READ),
     "phase curve, angles, forces": (
-        DisturbedPhaseCurve(True, SETTING),
+        PhaseCurve(True, SETTING),
         BODY | FORCES | ANGLES | {"release_energy": 0.01},
     ),
-    "motion in time, pushed": (
-        DisturbedMotionCurve(False),
-        BODY | IN_TIME | {"release_speed": 0.1},
-    ),
-    "motion in time, scales": (DisturbedMotionCurve(True), BODY | IN_TIME | ANGLES),
+    "motion in time, pushed": (MotionCurve(False), BODY | IN_TIME | {"release_speed": 0.1}),
+    "motion in time, scales": (MotionCurve(True), BODY | IN_TIME | ANGLES),
     "motion in time, all": (
-        DisturbedMotionCurve(False, SETTING),
+        MotionCurve(False, SETTING),
         BODY | IN_TIME | FORCES | DRAG | READ | {"release_speed": -0.05},
     ),
     "formula": (FORMULA, DECAY),
@@ -223,15 +213,15 @@ def test_a_disturbed_motion_keeps_its_energy_where_nothing_resists_and_ends_as_i
     angular: bool,
 ) -> None:
     arguments = BODY | ANGLES | {"rolling_resistance": 0.0, "release_energy": 0.02, "sag": 0.002}
-    motion: Motion = DisturbedMotion(angular, 0.4, False, SETTING, 3.0)
+    motion: Motion = RollingMotion(angular, 0.4, False, SETTING, 3.0)
     x = X / (0.15 if angular else 1.0)
-    v = np.ravel(DisturbedPhaseCurve(angular, SETTING).value(x, arguments))
+    v = np.ravel(PhaseCurve(angular, SETTING).value(x, arguments))
     total = np.sum([np.ravel(e) for e in motion.energies(x, v, arguments)], axis=0)
     assert total == pytest.approx(total[0], rel=1e-9)
     end = motion.end(arguments)
     assert end > x[-1]
     near = np.ravel(
-        DisturbedPhaseCurve(angular, SETTING).value(np.array([0.999, 1.001]) * end[0, 0], arguments)
+        PhaseCurve(angular, SETTING).value(np.array([0.999, 1.001]) * end[0, 0], arguments)
     )
     assert near[0] > near[1] == 0.0
     draws = {name: np.full((3, 1), value) for name, value in (arguments | FORCES | DRAG).items()}

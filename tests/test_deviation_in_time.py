@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from estim.curves.disturbed import DisturbedMotion, DisturbedMotionCurve, Setting
 from estim.curves.rolling import MotionCurve, RollingMotion
 from estim.deviation.force import force_priors, track_with_ways
 from estim.deviation.trajectory import Along, Trajectory
@@ -49,11 +48,8 @@ def hills(x: float) -> float:
 
 def along(t: np.ndarray, *, pushed: float | None = None) -> Along:
     arguments = ARGUMENTS if pushed is None else {**ARGUMENTS, "release_speed": pushed}
-    curve, motion = (MotionCurve(False), RollingMotion(False, None, True))
-    if pushed is not None:
-        curve, motion = DisturbedMotionCurve(False, Setting()), DisturbedMotion(False, None, True)
-    return Trajectory(motion).along(
-        Points(curve, t, 0.0 * t, arguments),
+    return Trajectory(RollingMotion(False, None, True)).along(
+        Points(MotionCurve(False), t, 0.0 * t, arguments),
         {},
         Independent(Scale(0.001), Scale(), np.ones(t.size)),
         about=None,

@@ -27,7 +27,6 @@ from estim.model.phase import (
     energy_ratio,
     energy_ratio_derivatives,
     root_derivatives,
-    squared_rate_derivatives,
     squared_speed_derivatives,
     time_derivative,
 )
@@ -46,7 +45,7 @@ def speed_derivatives(x, body, **run):
 
 
 def angular_rate_derivatives(angle, body, **run):
-    return root_derivatives(*squared_rate_derivatives(angle, body, **run))
+    return root_derivatives(*squared_speed_derivatives(angle, body, **run, angular=True))
 
 
 # special cases that others have written down

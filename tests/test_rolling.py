@@ -13,8 +13,7 @@ from estim import InputError, load_campaign
 from estim.campaign.binding import grip_of
 from estim.checks.rolling import Rolling, check_rolling, rolling_remarks, way_of
 from estim.common import Kind
-from estim.curves.disturbed import DisturbedMotion, Setting
-from estim.curves.rolling import RollingMotion
+from estim.curves.rolling import RollingMotion, Setting
 from estim.distributions import normal_tail
 from estim.fitting import fit_problem
 from estim.model import Body, trajectory
@@ -179,13 +178,13 @@ def test_littlewoods_hoop_leaves_the_ramp():
 def test_a_disturbed_motion_presses_as_the_plain_one_where_nothing_disturbs(angular):
     farthest = 2.0 if angular else 0.3
     plain = RollingMotion(angular).footing(farthest, BODY | {"offset": 0.01})
-    other = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(
+    other = RollingMotion(angular, None, False, Setting(), 1.0).footing(
         farthest, BODY | {"offset": 0.01, "moment_once_cos": 0.0, "scale_x": 0.0}
     )
     assert other.normal == pytest.approx(plain.normal, rel=1e-12)
     assert other.needed == pytest.approx(plain.needed, rel=1e-12)
     assert other.along == pytest.approx(plain.along)
-    pushed = DisturbedMotion(angular, None, False, Setting(), 1.0).footing(
+    pushed = RollingMotion(angular, None, False, Setting(), 1.0).footing(
         farthest, BODY | {"offset": 0.01, "release_energy": 0.1}
     )
     assert np.nanmax(np.abs(pushed.normal - plain.normal)) > 0.01

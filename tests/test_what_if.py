@@ -16,18 +16,7 @@ from estim.campaign import load_campaign
 from estim.checks import influences
 from estim.checks.what_if import large_influences
 from estim.curve_fitting.single import fit_curve
-from estim.curves import (
-    Component,
-    DisturbedMotion,
-    DisturbedMotionCurve,
-    DisturbedPhaseCurve,
-    MotionCurve,
-    PhaseCurve,
-    Place,
-    Poisson,
-    RollingMotion,
-    Setting,
-)
+from estim.curves import Component, MotionCurve, PhaseCurve, Place, Poisson, RollingMotion, Setting
 from estim.fitting import Fit, fit_least_squares, fit_problem
 from estim.model import Body, speed
 from estim.problem import Independent, Normal, Observations, Parameter, Problem, Scale
@@ -61,7 +50,7 @@ def fitted(x: np.ndarray, v: np.ndarray, g: float = 9.81) -> Fit:
     noise = Independent(Scale(0.01), Scale(), np.ones(x.size))
     motion = RollingMotion(
         False,
-        full=DisturbedPhaseCurve(False, Setting(ramp=Place(float(X[-1]), 0.0))),
+        full=PhaseCurve(False, Setting(ramp=Place(float(X[-1]), 0.0))),
         ramp_length=float(X[-1]),
     )
     run = Observations(
@@ -153,7 +142,7 @@ def test_errors_of_the_abscissas_and_angles_do_not_hinder(rng: np.random.Generat
     assert {
         one.name: round(one.shifts["a"] * fit.sds[0] / fit.values[0], 3) for one in influences(fit)
     } == {"scale_y": 0.01, "scale_x": -0.01}
-    motion = RollingMotion(True, full=DisturbedPhaseCurve(True))
+    motion = RollingMotion(True, full=PhaseCurve(True))
     assert [
         e.name
         for e in motion.errors_in_common(
@@ -293,9 +282,9 @@ def test_a_sag_moves_positions_as_the_true_motion_says(moving: str, pushed: floa
     arguments |= {**EXACT, "release_time": 0.0, "offset": 0.0}
     if pushed:
         arguments |= {"release_speed": pushed, "viscous_drag": 0.2}
-    full = DisturbedMotionCurve(False, Setting(ramp=Place(way, 0.0)))
-    motion = (DisturbedMotion if pushed else RollingMotion)(False, None, True, full=full)
-    curve = (DisturbedMotionCurve if pushed else MotionCurve)(False)
+    full = MotionCurve(False, Setting(ramp=Place(way, 0.0)))
+    motion = RollingMotion(False, None, True, full=full)
+    curve = MotionCurve(False)
     error = next(e for e in motion.errors_in_common(curve, arguments) if e.name == "sag")
     found = np.ravel(
         error.curve.value(t, {**arguments, **error.arguments}) - curve.value(t, arguments)

@@ -39,18 +39,10 @@ from estim.campaign.points import Observed, observe
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.unit_slips import unit_slips
 from estim.common import InputError, later, phrase, split_level
-from estim.curves import (
-    DisturbedMotion,
-    DisturbedMotionCurve,
-    DisturbedPhaseCurve,
-    MotionCurve,
-    PhaseCurve,
-    RollingMotion,
-    Setting,
-)
+from estim.curves import MotionCurve, PhaseCurve, RollingMotion, Setting
 from estim.explanation import Cause, Suspects
 from estim.fitting import FORCE_KEY
-from estim.problem import Curve, Observations, Parameter, Prior, Problem, shared_first
+from estim.problem import Observations, Parameter, Prior, Problem, shared_first
 from estim.reading import KeyPath
 
 
@@ -217,7 +209,7 @@ class RollingCampaign(Campaign):
                     q: Bound(f"{q}[{name}]" if sketch.of_run else q, prior)
                     for q, prior in sketch.priors.items()
                 }
-                setting = sketch.setting(setting, mass) if sketch.disturbs else setting
+                setting = sketch.setting(setting)
             for quantity, b in bound.items():
                 if not isinstance(b.source, float):
                     kind = KINDS_OF_QUANTITIES[quantity]
@@ -340,15 +332,13 @@ def _observations(
     observed: Observed,
     arguments: Mapping[str, str | float],
     mass: float | None,
-    setting: Setting | None,
+    setting: Setting,
     grip: Prior | float | None,
     *,
     angular: bool,
 ) -> Observations:
     """The points of a run with the curve that explains them: positions in time, or speeds along the
     way.
-
-    setting : None for the plain motion.
     """
     position, x_unit = (
         (later("angle turned θ − θ₀"), "rad") if angular else (later("position x"), "m")
@@ -359,16 +349,9 @@ def _observations(
         if observed.positions
         else (position, x_unit, speed, y_unit)
     )
-    curve: Curve
-    if setting is None:
-        motion = RollingMotion(angular, mass, observed.positions, grip=grip)
-        curve = (MotionCurve if observed.positions else PhaseCurve)(angular)
-    else:
-        reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
-        motion = DisturbedMotion(angular, mass, observed.positions, setting, reach, grip=grip)
-        curve = (DisturbedMotionCurve if observed.positions else DisturbedPhaseCurve)(
-            angular, setting
-        )
+    reach = float(np.max(np.abs(observed.y if observed.positions else observed.x)))
+    motion = RollingMotion(angular, mass, observed.positions, setting, reach, grip=grip)
+    curve = (MotionCurve if observed.positions else PhaseCurve)(angular, setting)
     return Observations(
         name=name,
         x=observed.x,

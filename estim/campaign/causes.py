@@ -80,16 +80,10 @@ class Sketch:
                 )
         return priors
 
-    @property
-    def disturbs(self) -> bool:
-        """Whether the plain motion does not know it."""
-        return any(name in EFFECTS for name in self.priors)
-
-    def setting(self, stated: Setting | None, mass: float | None) -> Setting:
+    def setting(self, stated: Setting) -> Setting:
         """What is exact of a run with the candidate, from what is stated of it."""
-        setting = stated or Setting(mass)
         return replace(
-            setting, ramp=self.ramp or setting.ramp, picture=self.picture or setting.picture
+            stated, ramp=self.ramp or stated.ramp, picture=self.picture or stated.picture
         )
 
 

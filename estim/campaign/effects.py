@@ -13,15 +13,7 @@ import numpy as np
 from estim.campaign.levels import Levels
 from estim.campaign.quantities import EFFECTS
 from estim.common import InputError
-from estim.curves import (
-    DisturbedMotion,
-    DisturbedMotionCurve,
-    DisturbedPhaseCurve,
-    Place,
-    RollingMotion,
-    Setting,
-    energy_of_speed,
-)
+from estim.curves import MotionCurve, PhaseCurve, Place, RollingMotion, Setting, energy_of_speed
 from estim.problem import Observations, Prior
 from estim.reading import KeyPath
 
@@ -37,16 +29,13 @@ def setting_of(
     *,
     positions: bool,
     angular: bool,
-) -> Setting | None:
-    """What is exact of a run with effects among its quantities (`sources`, SI units); None where
-    there are none.
+) -> Setting:
+    """What is exact of a run, with effects among its quantities (`sources`, SI units) or not.
 
     positions : whether positions in time are fit.  Raises InputError where something does not go
         together or is missing.
     """
     effects = [name for name in EFFECTS if name in sources]
-    if not effects:
-        return None
     for first, second in _EXCLUSIVE:
         if first in effects and second in effects:
             raise _error(
@@ -122,13 +111,8 @@ def with_full_curves(
     for run in runs:
         motion, ramp = run.motion, ramps[run.name] or Place(high - low, -low)
         assert isinstance(motion, RollingMotion)
-        setting = replace(
-            motion.setting if isinstance(motion, DisturbedMotion) else Setting(motion.mass),
-            ramp=ramp,
-        )
-        full = (DisturbedMotionCurve if run.positions else DisturbedPhaseCurve)(
-            motion.angular, setting
-        )
+        setting = replace(motion.setting, ramp=ramp)
+        full = (MotionCurve if run.positions else PhaseCurve)(motion.angular, setting)
         completed.append(replace(run, motion=replace(motion, full=full, ramp_length=ramp.length)))
     return completed
 

@@ -3,15 +3,6 @@
 """
 
 from estim.curves.counting import Binomial, Counting, EventTimes, Poisson
-from estim.curves.disturbed import (
-    DisturbedMotion,
-    DisturbedMotionCurve,
-    DisturbedPhaseCurve,
-    Place,
-    Setting,
-    energy_of_speed,
-    size_with_blur,
-)
 from estim.curves.dual import Dual
 from estim.curves.formula import RESERVED, Formula, evaluate, read_formula
 from estim.curves.joining import DataSet, JointProblem, join, of_data_set
@@ -51,7 +42,15 @@ from estim.curves.regimes import (
     stop_of,
     turning_contours,
 )
-from estim.curves.rolling import MotionCurve, PhaseCurve, RollingMotion
+from estim.curves.rolling import (
+    MotionCurve,
+    PhaseCurve,
+    Place,
+    RollingMotion,
+    Setting,
+    energy_of_speed,
+    size_with_blur,
+)
 from estim.curves.shared_errors import Component, scale_errors_of
 from estim.curves.derived import (
     SoughtQuantity,

@@ -1,7 +1,9 @@
 """The motion of a rolling body as curves to fit: speed against position, and position against time.
 
-Arguments of both are the quantities of a campaign; with `angular` positions are angles turned since
-release, in rad.
+Arguments are the quantities of a campaign; with `angular` positions are angles turned since
+release, in rad.  Beside weight and plain rolling resistance they may say more: a start with a push,
+drag, moments, a ramp that is not straight (`estim.model.forces`), errors of the length scale, the
+clock and the image (`estim.model.readings`).  What they do not say costs nothing.
 """
 
 from __future__ import annotations
@@ -19,12 +21,20 @@ from estim.curves.differences import with_gradient
 from estim.model import (
     Body,
     ContactForces,
+    Forces,
+    Readings,
     back_and_forth,
+    blurred_sigma,
     contact_forces,
     energy,
+    moment_ratio,
     needed_friction,
     phase,
     positions_at,
+    release_energy,
+    release_speed,
+    sagging,
+    turn_amplitude,
 )
 from estim.problem import CommonError, Curve, Derived, Footing, LocalCurve, Prior, Wording
 
@@ -49,6 +59,29 @@ FIRST_TURNING = later(
 )
 _N_FOOTING = 96  # places along the way
 _MOTION = ("phi", "theta0", "rolling_resistance", "g")
+_FORCES = {  # argument -> field of Forces
+    "load_resistance": "load_resistance",
+    "viscous_drag": "viscous_drag",
+    "quadratic_drag": "quadratic_drag",
+    "moment_once_cos": "once_cos",
+    "moment_once_sin": "once_sin",
+    "moment_twice_cos": "twice_cos",
+    "moment_twice_sin": "twice_sin",
+    "phi_slope": "phi_slope",
+}
+# argument -> field of Readings
+_READINGS = {"scale_x": "scale_x", "scale_t": "scale_t", "distortion": "bow"}
+_BEYOND_SCALES = _FORCES.keys() | {"sag", "distortion", "moment", "release_energy", "release_speed"}
+_STEP = 1e-4  # relative, of differences: motion under any force is good to 1e-10 or so
+_DEGREES = float(np.degrees(1.0))
+_SIZES = {
+    "once": later("amplitude of the moment once per turn / (M g R)"),
+    "twice": later("amplitude of the moment twice per turn / (M g R)"),
+}
+_PHASES = {
+    "once": later("phase of the moment once per turn, largest at θ"),
+    "twice": later("phase of the moment twice per turn, largest at 2 θ"),
+}
 
 
 def body_of(arguments: Mapping[str, ArrayLike]) -> tuple[Body, dict[str, Any]]:
@@ -106,24 +139,95 @@ def footing_of(along: FloatArray, contact: ContactForces) -> Footing:
     return Footing(along, np.where(over, np.nan, normal), np.where(over, np.nan, needed))
 
 
+@dataclass(frozen=True)
+class Place:
+    """A length (m) and where on it the release is (m from the end of lower x)."""
+
+    length: float = 1.0
+    start: float = 0.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What is exact about a run beside its arguments.
+
+    mass : kg, for a moment in N m.
+    ramp : between its supports, for a ramp that sags.  picture : calibrated at both ends, for one
+        that is distorted.
+    """
+
+    mass: float | None = None
+    ramp: Place = Place()
+    picture: Place = Place()
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What the arguments say.  motion : phi (rad, at release), theta0, rolling_resistance, g.
+
+    energy : at release, weights x R; speed : there, m/s; each None where the arguments hold
+        neither.
+    forces : None where there is none.
+    """
+
+    body: Body
+    motion: dict[str, Any]
+    energy: ArrayLike | None
+    speed: ArrayLike | None
+    forces: Forces | None
+    readings: Readings
+
+    @property
+    def acting(self) -> dict[str, Any]:
+        """Keywords of the functions of `estim.model.phase`."""
+        return {**self.motion, "release_energy": self.energy, "forces": self.forces}
+
+
+def _known(arguments: Mapping[str, ArrayLike], setting: Setting) -> _Known:
+    body, motion = body_of(arguments)
+    acting = {field: arguments[name] for name, field in _FORCES.items() if name in arguments}
+    if "sag" in arguments:
+        where = {"length": setting.ramp.length, "start": setting.ramp.start}
+        motion["phi"], acting["phi_slope"] = sagging(
+            motion["phi"], arguments["sag"], **where, phi_slope=acting.get("phi_slope", 0.0)
+        )
+    if "moment" in arguments and setting.mass is not None:
+        acting["moment"] = moment_ratio(arguments["moment"], setting.mass, body.radius, motion["g"])
+    read = {field: arguments[name] for name, field in _READINGS.items() if name in arguments}
+    at_release = {name: motion[name] for name in ("phi", "theta0", "g")}
+    energy_there, speed = arguments.get("release_energy"), arguments.get("release_speed")
+    if energy_there is not None:
+        speed = release_speed(energy_there, body, **at_release)
+    elif speed is not None:
+        energy_there = release_energy(speed, body, **at_release)
+    return _Known(
+        body,
+        motion,
+        energy_there,
+        speed,
+        Forces(**acting) if acting else None,
+        Readings(**read, length=setting.picture.length, start=setting.picture.start),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class PhaseCurve:
     """The phase curve of a rolling body as a curve to fit: v(x) in m/s, or omega(theta - theta0) in
-    rad/s.
+    rad/s, as instruments read them.
+
+        v_read^2 = 2 g R (E0 + W)/D (dx_read/dx)^2/(1 + scale_t)^2        at x = true position of
+        x_read - offset
 
     angular : positions are angles turned since release.
 
-    An argument `offset`, if there is one, is the reading of the position at release: the motion is
-    that at x - offset.
+    An argument `offset`, if there is one, is the reading of the position at release.
     """
 
     angular: bool
+    setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = body_of(arguments)
-        return (phase.angular_rate if self.angular else phase.speed)(
-            from_release(x, arguments), body, **motion
-        )
+        return np.sqrt(np.maximum(self.square(x, arguments), 0.0))
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
         square = self.local_square(x, arguments)
@@ -131,92 +235,156 @@ class PhaseCurve:
             *phase.root_derivatives(square.value, square.slope, dict(square.gradient))
         )
 
-    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = body_of(arguments)
-        g, since = np.asarray(motion.pop("g")), from_release(x, arguments)
-        ratio = phase.energy_ratio(
-            since if self.angular else since / np.asarray(body.radius), body, **motion
-        )
-        return np.atleast_2d(
-            2.0
-            * g
-            * (ratio / np.asarray(body.radius) if self.angular else ratio * np.asarray(body.radius))
-        )
-
     def local_square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """The gradient is closed where at most scales are added, else by central differences."""
+        if not _BEYOND_SCALES & arguments.keys():
+            return self._scaled(x, arguments)
+        (square,), gradient = with_gradient(
+            lambda columns: (self.square(x, columns),), arguments, step=_STEP
+        )
+        known = _known(arguments, self.setting)
+        true = known.readings.true_position(from_release(x, arguments))
+        squares = self._squares(true, known, 1)
+        read = known.readings
+        # of F (dx_read/dx)^2 along x_read
+        slope = squares[1] * read.stretch(true) - 4.0 * read.parabola()[1] * squares[0]
+        slope = slope / np.square(1.0 + np.asarray(read.scale_t))
+        return LocalCurve(square, np.atleast_2d(slope), gradient)
+
+    def _scaled(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
+        """F^2 with errors of scale a and clock b: k f^2(x/(1 + a)), k = ((1 + a)/(1 + b))^2, x
+        counted from the release.
+        """
         body, motion = body_of(arguments)
-        value, slope, gradient = (
-            phase.squared_rate_derivatives if self.angular else phase.squared_speed_derivatives
-        )(from_release(x, arguments), body, **motion)
-        zeros = {f"{angle}_zero": gradient[angle] for angle in _ZEROED} | {
-            "offset": -np.asarray(slope)
+        scale, clock = (
+            1.0 + np.asarray(arguments.get(name, 0.0), dtype=float)
+            for name in ("scale_x", "scale_t")
+        )
+        since, k = from_release(x, arguments), np.square(scale / clock)
+        square, along, gradient = phase.squared_speed_derivatives(
+            since / scale, body, **motion, angular=self.angular
+        )
+        value, slope = k * np.atleast_2d(square), k / scale * np.atleast_2d(along)
+        gradient |= {f"{angle}_zero": gradient[angle] for angle in _ZEROED}
+        partials = {
+            "scale_x": (2.0 * value - since * slope) / scale,
+            "scale_t": -2.0 * value / clock,
+            "offset": -slope,
         }
-        return LocalCurve(np.atleast_2d(value), np.atleast_2d(slope), {**gradient, **zeros})
+        return LocalCurve(value, slope, {name: k * d for name, d in gradient.items()} | partials)
 
     def position(self, since: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        """(n_draw, n_obs) position at times `since` release (s), back and forth."""
-        body, motion = body_of(arguments)
-        phi, theta0, resistance, g = (motion[name] for name in _MOTION)
-        x = positions_at(since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g)
-        return np.atleast_2d(x) / (np.asarray(body.radius) if self.angular else 1.0)
+        """(n_draw, n_obs) position that is read at times `since` release (s on the clock of the
+        data), back and forth.
+        """
+        return _position(since, _known(arguments, self.setting), self.angular)
 
     def time_derivative(
         self, x: FloatArray, arguments: Mapping[str, ArrayLike], order: int
     ) -> FloatArray:
-        body, motion = body_of(arguments)
-        g, radius = np.asarray(motion.pop("g")), np.asarray(body.radius)
-        since = from_release(x, arguments)
-        ratios = phase.energy_ratio_derivatives(
-            since if self.angular else since / radius, body, **motion, order=order
-        )
+        known = _known(arguments, self.setting)
+        true = known.readings.true_position(from_release(x, arguments))
+        squares = self._squares(true, known, order)
+        derivative = phase.time_derivative(squares, order)
+        return np.atleast_2d(_as_read(derivative, squares, order, known.readings, true))
+
+    def square(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
+        known = _known(arguments, self.setting)
+        true = known.readings.true_position(from_release(x, arguments))
+        radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
         scale = 2.0 * g / radius if self.angular else 2.0 * g * radius
-        step = 1.0 if self.angular else radius
-        return np.atleast_2d(
-            phase.time_derivative([scale * h / step**n for n, h in enumerate(ratios)], order)
+        ratio = phase.energy_ratio(
+            true if self.angular else true / radius, known.body, **known.acting
         )
+        return np.atleast_2d(scale * ratio * known.readings.speed(1.0, true) ** 2)
+
+    def _squares(self, true: FloatArray, known: _Known, order: int) -> list[FloatArray]:
+        """Square of the true speed and its derivatives along the way."""
+        radius, g = np.asarray(known.body.radius), np.asarray(known.motion["g"])
+        ratios = phase.energy_ratio_derivatives(
+            true if self.angular else true / radius, known.body, **known.acting, order=order
+        )
+        scale, step = (2.0 * g / radius, 1.0) if self.angular else (2.0 * g * radius, radius)
+        return [np.atleast_2d(scale * h / step**n) for n, h in enumerate(ratios)]
+
+
+def _as_read(
+    found: FloatArray, squares: list[FloatArray], order: int, readings: Readings, x: FloatArray
+) -> FloatArray:
+    """Time derivative of order 2 or 4 of the speed that is read, from that of the true speed
+    (`found`), by Leibniz of x_read = a x - k x^2.
+    """
+    v, a = np.sqrt(np.maximum(squares[0], 0.0)), [0.5 * f for f in squares[1:]]
+    if order == 2:
+        rest = 6.0 * v * a[0]
+    else:  # the derivatives of x are v, a, a' v, a'' v^2 + a a'
+        rest = 10.0 * v * (a[2] * v**2 + a[0] * a[1]) + 20.0 * a[0] * a[1] * v
+    return np.asarray(
+        (found * readings.stretch(x) - readings.parabola()[1] * rest)
+        / (1.0 + np.asarray(readings.scale_t)) ** (order + 1)
+    )
+
+
+def _position(since: FloatArray, known: _Known, angular: bool) -> FloatArray:
+    """Position that is read at times since release (s on the clock of the data), from the reading
+    at release.
+    """
+    if known.speed is not None or known.forces is not None:
+        return _state(since, known, angular)[0]
+    x = np.atleast_2d(positions_at(known.readings.true_time(since), known.body, **known.motion))
+    return known.readings.position(x / (np.asarray(known.body.radius) if angular else 1.0))
+
+
+def _state(since: FloatArray, known: _Known, angular: bool) -> tuple[FloatArray, FloatArray]:
+    """`_position` with the velocity that is read."""
+    x, v = back_and_forth(
+        known.readings.true_time(since),
+        known.body,
+        **known.motion,
+        release_speed=known.speed,
+        forces=known.forces,
+    )
+    length = np.asarray(known.body.radius) if angular else 1.0
+    x, v = np.atleast_2d(x) / length, np.atleast_2d(v) / length
+    return known.readings.position(x), v * known.readings.speed(1.0, x)
 
 
 @dataclass(frozen=True, eq=False)
 class MotionCurve:
-    """Position against time, x(t) in m or theta - theta0 in rad, back and forth; release and zero
-    are arguments too.
+    """Position against time, x(t) in m or theta - theta0 in rad, back and forth, as instruments
+    read them; release and zero are arguments too.
 
-        x(t) = offset + X(t - release_time)        X: from rest at 0
+        x(t) = offset + X(t - release_time)        X: from 0
 
     release_time : s, on the clock of the data.
     offset : reading of the position at release, m or rad.
     """
 
     angular: bool
+    setting: Setting = Setting()
 
     def value(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = body_of(arguments)
-        place = {name: motion[name] for name in _MOTION}
-        position = positions_at(x - np.asarray(arguments["release_time"]), body, **place)
-        return np.asarray(
-            position / (np.asarray(body.radius) if self.angular else 1.0)
-            + np.asarray(arguments["offset"])
-        )
+        since = x - np.asarray(arguments["release_time"])
+        position = _position(since, _known(arguments, self.setting), self.angular)
+        return position + np.asarray(arguments["offset"])
 
     def local(self, x: FloatArray, arguments: Mapping[str, ArrayLike]) -> LocalCurve:
-        """The gradient is by central differences of a position that is exact to about 1e-12."""
+        """The gradient is by central differences."""
         (position, velocity), gradient = with_gradient(
-            lambda columns: self.state(x, columns), arguments, step=1e-5
+            lambda columns: self.state(x, columns), arguments, step=_STEP
         )
         return LocalCurve(position, velocity, gradient)
 
     def state(
         self, t: FloatArray, arguments: Mapping[str, ArrayLike]
     ) -> tuple[FloatArray, FloatArray]:
-        """Position and velocity at times t (n_obs,) s of the data's clock, in the run's unit."""
-        body, motion = body_of(arguments)
-        since = t - np.asarray(arguments["release_time"])
-        phi, theta0, resistance, g = (motion[name] for name in _MOTION)
-        x, v = back_and_forth(
-            since, body, phi=phi, theta0=theta0, rolling_resistance=resistance, g=g
+        """Position and velocity that are read at times t (n_obs,) s of the data's clock, in the
+        run's unit.
+        """
+        position, velocity = _state(
+            t - np.asarray(arguments["release_time"]), _known(arguments, self.setting), self.angular
         )
-        length = np.asarray(body.radius) if self.angular else 1.0
-        return x / length + np.asarray(arguments["offset"]), v / length
+        return position + np.asarray(arguments["offset"]), velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +395,8 @@ class RollingMotion:
     mass : kg, or None where the campaign does not say.
     in_time : whether positions were measured against time, so that the abscissa is a time, which
         has no end.
+    setting : what is exact.  reach : how far the body was seen, in the unit of its positions; its
+        end under forces is looked for up to twice that.
     grip : coefficient of static friction as stated.
     full : the curve with everything that a campaign may state beside; None where nobody asks for
         it.
@@ -236,6 +406,8 @@ class RollingMotion:
     angular: bool
     mass: float | None = None
     in_time: bool = False
+    setting: Setting = Setting()
+    reach: float = 1.0
     grip: Prior | float | None = field(default=None, kw_only=True)
     full: Curve | None = field(default=None, kw_only=True)
     ramp_length: float | None = field(default=None, kw_only=True)
@@ -256,10 +428,13 @@ class RollingMotion:
         return 1.0 if self.angular else arguments["radius"]
 
     def footing(self, farthest: float, arguments: Mapping[str, ArrayLike]) -> Footing:
-        body, motion = body_of(arguments)
+        known = _known(arguments, self.setting)
         along, way = self._way(farthest, arguments)
+        true = known.readings.true_position(way)
         contact = contact_forces(
-            way if self.angular else way / np.asarray(body.radius), body, **motion
+            true if self.angular else true / np.asarray(known.body.radius),
+            known.body,
+            **known.acting,
         )
         return footing_of(along, contact)
 
@@ -276,19 +451,41 @@ class RollingMotion:
     def energies(
         self, x: FloatArray, v: FloatArray, arguments: Mapping[str, ArrayLike]
     ) -> tuple[FloatArray, FloatArray]:
-        body, motion = body_of(arguments)
-        length = body.radius if self.angular else 1.0
-        place: dict[str, Any] = {"phi": motion["phi"], "theta0": motion["theta0"]}
-        x = from_release(x, arguments)
-        kinetic = energy.kinetic_energy(length * x, length * v, body, **place)
-        return kinetic, energy.potential_energy(length * x, body, **place, g=motion["g"])
+        known = _known(arguments, self.setting)
+        length = known.body.radius if self.angular else 1.0
+        place: dict[str, Any] = {
+            "phi": known.motion["phi"],
+            "theta0": known.motion["theta0"],
+            "forces": known.forces,
+        }
+        true = known.readings.true_position(from_release(x, arguments))
+        kinetic = energy.kinetic_energy(
+            length * true, length * v / known.readings.speed(1.0, true), known.body, **place
+        )
+        return kinetic, energy.potential_energy(
+            length * true, known.body, **place, g=known.motion["g"]
+        )
 
     def derived(self, arguments: Mapping[str, ArrayLike]) -> Mapping[str, Derived]:
-        quantities = derived_of(*body_of(arguments), self.mass)
+        known = _known(arguments, self.setting)
+        quantities = derived_of(known.body, known.motion, self.mass)
+        if known.forces is not None:
+            quantities |= _of_forces(known, arguments, quantities.get("resisting_moment"))
+        if "release_energy" in arguments:
+            quantities["speed_at_release"] = _derived(
+                "m/s",
+                known.speed,
+                phrase("speed at release, from the energy at release"),
+                Notation("v_0"),
+            )
+        elif "release_speed" in arguments:
+            quantities["energy_at_release"] = _derived(
+                "1", known.energy, phrase("kinetic energy at release / (M g R)"), Notation("E_0")
+            )
         if self.in_time:
             unit = "rad" if self.angular else "m"
-            quantities["turning_point"] = Derived(
-                unit, np.atleast_2d(self._stop(arguments)), phrase(FIRST_TURNING), self.end_notation
+            quantities["turning_point"] = _derived(
+                unit, self._stop(arguments), phrase(FIRST_TURNING), self.end_notation
             )
         return quantities
 
@@ -321,11 +518,17 @@ class RollingMotion:
         return np.atleast_2d(self._stop(arguments) + np.asarray(arguments.get("offset", 0.0)))
 
     def _stop(self, arguments: Mapping[str, ArrayLike]) -> FloatArray:
-        body, motion = body_of(arguments)
-        motion.pop("g")
-        return np.asarray(
-            (phase.turning_angle if self.angular else phase.turning_point)(body, **motion)
-        )
+        """As it is read."""
+        known = _known(arguments, self.setting)
+        acting, radius = known.acting, np.asarray(known.body.radius)
+        if self.in_time and known.energy is not None:
+            # pushed back it comes by again about as fast
+            acting["release_energy"] = np.abs(known.energy)
+        far = 2.0 * self.reach / (1.0 if self.angular else float(np.min(radius))) + np.pi
+        angle = phase.turning_angle(known.body, **acting, far=far)
+        true = np.asarray(angle if self.angular else radius * angle)
+        turns = np.isfinite(true)
+        return np.where(turns, known.readings.position(np.where(turns, true, 0.0)), true)
 
     def words(self) -> Wording:
         """How the measured numbers are called."""
@@ -341,3 +544,50 @@ class RollingMotion:
             later("frames"),
             True,
         )
+
+
+def _derived(unit: str, values: ArrayLike | None, meaning: str, notation: Notation) -> Derived:
+    return Derived(unit, np.atleast_2d(np.asarray(values, dtype=float)), meaning, notation)
+
+
+def _of_forces(
+    known: _Known, arguments: Mapping[str, ArrayLike], rolling: Derived | None
+) -> dict[str, Derived]:
+    quantities: dict[str, Derived] = {}
+    forces = known.forces or Forces()
+    if "moment" in arguments:
+        slope = phase.effective_slope(
+            known.motion["phi"], known.motion["rolling_resistance"]
+        ) + np.asarray(forces.moment)
+        quantities["slope"] = _derived(
+            "1", slope, phrase("effective slope sin φ + c_rr cos φ + Q/(M g R)"), Notation("s")
+        )
+        if rolling is not None:
+            whole = rolling.values + np.asarray(arguments["moment"])
+            quantities["resisting_moment"] = _derived(
+                "N m",
+                whole,
+                phrase("total resisting moment, c_rr M g R cos φ + Q"),
+                Notation("Q_all"),
+            )
+    for k, (_, cosine, sine) in zip(("once", "twice"), forces.turning, strict=True):
+        if f"moment_{k}_cos" in arguments or f"moment_{k}_sin" in arguments:
+            size, angle = turn_amplitude(cosine, sine)
+            quantities[f"moment_{k}"] = _derived("1", size, phrase(_SIZES[k]), Notation(f"a_{k}"))
+            quantities[f"moment_{k}_phase"] = _derived(
+                "rad", angle, phrase(_PHASES[k]), Notation(f"p_{k}", "°", _DEGREES)
+            )
+    return quantities
+
+
+def energy_of_speed(arguments: Mapping[str, ArrayLike]) -> float:
+    """Energy at release (weights x R) of the argument `release_speed`."""
+    known = _known(arguments, Setting())
+    return float(np.squeeze(np.asarray(known.energy)))
+
+
+def size_with_blur(size: FloatArray, speed: FloatArray, exposure: float) -> FloatArray:
+    """Standard deviation of readings of a body that moves while a picture is exposed (s), all in
+    units of the position.
+    """
+    return np.asarray(blurred_sigma(size, speed, exposure=exposure))

@@ -281,52 +281,24 @@ def squared_speed_derivatives(
     theta0: ArrayLike,
     rolling_resistance: ArrayLike = 0.0,
     g: ArrayLike = STANDARD_GRAVITY,
+    angular: bool = False,
 ) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
     """v^2 = 2 g R W/D (m^2/s^2), negative where the energy does not suffice, its slope in x and its
     derivatives in every parameter at fixed x.
+
+    angular : of theta'^2 = 2 g W/(D R) (rad^2/s^2) instead, x the angle turned since release.
     """
     radius, g = np.asarray(body.radius), np.asarray(g)
-    angle = np.asarray(x) / radius
-    keywords: dict[str, Any] = {
-        "phi": phi,
-        "theta0": theta0,
-        "rolling_resistance": rolling_resistance,
-    }
-    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
-    gradient = {
-        name: 2.0 * g * radius * d
-        for name, d in energy_ratio_gradient(angle, body, **keywords).items()
-    }
-    gradient["g"] = 2.0 * radius * ratio
-    gradient["radius"] = 2.0 * g * (ratio - angle * ratio_slope)
-    return 2.0 * g * radius * ratio, 2.0 * g * ratio_slope, gradient
-
-
-def squared_rate_derivatives(
-    angle: ArrayLike,
-    body: Body,
-    *,
-    phi: ArrayLike,
-    theta0: ArrayLike,
-    rolling_resistance: ArrayLike = 0.0,
-    g: ArrayLike = STANDARD_GRAVITY,
-) -> tuple[FloatArray, FloatArray, dict[str, FloatArray]]:
-    """theta'^2 = 2 g W/(D R) (rad^2/s^2), its slope in the angle and its derivatives in every
-    parameter at fixed angle.
-    """
-    scale = 2.0 * np.asarray(g) / body.radius
-    keywords: dict[str, Any] = {
-        "phi": phi,
-        "theta0": theta0,
-        "rolling_resistance": rolling_resistance,
-    }
-    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **keywords, order=1)
-    gradient = {
-        name: scale * d for name, d in energy_ratio_gradient(angle, body, **keywords).items()
-    }
-    gradient["g"] = 2.0 / np.asarray(body.radius) * ratio
-    gradient["radius"] = -scale / np.asarray(body.radius) * ratio
-    return scale * ratio, scale * ratio_slope, gradient
+    angle = np.asarray(x) if angular else np.asarray(x) / radius
+    place: dict[str, Any] = {"phi": phi, "theta0": theta0, "rolling_resistance": rolling_resistance}
+    ratio, ratio_slope = energy_ratio_derivatives(angle, body, **place, order=1)
+    scale = 2.0 * g / radius if angular else 2.0 * g * radius
+    gradient = {name: scale * d for name, d in energy_ratio_gradient(angle, body, **place).items()}
+    gradient["g"] = (2.0 / radius if angular else 2.0 * radius) * ratio
+    gradient["radius"] = (
+        -scale / radius * ratio if angular else 2.0 * g * (ratio - angle * ratio_slope)
+    )
+    return scale * ratio, (scale if angular else 2.0 * g) * ratio_slope, gradient
 
 
 def root_derivatives(
