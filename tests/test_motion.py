@@ -235,8 +235,8 @@ def test_a_turn_that_is_not_resolved_is_nan_and_not_rest(monkeypatch):
     }
     t = np.array([0.0, 0.4, 20.0])
     assert np.isfinite(back_and_forth(t, PAPER, **run)[0]).all()
-    monkeypatch.setattr("model.motion._MOST_NODES", 48)
-    monkeypatch.setattr("model.motion._UNRESOLVED", 1e-40)
+    monkeypatch.setattr("estim.model.motion._MOST_NODES", 48)
+    monkeypatch.setattr("estim.model.motion._UNRESOLVED", 1e-40)
     for known in back_and_forth(t, PAPER, **run):
         assert np.isnan(known[0]).tolist() == [False, True, True]
 

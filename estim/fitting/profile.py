@@ -47,7 +47,6 @@ class ProfileInterval:
         stands above its minimum.
     found_better : how far below the fit's the lowest objective met on the way lies; 0 if the fit's
         is the lowest.
-    better_values : (n_par,) where that was; None if nowhere.
     n_failed : points at which the search over the other parameters did not settle.
     pieces : probabilities whose region has more than one piece.
     sentence : the intervals and every doubt about them, in words.
@@ -62,7 +61,6 @@ class ProfileInterval:
     x: FloatArray
     rise: FloatArray
     found_better: float
-    better_values: FloatArray | None
     n_failed: int
     pieces: tuple[float, ...]
     sentence: str
@@ -262,7 +260,6 @@ def _interval(
         x=np.array([point.values[i] for point in finite]),
         rise=np.array([point.objective - mode.objective for point in finite]),
         found_better=better,
-        better_values=best.values if better else None,
         n_failed=sum(not point.settled for point in points),
         pieces=tuple(
             sorted(
@@ -292,7 +289,6 @@ def _nowhere(parameter: Parameter, value: float, rises: dict[float, float]) -> P
         x=np.array([value]),
         rise=np.zeros(1),
         found_better=0.0,
-        better_values=None,
         n_failed=1,
         pieces=(),
         sentence=sentence,

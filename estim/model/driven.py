@@ -96,8 +96,8 @@ class _Draws:
 
     def forces(self, u: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Force that does not depend on the direction, friction of a body at rest, 1/D and w."""
-        sine, cosine = _sine_and_cosine(self.theta0 + u)
-        climb, level = _sine_and_cosine(self.phi + self.bend * u if self.bent else self.phi)
+        sine, cosine = sine_and_cosine(self.theta0 + u)
+        climb, level = sine_and_cosine(self.phi + self.bend * u if self.bent else self.phi)
         push = self.gamma * sine - climb
         if self.turning:
             push = (
@@ -121,7 +121,7 @@ class _Draws:
         """dq/du with the part of the load that comes from the motion: q' = (q/D)' D + q D'/D solved
         for q'.
         """
-        sine, cosine = _sine_and_cosine(self.theta0 + u + self.phi + self.bend * u)
+        sine, cosine = sine_and_cosine(self.theta0 + u + self.phi + self.bend * u)
         ratio, change = y * y * square, -2.0 * self.gamma * sine * (1.0 + self.bend)
         load = sense * self.load
         lever = load * self.gamma * sine * square
@@ -174,7 +174,7 @@ class _Draws:
         return at, root, (moved < _NEGLIGIBLE) & (tail < _NEGLIGIBLE)
 
 
-def _sine_and_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+def sine_and_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
     """By t = tan(angle/2), which is many times faster."""
     t = np.tan(0.5 * angle)
     cosine_1 = 2.0 / (1.0 + t * t)

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from estim.model.body import Body
 from estim.model.chebyshev_series import cosine_transform, evaluate, integral
-from estim.model.driven import driven_motion
+from estim.model.driven import driven_motion, sine_and_cosine
 from estim.model.forces import Forces
 from estim.model.inversion import invert
 from estim.model.phase import STANDARD_GRAVITY, effective_slope, energy_ratio, turning_angle
@@ -160,20 +160,12 @@ def _from_turning_point(
 ) -> FloatArray:
     """W/D by the angle r (rad) still to turn."""
     theta = theta0 + angle
-    inertia = 1.0 + body.inertia_ratio + 2.0 * body.gamma * _sine_cosine(theta + phi)[1]
+    inertia = 1.0 + body.inertia_ratio + 2.0 * body.gamma * sine_and_cosine(theta + phi)[1]
     work = (
         r * effective_slope(phi, rolling_resistance)
-        - 2.0 * body.gamma * _sine_cosine(theta + 0.5 * r)[0] * _sine_cosine(0.5 * r)[0]
+        - 2.0 * body.gamma * sine_and_cosine(theta + 0.5 * r)[0] * sine_and_cosine(0.5 * r)[0]
     )
     return np.asarray(work / inertia)
-
-
-def _sine_cosine(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Both by the tangent of half the angle, which is many times faster."""
-    half = np.tan(0.5 * angle)
-    square = half * half
-    inverse = 1.0 / (1.0 + square)
-    return 2.0 * half * inverse, (1.0 - square) * inverse
 
 
 def _columns(
