@@ -26,6 +26,7 @@ from estim.line.series import read_theta_min
 from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Problem
 from estim.problem.priors import Normal
+from estim.reports.line import line_result
 from estim.reports.reanalysis import reanalysis_report
 from estim.sampling import Progress
 from estim.sampling.chain import Target
@@ -161,7 +162,9 @@ def test_propagated_band_is_that_of_brute_force(
     from estim.model import Body, speed
 
     analysis = single
-    numbers = read_published(project / "data" / "paper" / "published.toml")[1] if of_paper else ()
+    numbers = (
+        read_published(project / "data" / "paper" / "published.toml").number if of_paper else ()
+    )
     (band,) = propagated_bands(analysis, rng=rng, published=numbers)
     named = analysis.problem.named(analysis.fit.values)
     fitted = {name: float(named[name]) for name in ("kappa[heavy]", "rolling_resistance")}
@@ -236,7 +239,7 @@ def test_a_report_says_whose_the_band_is(
         progress_of=lambda _: nullcontext(lambda percent, message: None),
     )
     report = reanalysis_report(found, figures="all")["report.md"].decode().replace("\xa0", " ")
-    assert f"*Orange: {said}. Blue: " in report
+    assert f"*Pale: {said}. Line: the most probable curve" in report
 
 
 def test_line_of_the_replica_recovers_gamma(campaign: Campaign) -> None:
@@ -267,6 +270,45 @@ def test_gamma_from_the_line_keeps_the_correlation_of_slope_and_intercept(
     assert abs(np.std(wrong[0] / wrong[1]) / np.std(shifted[0] / shifted[1]) - 1.0) > 0.10
     assert line.readings["york"].gamma.u == pytest.approx(np.std(1.0 / b), rel=0.05)
     assert math.isnan(line.readings["york"].e_n)
+
+
+@pytest.mark.parametrize("raised", [0.0, 8.0])
+def test_how_far_measured_angles_lie_above_the_theory(
+    replica: Path, tmp_path: Path, rng: np.random.Generator, raised: float
+) -> None:
+    """Against draws of York's line and of the stated gamma; angles that are all 8 degrees too large
+    are told from chance.
+    """
+    rows = np.genfromtxt(replica / "theta_min.csv", delimiter=",", names=True, skip_header=1)
+    rows["theta_min_deg"] += raised
+    (tmp_path / "runs").symlink_to(replica / "runs")
+    (tmp_path / "campaign.toml").write_text((replica / "campaign.toml").read_text())
+    np.savetxt(
+        tmp_path / "theta_min.csv",
+        rows,
+        "%.9g",
+        ",",
+        header=",".join(rows.dtype.names),
+        comments="",
+    )
+    campaign = load_campaign(tmp_path / "campaign.toml")
+    stated = gamma_of_body(campaign.source, "heavy")
+    line = analyse_line(read_theta_min(campaign.source), gamma_masses=stated, seed=1, target=QUICK)
+    above = line_result(campaign, line).above_theory
+    assert above is not None
+    assert stated is not None
+    tilt = np.mean(np.sin(np.radians(rows["phi_deg"])))
+    assert math.sin(above.tilt) == pytest.approx(tilt)
+    theory = np.arcsin(np.sin(np.radians(rows["phi_deg"])) / stated.value)
+    assert above.points == np.sum(np.radians(rows["theta_min_deg"]) > theory)
+    error = line.york.standard_errors[line.york.recommended]
+    cov = [[error.u_intercept**2, error.cov], [error.cov, error.u_slope**2]]
+    a, b = rng.multivariate_normal([line.york.intercept, line.york.slope], cov, size=100_000).T
+    gamma = rng.normal(stated.value, stated.u, a.size)
+    drawn = np.arcsin(a + b * tilt) - np.arcsin(tilt / gamma)
+    assert above.excess.value == pytest.approx(drawn.mean(), abs=0.2 * drawn.std())
+    assert above.excess.u == pytest.approx(drawn.std(), rel=0.15)
+    assert (above.excess.value > 2.0 * above.excess.u) == (raised > 0.0)
 
 
 @pytest.mark.parametrize(
@@ -305,14 +347,14 @@ def test_a_wrong_series_is_refused_with_its_place(
 
 
 def test_published_numbers_meet_what_was_found(project: Path) -> None:
-    paper, numbers = read_published(project / "data" / "paper" / "published.toml")
-    assert "1403.7220" in paper
+    paper = read_published(project / "data" / "paper" / "published.toml")
+    assert "1403.7220" in paper.paper
     found = [
         ("gamma", "heavy", Quantity(0.197, 0.0), "exact"),
         ("gamma", "light", Quantity(0.094, 0.01), "x"),
         ("kappa", "light", Quantity(0.65, 0.1), "y"),
     ]
-    rows = compare_published(numbers, found)
+    rows = compare_published(paper.number, found)
     assert [(row.published.value, row.how) for row in rows] == [
         (0.45, "y"),
         (0.187, "exact"),
@@ -500,6 +542,17 @@ def test_story_of_the_committed_report_is_that_of_its_results(reports: Path) -> 
         stated, true = body["gamma_masses"], body["joint"]["parameters"][f"gamma[{name}]"]["true"]
         assert f"{(stated['value'] - true) / stated['u']:+.1f} ({name})" in text
     assert "the paper computes 0.45 from the shape of the disk" in text
+    means = [e["mean_relative"] for body in bodies.values() for e in body["energies"].values()]
+    least = min(means, key=lambda mean: mean["value"])
+    said = text.partition("and only exceptionally reach 10%.”")[2]
+    assert says(said.partition("between")[2].partition(")")[0], *(100.0 * least[k] for k in least))
+    assert "because the data do not determine how much energy is lost" in said
+    above = json.loads((committed / "result.json").read_text())["line"]["above_theory"]
+    said = text.partition("always bigger than the theoretical one")[2]
+    assert f"Here {above['points']} of 8 points lie above" in said
+    degrees = [math.degrees(above["excess"][key]) for key in ("value", "u")]
+    assert says(said.partition("fitted line is")[2].partition("°")[0], *degrees)
+    assert "they agree" in said
 
 
 @pytest.mark.slow

@@ -23,12 +23,13 @@ from estim.cli.commands import cli
 from estim.common.kinds import Status
 from estim.pipeline import Analysis, analyse
 from estim.problem.posterior import Posterior
-from estim.reports.curve_figures import phase_figure
+from estim.reports.curve_figures import phase_figure, phase_plane_figure
 from estim.sampling import certified
 from estim.sampling.certificate import Certificate
 from estim.sampling.chain import Target
 from estim.sampling.independent_check import second_opinion
 from estim.sampling.proposal import Proposal
+from estim.studies.paper_band import propagated_bands
 from estim.words import tell
 
 NAMED = ("mean", "sd", "median", "q025", "q16", "q84", "q975")
@@ -240,6 +241,19 @@ def test_only_an_ok_result_has_bands(status: Status, healthy: Analysis) -> None:
         )
     assert any("%" in text for text in texts) == (status == "ok")
     assert ax.get_title() == ("r" if status == "ok" else f"r — {status}")
+
+
+@pytest.mark.parametrize("status", Status)
+def test_runs_in_one_pair_of_axes_have_bands_of_the_fit_only_if_it_is_ok(
+    status: Status, healthy: Analysis
+) -> None:
+    (stated,) = propagated_bands(healthy, rng=np.random.default_rng(1), published=())
+    judged = replace(healthy, diagnosis=replace(healthy.diagnosis, status=status))
+    figure = phase_plane_figure(judged, [stated], {"r": "r, φ = 4.0°"})
+    (ax,) = figure.axes
+    fills = [part for part in ax.collections if isinstance(part, PolyCollection)]
+    assert len(fills) == (3 if status == "ok" else 1)
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["r, φ = 4.0°"]
 
 
 def test_draws_that_mean_nothing_come_before_any_other_status() -> None:

@@ -4,8 +4,9 @@ residuals, and those of all runs over each other.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -20,13 +21,14 @@ from estim.drawing import (
     BLUE,
     GREY,
     INK,
-    ORANGE,
+    MARKS,
     RUN_COLOURS,
     VERMILION,
     Axes,
     Figure,
     draw_pulls,
     fill,
+    grid,
     legend_below,
     new_figure,
 )
@@ -44,39 +46,30 @@ _HIDING = 300  # points that hide each other, and a line between them all
 _NAMED = len(RUN_COLOURS)  # runs beyond which single ones are grey
 
 
-def phase_figure(
-    analysis: Analysis, propagated: Sequence[PropagatedBand] = (), *, whose: str = ""
-) -> Figure:
+def phase_figure(analysis: Analysis) -> Figure:
     """Speed against position: data, median curve, credible and predictive bands, turning point;
     below it data less curve in the unit of y.
-
-    propagated : bands of the stated inputs, drawn beside those of the fit under the name `whose`.
     """
-    stated = {band.run: band for band in propagated}
     drawn, all_residuals = drawn_runs(analysis.goodness), residuals_of(analysis)
     figure, pairs = panel_pairs(len(drawn), height=4.9 if len(drawn) == 1 else 3.5)
     trusted = analysis.diagnosis.ok
     for (ax, low), i in zip(pairs, drawn, strict=True):
         run, bands, residuals = analysis.problem.runs[i], analysis.bands[i], all_residuals[i]
-        reach = (
-            _draw_propagated(ax, low, stated[run.name], bands, whose) if run.name in stated else 0.0
-        )
         if trusted:
             _draw_bands(ax, bands, phrase(run.words.new, y=run.y_name))
             label = phrase("posterior median")
-            ax.plot(bands.x, bands.median, color=BLUE, lw=1.2, label=label)
         else:
-            mode = curve_draws(analysis.problem, run, bands.x, analysis.fit.values[None, :])[0][0]
             label = (
                 phrase("most probable curve, without the force")
                 if bands.completed
                 else phrase("most probable curve")
             )
-            ax.plot(bands.x, mode, color=BLUE, lw=1.2, label=label)
+        curve = _curve(analysis, run, bands, bands.x)
+        ax.plot(bands.x, curve, color=BLUE, lw=1.2, label=label)
         _draw_points(ax, run, residuals)
         _draw_outliers(ax, run, analysis.outliers, residuals.far)
         _draw_bad_frames(ax, run, analysis.fit.forces)
-        draw_residuals(low, residuals, bands if trusted else None, reach=reach)
+        draw_residuals(low, residuals, bands if trusted else None)
         stops = bands.end[np.isfinite(bands.end)]
         if trusted and stops.size > 0.5 * bands.end.size and np.median(stops) < 1.25 * run.x.max():
             left, middle, right = np.quantile(stops, [0.025, 0.5, 0.975])
@@ -106,27 +99,56 @@ def phase_figure(
     return figure
 
 
-def _draw_propagated(ax: Axes, low: Axes, band: PropagatedBand, bands: Bands, whose: str) -> float:
-    """The band of the stated inputs in both panels of a run; how far the axis of the lower one has
-    to reach for it.
+def phase_plane_figure(
+    analysis: Analysis, propagated: Sequence[PropagatedBand], names: Mapping[str, str]
+) -> Figure:
+    """Speed against position of all runs in one pair of axes, each in a colour of its own: data,
+    curve and its credible bands, and paler the band of its stated inputs.
+
+    propagated : of the stated inputs, for those runs that have one.  names : run -> its name in
+        the legend.  Runs in other units have axes of their own.
     """
-    fit = np.interp(band.x, bands.x, bands.median)
-    for panel, less in ((ax, np.zeros_like(fit)), (low, fit)):
-        fill(panel, band.x, band.mc_low - less, band.mc_high - less, ORANGE, 0.3, label=whose)
-        panel.plot(
-            band.x,
-            band.value - less,
-            color=ORANGE,
-            lw=1.2,
-            label=phrase("curve at the stated inputs"),
-        )
-    return 1.3 * float(np.nanmedian(np.abs([band.mc_low - fit, band.mc_high - fit])))
+    runs = [analysis.problem.runs[i] for i in drawn_runs(analysis.goodness)]
+    units = list(dict.fromkeys((run.x_label, run.y_label) for run in runs))
+    figure, axes = grid(len(units), height=4.6)
+    stated = {band.run: band for band in propagated}
+    all_bands = {bands.run: bands for bands in analysis.bands}
+    residuals = {one.run.name: one for one in residuals_of(analysis)}
+    for run, colour, mark in zip(runs, cycle(RUN_COLOURS), cycle(MARKS), strict=False):
+        ax, bands = axes[units.index((run.x_label, run.y_label))], all_bands[run.name]
+        if (band := stated.get(run.name)) is not None:
+            fill(ax, band.x, band.mc_low, band.mc_high, colour, 0.15)
+        if analysis.diagnosis.ok:
+            for p, alpha in ((0.95, 0.30), (0.68, 0.55)):
+                low, high = bands.credible[p]
+                fill(ax, bands.x, low, high, colour, alpha)
+        ax.plot(bands.x, _curve(analysis, run, bands, bands.x), color=colour, lw=1.2)
+        name, rest = names[run.name], residuals[run.name]
+        draw_points_with_bars(ax, rest, label=name, colour=colour, mark=mark)
+        _draw_outliers(ax, run, analysis.outliers, rest.far)
+        _draw_bad_frames(ax, run, analysis.fit.forces)
+    for ax, (x_label, y_label) in zip(axes, units, strict=True):
+        there = [run for run in runs if run.x_label == x_label]
+        ax.set(xlabel=x_label, ylabel=y_label)
+        ax.set_xlim(left=min(_low_end(run.x) for run in there))
+        ax.set_ylim(bottom=min(_low_end(run.y) for run in there))
+    legend_below(figure, ncols=2)
+    return figure
 
 
 def _low_end(values: FloatArray) -> float:
     """0 where an axis may begin there without cutting a point."""
     lowest = float(values.min())
     return 0.0 if lowest > 0.0 else lowest - 0.03 * float(np.ptp(values))
+
+
+def _curve(analysis: Analysis, run: Observations, bands: Bands, x: FloatArray) -> FloatArray:
+    """(n_x,) the curve of a run that is drawn: the median of the draws where the status is ok, else
+    the most probable one.
+    """
+    if analysis.diagnosis.ok:
+        return np.interp(x, bands.x, bands.median)
+    return curve_draws(analysis.problem, run, x, analysis.fit.values[None, :])[0][0]
 
 
 def _draw_bands(ax: Axes, bands: Bands, new: str = "", *, less: FloatArray | float = 0.0) -> None:
@@ -250,10 +272,7 @@ def residuals_of(analysis: Analysis) -> list[Residuals]:
     """
     named, residuals = analysis.problem.named(analysis.fit.values[None, :]), []
     for run, bands in zip(analysis.problem.runs, analysis.bands, strict=True):
-        if analysis.diagnosis.ok:
-            curve = np.interp(run.x, bands.x, bands.median)
-        else:
-            curve = curve_draws(analysis.problem, run, run.x, analysis.fit.values[None, :])[0][0]
+        curve = _curve(analysis, run, bands, run.x)
         if run.noise.counted is not None:
             low, high = bands.predictive[0.68]
             sd = np.maximum(0.5 * np.interp(run.x, bands.x, high - low), 1e-300)
@@ -312,22 +331,23 @@ def tidy_labels(pairs: Sequence[tuple[Axes, Axes]]) -> None:
                 ax.set_ylabel("")
 
 
-def draw_points_with_bars(ax: Axes, residuals: Residuals, *, label: str) -> None:
+def draw_points_with_bars(
+    ax: Axes, residuals: Residuals, *, label: str, colour: str = INK, mark: str = "o"
+) -> None:
     """The data used, with one standard deviation of a reading; without bars where there are so many
     that they would hide the curve.
     """
     run, near = residuals.run, ~residuals.far
     if run.n_obs > _MANY:
-        ax.plot(run.x[near], run.y[near], "o", color=INK, ms=1.5, label=label, zorder=1.9)
+        ax.plot(run.x[near], run.y[near], mark, color=colour, ms=1.5, label=label, zorder=1.9)
     else:
-        ax.errorbar(run.x[near], run.y[near], residuals.sd[near], ms=3, label=label, **_BAR)
+        style = {**_BAR, "fmt": mark, "color": colour}
+        ax.errorbar(run.x[near], run.y[near], residuals.sd[near], ms=3, label=label, **style)
 
 
-def draw_residuals(
-    ax: Axes, residuals: Residuals, bands: Bands | None, *, reach: float = 0.0
-) -> None:
+def draw_residuals(ax: Axes, residuals: Residuals, bands: Bands | None) -> None:
     """Data less curve: points with their bars, and the bands about the curve; none where `bands` is
-    None.  reach : the axis holds at least that.
+    None.
     """
     run, near = residuals.run, ~residuals.far
     rest, sd = residuals.rest[near], residuals.sd[near]
@@ -341,7 +361,6 @@ def draw_residuals(
     top = max(
         1.15 * float(np.max(np.abs(rest) + (sd if run.n_obs <= _MANY else 0.0))),
         2.5 * float(np.median(sd)),
-        reach,
     )
     ax.set_ylim(-top, top)
     symbol = _symbol(run)

@@ -9,6 +9,7 @@ from functools import partial
 import msgspec
 import numpy as np
 
+from estim.arrays import FloatArray
 from estim.campaign import Campaign, gamma_origin
 from estim.checks import Estimate, result_table, screen_lines
 from estim.common import (
@@ -65,6 +66,18 @@ class LineRow(msgspec.Struct, frozen=True):
     e_n: float
 
 
+class AboveTheory(msgspec.Struct, frozen=True):
+    """The measured theta_min beside the theory with gamma as stated.
+
+    points : how many lie above it.  tilt : their mean.  excess : theta_min of the Bayesian line
+        there, less that of the theory; u of both.
+    """
+
+    points: int
+    tilt: float
+    excess: Quantity
+
+
 class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties
     and what follows from them are null or empty.
@@ -89,6 +102,7 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     intercept_prior_sd: float
     zero_phi: float | None
     zero_theta_min: float | None
+    above_theory: AboveTheory | None
     provenance: Provenance
 
 
@@ -155,6 +169,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
         # protractor (phi too small)
         zero_phi=float(np.mean(intercept * analysis.gamma_draws)) / tilt if ok else None,
         zero_theta_min=float(np.mean(intercept)) / angle if ok else None,
+        above_theory=_above_theory(analysis, intercept) if ok else None,
         provenance=provenance_of(
             campaign.source.path,
             campaign.source.sha256,
@@ -162,6 +177,23 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
             analysis.seed,
         ),
     )
+
+
+def _above_theory(analysis: LineAnalysis, intercept: FloatArray) -> AboveTheory | None:
+    """None where no gamma is stated, or the body would not climb at the mean tilt.
+
+    intercept : (n_draw,).
+    """
+    gamma, x = analysis.gamma_masses, analysis.series.x
+    tilt = float(np.mean(x))
+    if gamma is None or tilt >= gamma.value:
+        return None
+    theory = math.asin(tilt / gamma.value)
+    fitted = np.arcsin(np.clip(intercept + tilt / analysis.gamma_draws, -1.0, 1.0))
+    u_theory = math.tan(theory) * gamma.u / gamma.value
+    excess = Quantity(float(np.mean(fitted)) - theory, math.hypot(np.std(fitted), u_theory))
+    points = int(np.sum(analysis.series.y > x / gamma.value))
+    return AboveTheory(points, math.asin(tilt), excess)
 
 
 def _row(analysis: LineAnalysis, method: str) -> LineRow:

@@ -31,7 +31,7 @@ from estim.pipeline import Analysis
 from estim.reports.analysis import complete_runs, prior_cell
 from estim.reports.copying import copies_of
 from estim.reports.corner_figures import corner_figure, corner_words
-from estim.reports.curve_figures import phase_figure, residual_figure
+from estim.reports.curve_figures import phase_plane_figure, residual_figure
 from estim.reports.energy import (
     DriftSummary,
     EnergySummary,
@@ -52,7 +52,7 @@ from estim.reports.line import (
     line_result,
 )
 from estim.reports.pages import page
-from estim.reports.rendering import render
+from estim.reports.rendering import render, shown
 from estim.reports.result import (
     MOST_MINDS,
     Provenance,
@@ -63,6 +63,7 @@ from estim.reports.result import (
     sensitivity_words,
 )
 from estim.studies.limits import Narrowing
+from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
 REANALYSIS_SCHEMA = "estim-reanalysis/1"
@@ -119,6 +120,7 @@ class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}
     runs: dict[str, Result]
     bodies: dict[str, BodySummary]
     paper: str
+    claims: list[Claim]
     published: list[PublishedRow]
     provenance: Provenance
 
@@ -133,7 +135,8 @@ def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
         line=None if r.line is None else line_result(r.campaign, r.line),
         runs={name: result_of(r.campaign, analysis) for name, analysis in r.single_runs.items()},
         bodies={body.body: _body(r, body) for body in r.bodies},
-        paper=r.paper,
+        paper=r.paper.paper,
+        claims=list(r.paper.claim),
         published=[
             PublishedRow(
                 c.published.name,
@@ -200,7 +203,7 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
         drawn["figures/line.png"] = partial(line_figure, r.line)
     for body in r.bodies:
         drawn[f"figures/phase-{body.body}.png"] = partial(
-            phase_figure, body.joint, body.propagated, whose=_whose(body)
+            phase_plane_figure, body.joint, body.propagated, _tilted(body.joint)
         )
         if body in trusted:
             drawn[f"figures/energy-{body.body}.png"] = partial(
@@ -225,16 +228,14 @@ def reanalysis_report(r: Reanalysis, *, figures: FigureChoice = "main") -> dict[
     ) | {"result.json": as_json(result)}
 
 
-def _whose(body: BodyAnalysis) -> str:
-    """What the propagated band is called in a legend: the paper's where all values beside the
-    inputs are published ones.
-    """
-    of_paper = any(band.published for band in body.propagated) and not any(
-        band.held for band in body.propagated
-    )
-    return (
-        phrase("the paper's band, 68 %") if of_paper else phrase("stated inputs propagated, 68 %")
-    )
+def _tilted(joint: Analysis) -> dict[str, str]:
+    """Run -> its name with its tilt, the mean of the draws where they count."""
+    ok, problem = joint.diagnosis.ok, joint.problem
+    values = problem.named(joint.chain.flat.mean(axis=0) if ok else joint.fit.values)
+    return {
+        run.name: f"{run.name}, φ = {math.degrees(np.ravel(run.bind(values)['phi'])[0]):.1f}°"
+        for run in problem.runs
+    }
 
 
 def reanalysis_lines(r: Reanalysis) -> dict[str, list[str]]:
@@ -395,6 +396,17 @@ def _story(result: ReanalysisResult) -> list[str]:
                 values=listed([f"{value:g}" for value in sorted(computed)]),
             )
         )
+    beside = {"energy": _energy_beside(bodies.values()), "theta_min": _line_beside(result.line)}
+    told += [
+        phrase(
+            "the paper: “{words}” ({section}). Here {found}",
+            words=claim.words,
+            section=claim.section,
+            found=found,
+        )
+        for claim in result.claims
+        if (found := beside[claim.about])
+    ]
     pulls = {name: pull for name, body in bodies.items() if (pull := _pull_of_gamma(name, body))}
     if pulls:
         each = [f"{pull} ({name})" for name, pull in pulls.items()]
@@ -407,6 +419,54 @@ def _story(result: ReanalysisResult) -> list[str]:
             )
         )
     return told
+
+
+def _energy_beside(bodies: Collection[BodySummary]) -> str:
+    """How far the energy changes relative to that at release; "" where that may be 0 in all
+    runs.
+    """
+    runs = {
+        run: e
+        for body in bodies
+        for run, e in body.energies.items()
+        if percent(e.extreme_relative) != "n/a"
+    }
+    if not runs:
+        return ""
+    means = sorted((e.mean_relative for e in runs.values()), key=lambda mean: mean.value)
+    run = max(runs, key=lambda run: abs(runs[run].extreme_relative.value))
+    words = phrase(
+        "(E − E₀)/E₀, averaged over a run, lies between {least} and {most}; the largest change in "
+        "one frame is {extreme} ({run})",
+        least=percent(means[0]),
+        most=percent(means[-1]),
+        extreme=percent(runs[run].extreme_relative),
+        run=run,
+    )
+    if all(body.drift.determined for body in bodies):
+        return words
+    return words + phrase(
+        "; these values depend on the rolling resistance that was assumed, because the data do not "
+        "determine how much energy is lost"
+    )
+
+
+def _line_beside(line: LineResult | None) -> str:
+    """How the measured theta_min lie to the theory; "" where nothing can be said."""
+    if line is None or (above := line.above_theory) is None:
+        return ""
+    excess = above.excess
+    return phrase(
+        "{points} of {n} points lie above the theory with γ as stated; at their mean tilt of "
+        "{tilt:.1f}° the fitted line is {excess} above it, {verdict}",
+        points=above.points,
+        n=line.n_obs,
+        tilt=math.degrees(above.tilt),
+        excess=with_unit(shown(excess, math.degrees(1.0)), "°"),
+        verdict=phrase("which is more than its expanded uncertainty (k = 2)")
+        if abs(excess.value) > 2.0 * excess.u
+        else phrase("which is less than its expanded uncertainty (k = 2): they agree"),
+    )
 
 
 def _pull_of_gamma(name: str, body: BodySummary) -> str:

@@ -1,4 +1,4 @@
-"""Published numbers beside reanalysed ones: value, value, E_n."""
+"""Published numbers beside reanalysed ones: value, value, E_n; and what a paper says in words."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -28,9 +29,20 @@ class PublishedNumber(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     u: float | None = None
 
 
-class _Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    paper: str
-    number: list[PublishedNumber]
+class Claim(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """What a paper says in its own words.  about : what of a reanalysis stands beside them."""
+
+    about: Literal["energy", "theta_min"]
+    words: str
+    section: str
+
+
+class Paper(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """The name of a paper, its numbers and its words."""
+
+    paper: str = ""
+    number: tuple[PublishedNumber, ...] = ()
+    claim: tuple[Claim, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -46,12 +58,11 @@ class PublishedValue:
     e_n: float
 
 
-def read_published(path: Path) -> tuple[str, tuple[PublishedNumber, ...]]:
-    """The paper's name and its numbers from a TOML file.  Raises InputError."""
+def read_published(path: Path) -> Paper:
+    """What a TOML file says of a paper.  Raises InputError."""
     text, _ = read_text(path, limit=TOML_BYTES)
     tree, places = parse_toml(text, str(path))
-    paper = checked(tree, _Paper, places, ())
-    return paper.paper, tuple(paper.number)
+    return checked(tree, Paper, places, ())
 
 
 def compare_published(

@@ -23,6 +23,7 @@ from estim.studies.energy import Drift, EnergyRecord, drift_of, energy_along
 from estim.studies.limits import Limit, Narrowing, limits, narrowing
 from estim.studies.paper_band import PropagatedBand, propagated_bands
 from estim.studies.published import (
+    Paper,
     PublishedNumber,
     PublishedValue,
     compare_published,
@@ -63,7 +64,7 @@ class Reanalysis:
     line: LineAnalysis | None
     single_runs: Mapping[str, Analysis]
     bodies: tuple[BodyAnalysis, ...]
-    paper: str
+    paper: Paper
     published: tuple[PublishedValue, ...]
     seed: int
 
@@ -192,11 +193,11 @@ def reanalyse(
     Raises InputError; NumericalError where processes are killed, twice.
     """
     campaign.require_speeds(campaign.run_names, _COMMAND)
-    paper, numbers = _published(campaign)
+    paper = _published(campaign)
     work = _TaskRunner(
         campaign,
         None if campaign.source.line is None else read_theta_min(campaign.source),
-        numbers,
+        paper.number,
         seed,
         target,
         store,
@@ -215,7 +216,7 @@ def reanalyse(
         single_runs,
         tuple(bodies),
         paper,
-        compare_published(numbers, _numbers_of(campaign, line, bodies)),
+        compare_published(paper.number, _numbers_of(campaign, line, bodies)),
         seed,
     )
 
@@ -252,10 +253,10 @@ def _shown(piece: _TaskKey) -> str:
     ]
 
 
-def _published(campaign: Campaign) -> tuple[str, Sequence[PublishedNumber]]:
-    """The paper that the campaign names and its numbers; "" and none where it names none."""
+def _published(campaign: Campaign) -> Paper:
+    """The paper that the campaign names; an empty one where it names none."""
     if campaign.published is None:
-        return "", ()
+        return Paper()
     with campaign.source.reading(campaign.published):
         return read_published(campaign.published)
 
@@ -309,17 +310,6 @@ def _numbers_of(
                         "joint fit of {n} runs of {body}, stated value as prior", n=n, body=b.body
                     )
                 numbers.append((base, b.body, value, how))
-        if b.joint.diagnosis.ok and b.drift.determined:
-            worst = max(b.energies, key=lambda e: abs(e.extreme_relative.value)).extreme_relative
-            means = [e.mean_relative for e in b.energies]
-            mean = float(np.mean([abs(m.value) for m in means]))
-            u = float(np.mean([m.u for m in means]))
-            over = phrase("mean magnitude over the runs of {body}", body=b.body)
-            most = phrase("largest over the runs of {body}", body=b.body)
-            numbers.append(("energy_change_mean", b.body, Quantity(mean, u), over))
-            numbers.append(
-                ("energy_change_extreme", b.body, Quantity(abs(worst.value), worst.u), most)
-            )
     if line is not None and line.status == "ok":
         for reading, how in (("york", phrase("York line")), ("posterior", phrase("Bayesian line"))):
             numbers.append(("gamma_line", line.series.body, line.readings[reading].gamma, how))
