@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import os
 import shutil
 import sys
@@ -18,6 +19,7 @@ import msgspec
 import numpy as np
 import pytest
 from command_runner import runner
+from troubles import Disk
 
 from estim.batch import Row, Settings, run_batch, shard_of, spreads, units_of
 from estim.batch.rows import Value, keep, kept
@@ -222,7 +224,8 @@ def test_a_row_stands_only_beside_its_own_result(
     (plain,) = rows_of(np.array([1.0]), 0.1)
     unit = Unit(Path("c.toml"), "r0", plain.place)
     monkeypatch.setattr(
-        "estim.batch.rows.row_of", lambda unit, data, *, key, seconds, interval: rows[data.decode()]
+        "estim.batch.rows.row_of",
+        lambda unit, data, labels, *, key, seconds, interval: rows[data.decode()],
     )
     rows = {text: msgspec.structs.replace(plain, key=text) for text in ("one", "two")}
     keep(tmp_path, rows["one"], {"result.json": b"one"})
@@ -541,6 +544,21 @@ def rows_of(means: np.ndarray, sd: float, *, informed: bool = True) -> list[Row]
         Row("c.toml", f"r{i}", f"c/r{i}", "measured", "ok", "", "", {"a": v}, 1.0, "")
         for i, v in enumerate(values)
     ]
+
+
+def test_people_read_degrees_and_symbols_and_programs_radians(tmp_path: Path) -> None:
+    """In a batch of rolling bodies, also where a run was kept from an earlier batch."""
+    path = Disk().write(tmp_path)
+    for resume in (False, True):
+        rows = run_batch(
+            units_of([path]), tmp_path / "out", report=lean_files, settings=QUICK, resume=resume
+        )
+        files = batch_report(rows, figures="none")
+        (line,) = csv.DictReader(files["summary.csv"].decode().splitlines())
+        table = [row.split(" | ") for row in files["report.md"].decode().splitlines()]
+        (shown,) = [row for row in table if row[0] == "| θ₀"]
+        assert shown[1] == "°"
+        assert float(shown[3]) == pytest.approx(math.degrees(float(line["theta0 [rad]"])), rel=1e-3)
 
 
 def test_what_stands_apart_is_named_and_what_scatters_is_not() -> None:

@@ -5,6 +5,7 @@ on data made for it.
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from estim.common.errors import InputError
 from estim.fitting import fit_problem, optimum
 from estim.fitting.least_squares import fit_least_squares
 from estim.fitting.optimum import refit_with_noise
+from estim.reports.comparison import _verdict
 from estim.sampling.certificate import certify
 from estim.sampling.chain import Target
 from estim.sampling.proposal import adapt_proposal
@@ -162,6 +164,21 @@ def compared_speeds(folder: Path, rng: np.random.Generator, bad: dict[int, float
     )
     rows = compare_noise(pattern, ["r"], seed=3, target=QUICK)
     return {row.name: row for row in rows}
+
+
+def test_a_comparison_says_whether_the_choice_matters() -> None:
+    def row(status: str, *means: float) -> SimpleNamespace:
+        found = zip("ab", means, strict=True)
+        posterior = {name: SimpleNamespace(mean=mean, sd=0.1) for name, mean in found}
+        return SimpleNamespace(status=status, posterior=posterior)
+
+    common = [SimpleNamespace(name=n, label=SimpleNamespace(symbol=n.upper())) for n in "ab"]
+    rows = [row("ok", 1.0, 2.0), row("ok", 1.05, 2.03), row("poor-fit", 9.0, 9.0)]
+    assert _verdict(rows, common) == (
+        "2 of 3 models have status ok, and their estimates differ by at most 0.50 standard "
+        "uncertainties (A)"
+    )
+    assert _verdict(rows[1:], common) == "1 of 2 models have status ok"
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from report_words import first_screen, words
 from test_noise import CAMPAIGN, POSITIONS, TIMES
 from troubles import Disk
 
@@ -542,6 +543,8 @@ def test_story_of_the_committed_report_is_that_of_its_results(reports: Path) -> 
         stated, true = body["gamma_masses"], body["joint"]["parameters"][f"gamma[{name}]"]["true"]
         assert f"{(stated['value'] - true) / stated['u']:+.1f} ({name})" in text
     assert "the paper computes 0.45 from the shape of the disk" in text
+    assert len(words(first_screen((committed / "report.md").read_text()))) < 120
+    assert text.count("E_n is") == 1  # explained once
     means = [e["mean_relative"] for body in bodies.values() for e in body["energies"].values()]
     least = min(means, key=lambda mean: mean["value"])
     said = text.partition("and only exceptionally reach 10%.”")[2]

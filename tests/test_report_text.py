@@ -101,6 +101,7 @@ def test_the_table_of_models_prints_a_value_as_the_report_does(rng: np.random.Ge
         "compare.md.j2",
         title="",
         runs=["a"],
+        verdict="1 of 2 models have status ok",
         kind="measured",
         rows=rows,
         common=[p],

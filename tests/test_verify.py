@@ -239,6 +239,9 @@ def test_a_datum_and_a_prior_are_found_and_what_they_move(
     assert apart.exit_code == 0
     for words in ("the campaign file", "data: r.csv differs", "estimates moved by at most 0.1 sd"):
         assert words in apart.output, apart.output
+    assert re.match(
+        r"(\d+ of \d+ estimates differ, |the \d+ estimates of both agree)", apart.output
+    )
     assert "same" not in apart.output
     assert run("diff", "first", "first/result.json").output == "the results are the same\n"
 
@@ -563,6 +566,7 @@ def test_every_kind_of_result_is_compared(model: Path) -> None:
     changed(model / "model.toml", "value = 2.0", "value = 5.0")
     assert run("propagate", "model.toml", "--out", "other", "--figures", "none").exit_code == 0
     told = run("diff", "out", "other").output
+    assert re.match(r"3 of 4 estimates differ, inputs.b most, by \+15.00 sd\n", told), told
     assert "y.gum: 3.000 +- 0.224 -> 6.000 +- 0.224 m, moved by +13.42 sd, sd x 1.00" in told
     assert "the same" not in told
 

@@ -9,13 +9,15 @@ import numpy as np
 
 from estim.arrays import FloatArray
 from estim.batch.rows import Row
+from estim.common import Label
 from estim.reading import odd_intervals
 
 
 @dataclass(frozen=True, eq=False)
 class Spread:
-    """One quantity in all runs that are ok.
+    """One quantity in all runs that are ok, in SI units.
 
+    label : how people read it.
     rows : (n,) which rows.
     mean, sd : (n,) of the posteriors.  informed : share of the runs in which the data narrowed it.
     median : of the means.
@@ -28,6 +30,7 @@ class Spread:
 
     name: str
     unit: str
+    label: Label
     rows: tuple[int, ...]
     mean: FloatArray
     sd: FloatArray
@@ -86,6 +89,7 @@ def _spread(name: str, unit: str, rows: Sequence[Row], chosen: Sequence[int]) ->
     return Spread(
         name,
         unit,
+        values[0].label or Label(name, name, unit, 1.0),
         tuple(chosen),
         mean,
         sd,

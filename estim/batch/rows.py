@@ -17,6 +17,7 @@ from estim.batch.units import Unit
 from estim.common import (
     EstimError,
     InputError,
+    Label,
     as_json,
     json_of,
     plain,
@@ -34,7 +35,7 @@ _LARGEST, _LARGEST_RESULT = 2**24, 2**28
 
 class Value(msgspec.Struct, frozen=True):
     """mean, sd, q025, q975 : of the posterior, SI units.  informed : whether the data narrowed what
-    was stated.
+    was stated.  label : how people read it; None: under its own name, in SI units.
     """
 
     mean: float
@@ -43,6 +44,7 @@ class Value(msgspec.Struct, frozen=True):
     q975: float
     unit: str
     informed: bool
+    label: Label | None = None
 
 
 class Row(msgspec.Struct, frozen=True):
@@ -75,8 +77,16 @@ class Row(msgspec.Struct, frozen=True):
         return f"{self.campaign}: {self.run}" if self.run else self.campaign
 
 
-def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: float | None) -> Row:
-    """The row of a `result.json`."""
+def row_of(
+    unit: Unit,
+    result: bytes,
+    labels: Mapping[str, Label],
+    *,
+    key: str,
+    seconds: float,
+    interval: float | None,
+) -> Row:
+    """The row of a `result.json`.  labels : of its parameters, by their names without a level."""
     record = json.loads(result)
     return Row(
         plain(str(unit.campaign)),
@@ -85,19 +95,21 @@ def row_of(unit: Unit, result: bytes, *, key: str, seconds: float, interval: flo
         record["kind"],
         record["status"],
         next(iter(record["reasons"]), ""),
-        values=_values(record) if record["status"] == "ok" else {},
+        values=_values(record, labels) if record["status"] == "ok" else {},
         seconds=seconds,
         key=key,
         interval=interval,
     )
 
 
-def _values(record: Mapping[str, Any]) -> dict[str, Value]:
+def _values(record: Mapping[str, Any], labels: Mapping[str, Label]) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, p in record["parameters"].items():
         if p["mean"] is not None and p["sd"] is not None:
-            found[split_level(name)[0]] = Value(
-                p["mean"], p["sd"], p["q025"], p["q975"], p["unit"], p["measured"]
+            base = split_level(name)[0]
+            ends = (p["q025"], p["q975"])
+            found[base] = Value(
+                p["mean"], p["sd"], *ends, p["unit"], p["measured"], labels.get(base)
             )
     for run in record["runs"].values():
         for name in run["sought"]:
@@ -152,7 +164,8 @@ def kept(folder: Path, unit: Unit, key: str, interval: float | None) -> Row | No
         if data is None or hashlib.sha256(data).hexdigest() != digest:
             return None
         if name == RESULT:
-            made = row_of(unit, data, key=key, seconds=row.seconds, interval=interval)
+            labels = {name: value.label for name, value in row.values.items() if value.label}
+            made = row_of(unit, data, labels, key=key, seconds=row.seconds, interval=interval)
     return made
 
 

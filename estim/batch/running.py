@@ -24,6 +24,7 @@ from estim.common import (
     phrase,
     plain,
     run_parallel,
+    split_level,
 )
 from estim.pipeline import Analysis, analyse
 from estim.sampling import Target
@@ -92,12 +93,11 @@ class _TaskRunner:
         if self.resume and (row := kept(self.folder, unit, key, interval)) is not None:
             return row
         target = Target(max_step=self.settings.max_step, ess=self.settings.ess)
-        files = self.report(
-            campaign, analyse(campaign, [unit.run], seed=self.settings.seed, target=target)
-        )
-        row = row_of(
-            unit, files[RESULT], key=key, seconds=time.process_time() - began, interval=interval
-        )
+        analysis = analyse(campaign, [unit.run], seed=self.settings.seed, target=target)
+        files = self.report(campaign, analysis)
+        labels = {split_level(p.name)[0]: p.bare_label for p in analysis.problem.parameters}
+        seconds = time.process_time() - began
+        row = row_of(unit, files[RESULT], labels, key=key, seconds=seconds, interval=interval)
         keep(self.folder, row, files)
         return row
 

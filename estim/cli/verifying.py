@@ -398,8 +398,6 @@ def diff(first: str, second: str, r: float | None) -> None:
         raise InputError("is for two values, not for two analyses", field="--r", value=r)
     pair = compare_results(one, other)
     found("comparison", pair)
-    for line in pair.inputs:
-        say(line)
     if pair.same:
         say("the results are the same")
         return
@@ -408,6 +406,15 @@ def diff(first: str, second: str, r: float | None) -> None:
         for row in pair.estimates
         if not abs(row.shift) <= _FAR or not 1.0 / 1.1 <= row.ratio <= 1.1
     ]
+    n, alone = len(pair.estimates), len(pair.lost) + len(pair.gained)
+    verdict = (
+        f"{len(far)} of {n} estimates differ, {far[0].name} most, by {far[0].shift:+.2f} sd"
+        if far
+        else f"the {n} estimates of both agree within {_FAR} sd"
+    )
+    say(verdict + (f"; {alone} are in one result alone" if alone else ""))
+    for line in pair.inputs:
+        say(line)
     for row in far:
         values = " -> ".join(
             f"{format_rounded(mean, 0.1 * sd)} +- {format_rounded(sd, 0.1 * sd)}"

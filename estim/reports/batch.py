@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from estim.batch import Row, Spread, odd_runs, spreads
-from estim.common import FigureChoice, as_csv, as_json, bracketed, phrase
+from estim.common import FigureChoice, as_csv, as_json, phrase
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, new_figure
 from estim.pipeline import Analysis
 from estim.reports.analysis import analysis_report
@@ -165,13 +165,14 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
     for ax, spread in zip(axes, shown, strict=True):
         at = np.array(spread.rows) + 1
         apart = np.isin(np.array(spread.rows), spread.apart)
-        ax.axhline(spread.median, color=GREY, linewidth=0.8)
+        factor = spread.label.factor
+        ax.axhline(spread.median * factor, color=GREY, linewidth=0.8)
         for chosen, colour, mark in ((~apart, BLUE, "o"), (apart, ORANGE, "D")):
             bars = len(rows) <= 200  # of more, error bars would be one black band
             ax.errorbar(
                 at[chosen],
-                spread.mean[chosen],
-                spread.sd[chosen] if bars else None,
+                spread.mean[chosen] * factor,
+                spread.sd[chosen] * factor if bars else None,
                 fmt=mark,
                 color=colour,
                 markersize=3.5 if bars else 2.0,
@@ -181,7 +182,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
             )
         for i in spread.apart[:_NAMED]:
             name = rows[i].run or PurePath(rows[i].campaign).name
-            value = spread.mean[spread.rows.index(i)]
+            value = spread.mean[spread.rows.index(i)] * factor
             ax.annotate(
                 name,
                 (i + 1, value),
@@ -200,7 +201,7 @@ def overview_figure(rows: Sequence[Row], shown: Sequence[Spread]) -> Figure:
                 markeredgewidth=0.8,
                 transform=ax.get_xaxis_transform(),
             )
-        ax.set_ylabel(spread.name + bracketed(spread.unit))
+        ax.set_ylabel(spread.label.axis)
         ax.margins(y=0.15)
     if synthetic := synthetic_words(rows):
         figure.suptitle(synthetic)

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from functools import partial
 
 import msgspec
+import numpy as np
 
 from estim.campaign import Campaign
 from estim.checks import INFLUENTIAL
-from estim.common import FigureChoice, as_json, later, phrase
+from estim.common import FigureChoice, as_json, later, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
@@ -55,6 +56,7 @@ def compare_report(
         runs=runs,
         kind=campaign.kind,
         rows=summaries,
+        verdict=_verdict(summaries, common),
         common=common,
         influential=INFLUENTIAL,
         behind=4.0,  # difference of elpd below which models predict alike, whatever its error
@@ -77,6 +79,28 @@ def compare_report(
     return page(drawers, text, wanted=figures, kind=campaign.kind) | {
         "comparison.json": as_json(record)
     }
+
+
+def _verdict(rows: Sequence[ComparedSummary], common: Sequence[Parameter]) -> str:
+    """Whether it matters for the estimates which of the models with status ok is taken, in one
+    sentence.
+    """
+    ok = [row for row in rows if row.status == "ok"]
+    if len(ok) < 2:
+        return phrase("{ok} of {n} models have status ok", ok=len(ok), n=len(rows))
+    values = np.array(
+        [[(s.mean, s.sd) for s in (row.posterior[p.name] for p in common)] for row in ok], float
+    )
+    apart = np.ptp(values[..., 0], axis=0) / np.max(values[..., 1], axis=0)
+    most = int(np.argmax(apart))
+    return phrase(
+        "{ok} of {n} models have status ok, and their estimates differ by at most {apart} standard "
+        "uncertainties ({symbol})",
+        ok=len(ok),
+        n=len(rows),
+        apart=significant(float(apart[most]), 2),
+        symbol=common[most].label.symbol,
+    )
 
 
 def folder_of(name: str) -> str:

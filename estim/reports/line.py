@@ -350,6 +350,7 @@ LINE_WORDS: Mapping[str, object] = {
     "conventions": CONVENTIONS,
     "evidence_words": evidence_words,
     "plain": Notation("").label("1"),
+    "told": False,  # whether E_n is explained above
 }
 """What `line_body.md.j2` needs beside the record."""
 

@@ -53,15 +53,7 @@ from estim.reports.line import (
 )
 from estim.reports.pages import page
 from estim.reports.rendering import render, shown
-from estim.reports.result import (
-    MOST_MINDS,
-    Provenance,
-    Result,
-    first_screen,
-    provenance,
-    result_of,
-    sensitivity_words,
-)
+from estim.reports.result import MOST_MINDS, Provenance, Result, first_screen, provenance, result_of
 from estim.studies.limits import Narrowing
 from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
@@ -300,8 +292,8 @@ def reanalysis_text(
         percent=percent,
         drift_words=drift_words,
         forces=[
-            (name, force)
-            for name, body in result.bodies.items()
+            force
+            for body in result.bodies.values()
             for force in (body.joint.deviation or {}).values()
         ],
         complete=complete_runs(result.runs.values()),
@@ -317,9 +309,6 @@ def reanalysis_text(
         copies=copies_of([estimate for estimate in estimates if estimate.measured])
         if rows
         else None,
-        sensitivity=sensitivity_words(
-            [body.joint for body in result.bodies.values() if body.joint.status == "ok"]
-        ),
         minds=[
             (name, words)
             for i in range(MOST_MINDS)
