@@ -488,6 +488,7 @@ def test_the_command_writes_report_figures_and_numbers(tmp_path):
     assert f"note: the intervals checked are those of the curve alone; {unlike}\n" in said
     report = (tmp_path / "out" / "report.md").read_text().replace("\xa0", " ")
     assert unlike in report.partition("<details>")[0]
+    assert ("are not calibrated" in report.splitlines()[2]) == (code == 3)
     assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {
         "ranks.png",
         "coverage-priors.png",
