@@ -49,21 +49,38 @@ def pairs(language: str) -> Iterator[tuple[str, str, str]]:
             yield file.name, SPACES.sub(" ", english).strip() if "\n" in english else english, words
 
 
+TABLES = ("WORDS", "ADVICE")  # of the room of words; every text in them is a sentence
+
+
+def sentences_at(node: ast.AST) -> list[ast.expr]:
+    """What is a sentence because of where it stands: in `phrase`, `later` and `said`, in a
+    `PhraseTable`, and in one of `TABLES`.
+    """
+    if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) in TABLES:
+        return [
+            entry
+            for table in ast.walk(node)
+            if isinstance(table, ast.Dict)
+            for entry in table.values
+            if not isinstance(entry, ast.Lambda)
+        ]
+    if not isinstance(node, ast.Call) or not node.args:
+        return []
+    if isinstance(node.args[0], ast.Dict) and ast.unparse(node.func) == "PhraseTable":
+        return node.args[0].values
+    place = {"phrase": 0, "later": 0, "said": 1}.get(ast.unparse(node.func))
+    return [] if place is None else node.args[place : place + 1]
+
+
 @cache
 def said_in_code() -> dict[str, str]:
     """English sentence -> where it is said or kept for later."""
     found: dict[str, str] = {}
     for path in sorted(ESTIM.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Name)
-                and node.func.id in ("phrase", "later")
-                and node.args
-            ):
-                found |= dict.fromkeys(
-                    literals(node.args[0]), f"{path.relative_to(ROOT)}:{node.lineno}"
-                )
+            for sentence in sentences_at(node):
+                where = f"{path.relative_to(ROOT)}:{sentence.lineno}"
+                found |= dict.fromkeys(literals(sentence), where)
     return found
 
 
@@ -201,7 +218,8 @@ def unsaid(path: Path) -> Iterator[tuple[int, str]]:
         for first, second in itertools.pairwise(tree.body)
         if isinstance(first, ast.Assign | ast.AnnAssign) and isinstance(second, ast.Expr)
     }
-    yield from _unsaid(tree, described)
+    said = {id(sentence) for node in ast.walk(tree) for sentence in sentences_at(node)}
+    yield from _unsaid(tree, described | said)
 
 
 def _unsaid(node: ast.AST, described: set[int]) -> Iterator[tuple[int, str]]:

@@ -2,9 +2,10 @@
 
 A sentence is written where it is used, in English, as `phrase("{n} of {total} starts ended
 elsewhere", n=3, total=8)`; what it is in another language stands in `catalogue/LANGUAGE/*.toml`,
-under the English sentence.  `later` marks a sentence that a table holds and that is said where it
-is used.  A sentence that a catalogue lacks is said in English.  Not translated: errors, names of
-parameters, keys and statuses.
+under the English sentence.  `later` marks a sentence that is kept and said where it is used; those
+of a `PhraseTable`, and of the tables and of `said` in `estim.words`, need no mark.  A sentence that
+a catalogue lacks is said in English.  Not translated: errors, names of parameters, keys and
+statuses.
 """
 
 from __future__ import annotations

@@ -7,23 +7,23 @@ from collections.abc import Mapping
 import numpy as np
 
 from estim.checks import P_POOR_FIT
-from estim.common import PhraseTable, format_p, later, phrase
+from estim.common import PhraseTable, format_p, phrase
 from estim.distributions import student_tail
 from estim.line.angle import LineData
 
 CONVENTIONS: Mapping[str, str] = PhraseTable(
     {
-        "york": later(
+        "york": (
             "York et al. 2004, Am. J. Phys. 72, 367, eq. (13): from the adjusted points, "
             "with the stated uncertainties taken as true"
         ),
-        "propagated": later(
+        "propagated": (
             "Kalantar 1992, Meas. Sci. Technol. 3, 1113; Krystek and Anton 2007, Meas. "
             "Sci. Technol. 18, 3438: the "
             "uncertainties of all data propagated through the minimum; for exact x ISO/TS "
             "28037:2010, 6.2"
         ),
-        "scaled": later(
+        "scaled": (
             "York 1966, Can. J. Phys. 44, 1079 (for exact x the Birge ratio; without "
             "uncertainties GUM H.3): scaled by "
             "sqrt(S/(n - 2)), so only the ratios of the stated uncertainties count; "

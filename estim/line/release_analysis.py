@@ -62,10 +62,10 @@ _SD_GAMMA = 0.5  # about a rough value, a share of it
 
 WAYS: Mapping[str, str] = PhraseTable(
     {
-        "both": later("all trials"),
-        LOW: later("θ_min alone"),
-        HIGH: later("θ_max alone"),
-        "free": later("all trials, neglecting the effect of the release"),
+        "both": "all trials",
+        LOW: "θ_min alone",
+        HIGH: "θ_max alone",
+        "free": "all trials, neglecting the effect of the release",
     }
 )
 DEGREE = Notation("", unit="°", factor=math.degrees(1.0))

@@ -37,15 +37,10 @@ def _stated(verdict: str, f: Finding) -> str:
 def _pull(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{symbol} was stated as {shown}, {size:.1f} standard deviations below what the rest "
-            "implies"
-        )
+        "{symbol} was stated as {shown}, {size:.1f} standard deviations below what the rest implies"
         if f.size > 0.0
-        else later(
-            "{symbol} was stated as {shown}, {size:.1f} standard deviations above what the rest "
-            "implies"
-        ),
+        else "{symbol} was stated as {shown}, {size:.1f} standard deviations above what the rest "
+        "implies",
         size=abs(f.size),
     )
 
@@ -112,20 +107,20 @@ def common_error(name: str, size: float, along: float | None) -> str:
 def _common(f: Finding) -> str:
     return said(
         f,
-        later("{error}: {symbol} shifts by {value:.1f}")
+        "{error}: {symbol} shifts by {value:.1f}"
         if f.parameters
-        else later("{error}: no fit that allows for it converges"),
+        else "{error}: no fit that allows for it converges",
         error=common_error(f.test, f.size, f.numbers.get("along")),
     )
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.STATED_UNCOMPARED: later(
+        Kind.STATED_UNCOMPARED: (
             "the data hardly constrain the quantities that were stated beforehand, so "
             "there is nothing to compare"
         ),
-        Kind.STATED_AGREE: later("the data agree with the values stated beforehand ({p})"),
+        Kind.STATED_AGREE: "the data agree with the values stated beforehand ({p})",
         Kind.STATED_HARDLY: lambda f: _stated(
             later("the data agree only marginally with the values stated beforehand ({p})"), f
         ),
@@ -136,25 +131,23 @@ WORDS: Table = MappingProxyType(
         ),
         Kind.PULL: _pull,
         Kind.COMMON_ERROR: _common,
-        Kind.COMMON_ERRORS: later(
+        Kind.COMMON_ERRORS: (
             "errors that leave no trace in the residuals would shift the result, in "
             "posterior standard deviations: {parts}"
         ),
-        Kind.RUNS_UNCOMPARED: later(
+        Kind.RUNS_UNCOMPARED: (
             "no shared quantity is determined by two of the runs, so there is nothing to compare"
         ),
-        Kind.RUNS_AGREE: later("the {n:.0f} runs agree about the quantities they share ({p})"),
-        Kind.RUNS_AGAINST_STATED: later(
+        Kind.RUNS_AGREE: "the {n:.0f} runs agree about the quantities they share ({p})",
+        Kind.RUNS_AGAINST_STATED: (
             "the runs agree with each other but not with the stated values of the "
             "quantities they share ({p})"
         ),
         Kind.RUN_DISAGREES: lambda f: (
             said(
                 f,
-                later(
-                    "run {run} disagrees with the others about the quantities they "
-                    "share; without it the others agree ({p} with it)"
-                ),
+                "run {run} disagrees with the others about the quantities they "
+                "share; without it the others agree ({p} with it)",
             )
             + _let_it_vary(f)
         ),
@@ -162,10 +155,8 @@ WORDS: Table = MappingProxyType(
         Kind.RUNS_DISAGREE: lambda f: (
             said(
                 f,
-                later(
-                    "the runs disagree about the quantities they share ({p}), and "
-                    "leaving out any single run does not resolve this"
-                ),
+                "the runs disagree about the quantities they share ({p}), and "
+                "leaving out any single run does not resolve this",
             )
             + _let_it_vary(f)
         ),

@@ -63,11 +63,9 @@ def _how(f: Finding) -> str:
 def _found(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{of_run}the residuals about the curve are not white noise; they are interpreted as "
-            "{how}; the part that no parameter values can reproduce is {typical:.2g}{unit} (root "
-            "mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {prob:.3f}"
-        ),
+        "{of_run}the residuals about the curve are not white noise; they are interpreted as "
+        "{how}; the part that no parameter values can reproduce is {typical:.2g}{unit} (root "
+        "mean square, at most {most:.2g}{unit}), P(amplitude > 0) = {prob:.3f}",
         how=_how(f),
         unit=behind(f.names[1]),
     )
@@ -76,21 +74,21 @@ def _found(f: Finding) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.DEVIATION_FOUND: _found,
-        Kind.DEVIATION_UNDECIDED: later(
+        Kind.DEVIATION_UNDECIDED: (
             "{of_run}it cannot be decided whether the curve deviates from the data, "
             "P(amplitude > 0) = {prob:.2f}; the intervals allow for an irregular "
             "deviation, but not for a different curve"
         ),
-        Kind.DEVIATION_UNLIKELY: later(
+        Kind.DEVIATION_UNLIKELY: (
             "{of_run}there is no evidence of a deviation from the curve, P(amplitude "
             "> 0) = {prob:.2f}"
         ),
-        Kind.DEVIATION_UNASKED: later(
+        Kind.DEVIATION_UNASKED: (
             "{of_run}the curve is assumed to be complete: the intervals do not allow "
             "for a smooth deviation from it; a deviation about as large as the error "
             "of one reading has probability {prob:.2f} (0.5 before the data)"
         ),
-        Kind.DEVIATION_TOO_LARGE: later(
+        Kind.DEVIATION_TOO_LARGE: (
             "{of_run}the deviation from the curve would have to be {size:.2g} times "
             "its stated size (a half-normal prior of this scale exceeds 2.5 once in "
             "80 cases): either the curve or the stated size of the deviation is wrong"

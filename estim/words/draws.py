@@ -12,10 +12,7 @@ from estim.words.table import Table, filled, said
 
 
 def _stuck(f: Finding) -> str:
-    return said(
-        f,
-        later("{n:.0f} walkers never moved") if f.size > 1 else later("{n:.0f} walker never moved"),
-    )
+    return said(f, "{n:.0f} walkers never moved" if f.size > 1 else "{n:.0f} walker never moved")
 
 
 def _differs(f: Finding) -> str:
@@ -32,10 +29,8 @@ def _unreliable(f: Finding) -> str:
     k_hat = f"{f.size:.2f}" if math.isfinite(f.size) else phrase("infinite")
     return said(
         f,
-        later(
-            "the importance weights are unreliable: k-hat is {shown}, above {limit}, after "
-            "{draws:.0f} draws"
-        ),
+        "the importance weights are unreliable: k-hat is {shown}, above {limit}, after "
+        "{draws:.0f} draws",
         shown=k_hat,
     )
 
@@ -43,10 +38,8 @@ def _unreliable(f: Finding) -> str:
 def _agrees(f: Finding) -> str:
     words = said(
         f,
-        later(
-            "means, standard deviations and ends of the 95 % intervals agree within "
-            "Monte-Carlo errors; largest difference {size:.3f} posterior standard deviations"
-        ),
+        "means, standard deviations and ends of the 95 % intervals agree within "
+        "Monte-Carlo errors; largest difference {size:.3f} posterior standard deviations",
     )
     again = later(
         "; both were computed twice, because the first pair differed by {before:.1f} "
@@ -59,74 +52,72 @@ def _move(f: Finding) -> str:
     cure = phrase("set n_node = 5") if f.numbers["nodes"] < 5 else phrase("use the sampler")
     return said(
         f,
-        later(
-            "the exact weights shift a shared parameter by {size:.2f} standard deviations "
-            "(Monte-Carlo error {u:.2f}): {cure}"
-        ),
+        "the exact weights shift a shared parameter by {size:.2f} standard deviations "
+        "(Monte-Carlo error {u:.2f}): {cure}",
         cure=cure,
     )
 
 
 WORDS: Table = MappingProxyType(
     {
-        Kind.CHAIN_SHORT: later("sampling stopped after {n:.0f} steps although {parts}"),
+        Kind.CHAIN_SHORT: "sampling stopped after {n:.0f} steps although {parts}",
         Kind.WALKERS_STUCK: _stuck,
-        Kind.RHAT_HIGH: later("R-hat {size:.3f} is not below {limit}"),
-        Kind.BULK_LOW: later("bulk ESS {size:.0f} is below {limit:.0f}"),
-        Kind.TAIL_LOW: later("tail ESS {size:.0f} is below {limit:.0f}"),
-        Kind.CHAIN_BRIEF: later(
+        Kind.RHAT_HIGH: "R-hat {size:.3f} is not below {limit}",
+        Kind.BULK_LOW: "bulk ESS {size:.0f} is below {limit:.0f}",
+        Kind.TAIL_LOW: "tail ESS {size:.0f} is below {limit:.0f}",
+        Kind.CHAIN_BRIEF: (
             "{size:.0f} steps are fewer than the required {limit:.0f} "
             "autocorrelation times of {tau:.1f} steps"
         ),
-        Kind.TAU_UNSETTLED: later("the autocorrelation time has not converged"),
-        Kind.CRITERIA_MET: later("all convergence criteria are met"),
-        Kind.INDEPENDENT_DRAWS: later("the draws are independent, from importance sampling"),
-        Kind.DRAWS_SHORT: later("only {size:.0f} effective draws of {limit:.0f}"),
+        Kind.TAU_UNSETTLED: "the autocorrelation time has not converged",
+        Kind.CRITERIA_MET: "all convergence criteria are met",
+        Kind.INDEPENDENT_DRAWS: "the draws are independent, from importance sampling",
+        Kind.DRAWS_SHORT: "only {size:.0f} effective draws of {limit:.0f}",
         Kind.METHODS_DIFFER: "{parts}",
         Kind.CHAIN_DIFFERS: _differs,
-        Kind.DIFFERENCE: later(
+        Kind.DIFFERENCE: (
             "the {test} of {name} by {size:+.3f} posterior standard deviations "
             "({errors:.1f} Monte-Carlo errors)"
         ),
         Kind.CHAIN_AGREES: _agrees,
-        Kind.NOT_SAMPLED: later(
+        Kind.NOT_SAMPLED: (
             "the data contradict the stated values, so sampling of the posterior was not completed"
         ),
-        Kind.TOO_MANY_PARAMETERS: later(
+        Kind.TOO_MANY_PARAMETERS: (
             "importance sampling is not used for more than {limit:.0f} parameters "
             "(there are {size:.0f})"
         ),
         Kind.WEIGHTS_UNRELIABLE: _unreliable,
-        Kind.ERRORS_TOO_LARGE: later(
+        Kind.ERRORS_TOO_LARGE: (
             "the Monte-Carlo errors are too large for a decision: differences of up "
             "to {size:.2f} posterior standard deviations would go unnoticed"
         ),
-        Kind.MARGINAL_SAMPLED: later(
+        Kind.MARGINAL_SAMPLED: (
             "the marginal of the shared parameters was sampled well (k-hat "
             "{k_hat:.2f}, {n:.0f} effective draws)"
         ),
-        Kind.RUNS_COUNT_ALIKE: later(
+        Kind.RUNS_COUNT_ALIKE: (
             "the readings of each of the {runs:.0f} runs are assumed to scatter "
             "around their true values; if instead the true values scatter around the "
             "stated ones (values that were set, not read), a shared parameter is "
             "biased by about {size:.2g} standard deviations"
         ),
-        Kind.MARGINAL_MISSED: later(
+        Kind.MARGINAL_MISSED: (
             "the proposal misses part of the marginal of the shared parameters: "
             "k-hat {size:.2f} is not below {limit}"
         ),
-        Kind.MARGINAL_DRAWS_FEW: later(
+        Kind.MARGINAL_DRAWS_FEW: (
             "only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"
         ),
-        Kind.WEIGHTS_EXACT: later(
+        Kind.WEIGHTS_EXACT: (
             "every parameter was sampled and none was integrated out, so the weights are exact"
         ),
-        Kind.WEIGHTS_UNEVEN: later(
+        Kind.WEIGHTS_UNEVEN: (
             "the exact weights in all dimensions are too uneven to validate the "
             "result (k-hat {size:.2f}, effective sample size {ess:.0f})"
         ),
         Kind.WEIGHTS_MOVE: _move,
-        Kind.WEIGHTS_AGREE: later(
+        Kind.WEIGHTS_AGREE: (
             "the exact weights in all dimensions confirm the result (k-hat "
             "{k_hat:.2f}): no shared parameter shifts by more than {size:.2f} "
             "standard deviations, with a Monte-Carlo error of {u:.2f}"

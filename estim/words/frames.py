@@ -12,11 +12,11 @@ from estim.words.table import Table, said
 def _where(f: Finding) -> str:
     n = f.numbers
     place = f"x = {n['x']:.4g}" if math.isnan(n["t"]) else f"t = {n['t']:.6g} s"
-    return place + (said(f, later(" (line {line:.0f} of its file)")) if n["line"] else "")
+    return place + (said(f, " (line {line:.0f} of its file)") if n["line"] else "")
 
 
 def _shift(f: Finding) -> str:
-    counts = said(f, later(", {counts:+.1f} counts of the encoder")) if f.numbers["counts"] else ""
+    counts = said(f, ", {counts:+.1f} counts of the encoder") if f.numbers["counts"] else ""
     sign = "+" if f.size > 0.0 else ""
     return f"{sign}{format_quantity(f.size, f.numbers['sd'])} {f.names[0]}{counts} (P = {f.p:.3f})"
 
@@ -24,10 +24,8 @@ def _shift(f: Finding) -> str:
 def _frame(f: Finding) -> str:
     off = said(
         f,
-        later(
-            "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: "
-            "the frame stays in the fit, and its displacement is an additional unknown"
-        ),
+        "run {run}: the frame at {where} is displaced by {shift}; the data are not altered: "
+        "the frame stays in the fit, and its displacement is an additional unknown",
         where=_where(f),
         shift=_shift(f),
     )
@@ -38,20 +36,16 @@ def _frame(f: Finding) -> str:
 def _windows(f: Finding) -> str:
     return said(
         f,
-        later(
-            "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
-            "{t:.6g}}} those after it"
-        ),
+        "window = {{t_max_s = {before:.6g}}} fits the readings before it, {{t_min_s = "
+        "{t:.6g}}} those after it",
     )
 
 
 def _step(f: Finding) -> str:
     return said(
         f,
-        later(
-            "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
-            "the data are not altered: the displacement is an additional unknown; {windows}"
-        ),
+        "run {run}: from the frame at {where} onwards all readings are displaced by {shift}; "
+        "the data are not altered: the displacement is an additional unknown; {windows}",
         where=_where(f),
         shift=_shift(f),
         windows=_windows(f),
@@ -63,11 +57,9 @@ def _lost(f: Finding) -> str:
     n = format_quantity(abs(frames), f.numbers["sd_frames"])
     return said(
         f,
-        later(
-            "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P "
-            "= {prob:.3f}); the data are not altered: the time offset is an additional unknown; "
-            "{windows}"
-        ),
+        "run {run}: before the frame at {where} {what}, but the time stamps do not show it (P "
+        "= {prob:.3f}); the data are not altered: the time offset is an additional unknown; "
+        "{windows}",
         where=_where(f),
         windows=_windows(f),
         what=phrase("{n} frames were lost", n=n)
@@ -81,7 +73,7 @@ WORDS: Table = MappingProxyType(
         Kind.FRAME_OFF: _frame,
         Kind.STEP_STAYS: _step,
         Kind.FRAMES_LOST: _lost,
-        Kind.FRAMES_CROWD: later(
+        Kind.FRAMES_CROWD: (
             "run {run}: more than {n:.0f} frames are displaced: these are not "
             "isolated errors; the readings scatter more than stated"
         ),

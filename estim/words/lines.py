@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later, percentage
+from estim.common import Finding, Kind, percentage
 from estim.words.table import Table, measured, said
 
 
 def _not_rising(f: Finding) -> str:
     return said(
         f,
-        later(
-            "the points do not determine a rising line: the exact {probability} interval of its "
-            "slope is [{low:.3g}, {high:.3g}]"
-        ),
+        "the points do not determine a rising line: the exact {probability} interval of its "
+        "slope is [{low:.3g}, {high:.3g}]",
         probability=percentage(f.numbers["probability"]),
     )
 
@@ -22,10 +20,8 @@ def _not_rising(f: Finding) -> str:
 def _gammas(f: Finding) -> str:
     return said(
         f,
-        later(
-            "γ of the line, {line}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; the "
-            "line does not use the stated value"
-        ),
+        "γ of the line, {line}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; the "
+        "line does not use the stated value",
         line=measured(f, "line"),
         stated=measured(f, "stated"),
     )
@@ -34,15 +30,15 @@ def _gammas(f: Finding) -> str:
 WORDS: Table = MappingProxyType(
     {
         Kind.LINE_NOT_RISING: _not_rising,
-        Kind.SLOPES_DIFFER: later(
+        Kind.SLOPES_DIFFER: (
             "York's slope {york:.3g} and the Bayesian one {bayes:.3g} differ by more "
             "than their combined uncertainty {u:.2g}"
         ),
-        Kind.GAMMA_TOO_LARGE: later(
+        Kind.GAMMA_TOO_LARGE: (
             "gamma = 1/slope would be {size:.2g}, but a centre of mass inside the "
             "body has gamma below 1"
         ),
-        Kind.POINTS_SCATTER: later(
+        Kind.POINTS_SCATTER: (
             "the points scatter more than their uncertainties allow (S = {size:.1f}, "
             "{dof:.0f} degrees of freedom, {p})"
         ),

@@ -31,14 +31,14 @@ def _equal(f: Finding) -> str:
 
 def _solution(f: Finding) -> str:
     share = percentage(f.size)
-    return said(f, later("{values} ({share} of the posterior)"), values=_equal(f), share=share)
+    return said(f, "{values} ({share} of the posterior)", values=_equal(f), share=share)
 
 
 def _several(f: Finding) -> str:
     more = phrase("; and {n:.0f} more", n=f.size - len(f.parts)) if f.size > len(f.parts) else ""
     return said(
         f,
-        later("the data allow {n:.0f} separate solutions: {solutions}{more}"),
+        "the data allow {n:.0f} separate solutions: {solutions}{more}",
         solutions=phrase("; or ").join(map(_solution, f.parts)),
         more=more,
     )
@@ -142,9 +142,7 @@ def _limit(f: Finding) -> str:
         f.test, f.size, edge.value, factor=edge.label.factor, unit=behind(edge.label.unit)
     )
     return said(
-        f,
-        later("{symbol} {limit}: its most probable value is the edge of its range, {shown}"),
-        limit=cell,
+        f, "{symbol} {limit}: its most probable value is the edge of its range, {shown}", limit=cell
     )
 
 
@@ -152,11 +150,9 @@ def _held(f: Finding) -> str:
     named, n = ", ".join(f.names[:_MOST_NAMED]), len(f.names) - _MOST_NAMED
     return said(
         f,
-        later(
-            "the covariance of {which} was kept constant, because it oscillates with the curve: "
-            "its own values may be wrong by {size:.2g} of their standard deviations, all others by "
-            "{felt:.1g}"
-        ),
+        "the covariance of {which} was kept constant, because it oscillates with the curve: "
+        "its own values may be wrong by {size:.2g} of their standard deviations, all others by "
+        "{felt:.1g}",
         which=phrase("{names} and {n} more", names=named, n=n) if n > 0 else named,
     )
 
@@ -168,22 +164,18 @@ def _not_settled(f: Finding) -> str:
         f,
         _STILL_SHIFTED
         if f.parameters
-        else later(
-            "the least-squares fit did not converge: its last iteration still shifted a parameter "
-            "by {size:.2g} standard deviations"
-        ),
+        else "the least-squares fit did not converge: its last iteration still shifted a parameter "
+        "by {size:.2g} standard deviations",
     )
 
 
 def _undetermined(f: Finding) -> str:
     return said(
         f,
-        later("the data do not determine {names}, so there are no standard deviations")
+        "the data do not determine {names}, so there are no standard deviations"
         if len(f.names) == 1
-        else later(
-            "the data do not determine {names} individually, only a combination of them, so there "
-            "are no standard deviations"
-        ),
+        else "the data do not determine {names} individually, only a combination of them, so there "
+        "are no standard deviations",
     )
 
 
@@ -198,25 +190,25 @@ WORDS: Table = MappingProxyType(
             p=100.0 * f.p,
             name=symbol(f.parameters[0]),
         ),
-        Kind.STARTS_ELSEWHERE: later(
+        Kind.STARTS_ELSEWHERE: (
             "{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum"
         ),
-        Kind.EXCHANGED: later(
+        Kind.EXCHANGED: (
             "the curve is unchanged when components are exchanged ({either}): set "
             "bounds that order them to select one solution"
         ),
         Kind.EXCHANGE: _exchange,
-        Kind.IMAGES: later(
+        Kind.IMAGES: (
             "the curve is the same with {either}: of these equivalent solutions, the "
             "one closest to the stated starting values is given, or otherwise the "
             "one with positive amplitudes and small angles"
         ),
         Kind.IMAGE: _image,
-        Kind.OTHER_NUMBERS: later(
+        Kind.OTHER_NUMBERS: (
             "the curve is the same with other parameter values ({either}): the "
             "solution closest to the starting values is given"
         ),
-        Kind.FASTER_CURVES: later(
+        Kind.FASTER_CURVES: (
             "curves of higher frequency pass through the same points ({either}): if "
             "one of them is intended, select it by bounds"
         ),
@@ -228,26 +220,24 @@ WORDS: Table = MappingProxyType(
             "constrained by the data: {moves}", moves=_moves(f)
         ),
         Kind.DIRECTION_SILENT: _silent,
-        Kind.SINGULAR: later(
+        Kind.SINGULAR: (
             "a combination of the parameters is determined neither by the data nor by the priors"
         ),
         Kind.UNDETERMINED: _undetermined,
-        Kind.HARDLY_HELD: later(
+        Kind.HARDLY_HELD: (
             "the data hardly constrain {name}: far from the fitted value, minus "
             "twice the log posterior density is only {size:.1f} above its minimum"
         ),
         Kind.OPEN_SIDE: _open,
-        Kind.PRESSED_EDGE: later(
+        Kind.PRESSED_EDGE: (
             "{symbol} lies at the edge of its prior, {shown}, and the data favour "
             "values beyond it ({p})"
         ),
-        Kind.PRESSED_LIMIT: later(
+        Kind.PRESSED_LIMIT: (
             "{name} lies at its limit {value:.6g}, and the data favour values beyond "
             "it ({p}): is the limit right?"
         ),
         Kind.LIMIT: _limit,
-        Kind.TAKEN_AS_EXACT: later(
-            "run {run}: {names} taken as exact: every result relies on this"
-        ),
+        Kind.TAKEN_AS_EXACT: "run {run}: {names} taken as exact: every result relies on this",
     }
 )

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 from types import MappingProxyType
 
-from estim.common import Finding, Kind, later
+from estim.common import Finding, Kind
 from estim.words.table import Table, said
 
 
@@ -28,20 +28,14 @@ def _off(f: Finding) -> str:
     n = f.numbers
     return said(
         f,
-        later(
-            "run {run}: with these values it should not start in this direction, but its "
-            "recording extends to {farthest:.3g} m ({sure})"
-        )
+        "run {run}: with these values it should not start in this direction, but its "
+        "recording extends to {farthest:.3g} m ({sure})"
         if n["sets_off"] < 0.5
-        else later(
-            "run {run}: with these values it should keep rolling, but its recording extends only "
-            "to {farthest:.3g} m ({sure})"
-        )
+        else "run {run}: with these values it should keep rolling, but its recording extends only "
+        "to {farthest:.3g} m ({sure})"
         if math.isnan(n["expected"])
-        else later(
-            "run {run}: with these values it should turn back at {expected:.3g} m, but its "
-            "recording extends to {farthest:.3g} m ({sure})"
-        ),
+        else "run {run}: with these values it should turn back at {expected:.3g} m, but its "
+        "recording extends to {farthest:.3g} m ({sure})",
         sure=sure(f.p),
     )
 

@@ -22,10 +22,8 @@ def _silent(f: Finding) -> str:
     )
     return said(
         f,
-        later(
-            "the trials do not determine gamma: {outcome} climbed, and the standard deviation of "
-            "gamma is still {share:.0f} % of its prior value"
-        ),
+        "the trials do not determine gamma: {outcome} climbed, and the standard deviation of "
+        "gamma is still {share:.0f} % of its prior value",
         outcome=said(f, outcome),
         share=100 * f.numbers["share"],
     )
@@ -34,10 +32,8 @@ def _silent(f: Finding) -> str:
 def _trials(f: Finding) -> str:
     return said(
         f,
-        later(
-            "γ of the trials, {trials}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; "
-            "the trials do not use the stated value"
-        ),
+        "γ of the trials, {trials}, and γ as stated, {stated}, disagree: E_n = {size:+.1f}; "
+        "the trials do not use the stated value",
         trials=measured(f, "trials"),
         stated=measured(f, "stated"),
     )
@@ -46,11 +42,9 @@ def _trials(f: Finding) -> str:
 def _ends(f: Finding) -> str:
     return said(
         f,
-        later(
-            "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
-            "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
-            "on the angle that differs at θ_max, would explain it"
-        ),
+        "γ from θ_min minus γ from θ_max is {apart}, {sds:+.1f} standard deviations (E_n = "
+        "{size:+.1f}): a zero error of the angle (the plumb line), or an effect of the release "
+        "on the angle that differs at θ_max, would explain it",
         apart=measured(f, "apart"),
     )
 
@@ -127,7 +121,7 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
 WORDS: Table = MappingProxyType(
     {
         Kind.TRIALS_SILENT: _silent,
-        Kind.TRIALS_SCATTER: later(
+        Kind.TRIALS_SCATTER: (
             "the trials scatter by {size:.2g}°, more than {factor:g} times the "
             "stated {stated:.2g}°: no line separates the trials that climbed from "
             "those that did not"

@@ -12,19 +12,19 @@ from estim.words.table import Table, facts, said
 
 TESTS = PhraseTable(
     {
-        "chi2": later("the residuals are larger than the noise"),
-        "runs": later("the residuals change sign too rarely"),
-        "autocorrelation": later("neighbouring residuals are correlated"),
-        "trend": later("the residuals drift along the run"),
-        "largest": later("one residual is far larger than the others"),
-        "uneven": later("the residuals are larger in one part of the curve than in another"),
-        "repeated": later(
+        "chi2": "the residuals are larger than the noise",
+        "runs": "the residuals change sign too rarely",
+        "autocorrelation": "neighbouring residuals are correlated",
+        "trend": "the residuals drift along the run",
+        "largest": "one residual is far larger than the others",
+        "uneven": "the residuals are larger in one part of the curve than in another",
+        "repeated": (
             "the means of readings at the same x scatter more about the curve than the "
             "scatter of the readings about their "
             "mean explains"
         ),
-        "speed": later("the residuals are larger where the body is fast"),
-        "zero": later(
+        "speed": "the residuals are larger where the body is fast",
+        "zero": (
             "all residuals are zero apart from rounding errors, which never happens with "
             "measurements: were the data computed?"
         ),
@@ -54,10 +54,7 @@ def name_of_test(test: str) -> str:
 
 def _failed(f: Finding) -> str:
     return said(
-        f,
-        later("{of_run}{what} (test '{test}', {p})"),
-        what=TESTS[f.test],
-        test=name_of_test(f.test),
+        f, "{of_run}{what} (test '{test}', {p})", what=TESTS[f.test], test=name_of_test(f.test)
     )
 
 
@@ -65,38 +62,32 @@ def _small(f: Finding) -> str:
     if not f.size > 0.0:
         return said(
             f,
-            later(
-                "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} "
-                "degrees of freedom): is u_y too large, and so every interval too? Or do the "
-                "points share their errors, or were they smoothed?"
-            ),
+            "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} "
+            "degrees of freedom): is u_y too large, and so every interval too? Or do the "
+            "points share their errors, or were they smoothed?",
         )
     return said(
         f,
-        later(
-            "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} degrees "
-            "of freedom): is u_y too large, by a factor of about {times:.2g}, and so every "
-            "interval too? Or do the points share their errors, or were they smoothed?"
-        ),
+        "the residuals are smaller than u_y implies (chi2 = {size:.4g} for {dof:.0f} degrees "
+        "of freedom): is u_y too large, by a factor of about {times:.2g}, and so every "
+        "interval too? Or do the points share their errors, or were they smoothed?",
         times=math.sqrt(f.numbers["dof"] / f.size),
     )
 
 
 def _deviance(f: Finding) -> str:
-    return said(f, later("deviance = {size:.4g} for {dof:.0f} degrees of freedom"))
+    return said(f, "deviance = {size:.4g} for {dof:.0f} degrees of freedom")
 
 
 def _counts_scatter(f: Finding) -> str:
     found = (
         f"{_deviance(f)}, {facts(f)['p']}"
         if "dof" in f.numbers
-        else said(f, later("test '{test}', {p}"), test=name_of_test(f.test))
+        else said(f, "test '{test}', {p}", test=name_of_test(f.test))
     )
     return said(
         f,
-        later(
-            "{of_run}the counts scatter more about the curve than independent events can ({found})"
-        ),
+        "{of_run}the counts scatter more about the curve than independent events can ({found})",
         found=found,
     )
 
@@ -104,10 +95,8 @@ def _counts_scatter(f: Finding) -> str:
 def _counts_even(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{of_run}the counts scatter less than independent events can ({found}): are they "
-            "averages, scaled, smoothed or made by hand?"
-        ),
+        "{of_run}the counts scatter less than independent events can ({found}): are they "
+        "averages, scaled, smoothed or made by hand?",
         found=_deviance(f) if "dof" in f.numbers else facts(f)["p"],
     )
 
@@ -137,12 +126,10 @@ def _tests(f: Finding) -> str:
 def _alike(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{of_run}neighbouring residuals are correlated ({tests}, {p}), although they are no "
-            "larger than stated: the errors of successive readings are correlated. The unmodelled "
-            "force absorbs their common part, and in simulated runs of this kind the intervals had "
-            "their nominal coverage"
-        ),
+        "{of_run}neighbouring residuals are correlated ({tests}, {p}), although they are no "
+        "larger than stated: the errors of successive readings are correlated. The unmodelled "
+        "force absorbs their common part, and in simulated runs of this kind the intervals had "
+        "their nominal coverage",
         tests=_tests(f),
     )
 
@@ -150,19 +137,15 @@ def _alike(f: Finding) -> str:
 def _covered(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
-            "stated error and show a pattern ({failed}), but taken together they are smaller than "
-            "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
-            "{failed} are disregarded"
-        )
+        "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
+        "stated error and show a pattern ({failed}), but taken together they are smaller than "
+        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
+        "{failed} are disregarded"
         if len(f.names) > 1
-        else later(
-            "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
-            "stated error and show a pattern ({failed}), but taken together they are smaller than "
-            "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
-            "{failed} is disregarded"
-        ),
+        else "{of_run}the stated error is conservative: the residuals are {size:.2g} times the "
+        "stated error and show a pattern ({failed}), but taken together they are smaller than "
+        "one stated standard deviation (chi2 = {chi2:.2g}); the stated value is kept, and "
+        "{failed} is disregarded",
         failed=_tests(f),
     )
 
@@ -170,17 +153,13 @@ def _covered(f: Finding) -> str:
 def _few(f: Finding) -> str:
     return said(
         f,
-        later(
-            "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
-            "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-            "have their nominal coverage"
-        )
+        "there are only {n:.0f} degrees of freedom: value ± standard error contains the true "
+        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
+        "have their nominal coverage"
         if f.size > 1
-        else later(
-            "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
-            "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
-            "have their nominal coverage"
-        ),
+        else "there is only {n:.0f} degree of freedom: value ± standard error contains the true "
+        "value in {share:.0f} % of such experiments, not in 68 %; the intervals (Student's t) "
+        "have their nominal coverage",
         share=100.0 * f.numbers["coverage"],
     )
 
@@ -188,10 +167,8 @@ def _few(f: Finding) -> str:
 def _crowd(f: Finding) -> str:
     return said(
         f,
-        later(
-            "run {run}: {share} of the frames would be outliers: perhaps it is the other frames "
-            "that do not belong to the motion"
-        ),
+        "run {run}: {share} of the frames would be outliers: perhaps it is the other frames "
+        "that do not belong to the motion",
         share=percentage(f.size),
     )
 
@@ -199,15 +176,11 @@ def _crowd(f: Finding) -> str:
 def _with_speed(f: Finding) -> str:
     return said(
         f,
-        later(
-            "{of_run}the readings scatter more where the body is fast ({p}): were the images "
-            "blurred? State the exposure time of each frame, exposure_s in the noise table"
-        )
+        "{of_run}the readings scatter more where the body is fast ({p}): were the images "
+        "blurred? State the exposure time of each frame, exposure_s in the noise table"
         if f.numbers["pictures"]
-        else later(
-            "{of_run}the readings scatter more where the body is fast ({p}): timing errors, or "
-            "counts missed by an encoder there, would explain it"
-        ),
+        else "{of_run}the readings scatter more where the body is fast ({p}): timing errors, or "
+        "counts missed by an encoder there, would explain it",
     )
 
 
@@ -224,14 +197,14 @@ WORDS: Table = MappingProxyType(
                 "may be lower than stated"
             )
         ),
-        Kind.RESIDUALS_SMALL: later(
+        Kind.RESIDUALS_SMALL: (
             "{of_run}the residuals are smaller than the stated noise ({p}): is the "
             "stated sigma too large?"
         ),
         Kind.NOISE_WITH_SPEED: _with_speed,
         Kind.PATTERN_COVERED: _covered,
         Kind.NEIGHBOURS_ALIKE: _alike,
-        Kind.CHI2_TOO_LARGE: later(
+        Kind.CHI2_TOO_LARGE: (
             "the residuals are larger than u_y allows: chi2 = {size:.4g} for "
             "{dof:.0f} degrees of freedom, {p}"
         ),
@@ -239,39 +212,39 @@ WORDS: Table = MappingProxyType(
         Kind.COUNTS_SCATTER: _counts_scatter,
         Kind.COUNTS_EVEN: _counts_even,
         Kind.COUNTS_AS_READINGS: _counts_as_readings,
-        Kind.SCATTER_TOO_LARGE: later(
+        Kind.SCATTER_TOO_LARGE: (
             "{of_run}the inferred scatter is {n:.0f} times that expected from the instrument"
         ),
-        Kind.SCATTER_LARGE: later(
+        Kind.SCATTER_LARGE: (
             "{of_run}the inferred scatter is {n:.1f} times that expected from the instrument"
         ),
         Kind.OUTLIERS_CROWD: _crowd,
-        Kind.ROUNDING: later(
+        Kind.ROUNDING: (
             "floating-point rounding errors may shift the values by {n:.1g} standard deviations"
         ),
-        Kind.CANCELLATION: later(
+        Kind.CANCELLATION: (
             "the terms of the curve almost cancel at these x, so that rounding leaves few "
             "correct digits in the values: write the "
             "formula in x - x0, with x0 in the middle of the data"
         ),
         Kind.FEW_DEGREES: _few,
-        Kind.NO_SCATTER: later(
+        Kind.NO_SCATTER: (
             "the points have no scatter beyond rounding errors (are they computed values, "
             "not readings?), so the size of their errors "
             "cannot be estimated: there is no standard deviation; state u_y"
         ),
-        Kind.AT_LIMIT: later(
+        Kind.AT_LIMIT: (
             "{name} lies at its limit {value:.6g}: it has no standard deviation; use its interval"
         ),
-        Kind.NEAR_LIMIT: later(
+        Kind.NEAR_LIMIT: (
             "{name} is less than one standard deviation from its limit {value:.6g}: "
             "no standard deviation is given; use its interval"
         ),
-        Kind.CUT_BY_LIMIT: later(
+        Kind.CUT_BY_LIMIT: (
             "{name} has no standard deviation, because the limit of {names} "
             "truncates it: use its interval"
         ),
-        Kind.CUT_BY_NONE: later(
+        Kind.CUT_BY_NONE: (
             "{name} has no standard deviation, because the curve expects none where 0 was counted "
             "and cannot expect less: use its interval, which is too short beside counts of 0 (that "
             "of 95 % for a single one ends at 1.9 instead of 3.0)"

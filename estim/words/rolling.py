@@ -13,20 +13,14 @@ def _needs(f: Finding) -> str:
     n = f.numbers
     return said(
         f,
-        later(
-            "near {where:.2g} {names} no friction is sufficient: the ramp would have to pull on "
-            "the body"
-        )
+        "near {where:.2g} {names} no friction is sufficient: the ramp would have to pull on "
+        "the body"
         if math.isinf(n["typical"])
-        else later(
-            "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
-            "{names} along the path; no friction coefficient is sufficient with probability 95 %"
-        )
+        else "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
+        "{names} along the path; no friction coefficient is sufficient with probability 95 %"
         if math.isinf(n["enough"])
-        else later(
-            "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
-            "{names} along the path; {enough:.2g} is sufficient with probability 95 %"
-        ),
+        else "rolling requires a friction coefficient of about {typical:.2g}, near {where:.2g} "
+        "{names} along the path; {enough:.2g} is sufficient with probability 95 %",
     )
 
 
@@ -58,7 +52,7 @@ WORDS: Table = MappingProxyType(
                 "is only {p}, while the curve assumes rolling without slipping; {needs}"
             ),
         ),
-        Kind.ROLLING_HOPS: later(
+        Kind.ROLLING_HOPS: (
             "run {run}: on the fitted curve the body would leave the ramp with "
             "probability {hops:.2f}, while the curve assumes that it does not"
         ),

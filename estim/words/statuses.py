@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
-from estim.common import PhraseTable, Status, later
+from estim.common import PhraseTable, Status
 
 STATUS_WORDS = PhraseTable(
     {
-        Status.CONTRADICTION: later(
+        Status.CONTRADICTION: (
             "the data contradict the stated values: no number below is a valid result"
         ),
-        Status.NOT_CONVERGED: later(
+        Status.NOT_CONVERGED: (
             "the computation was not completed: no number below is a valid result"
         ),
-        Status.METHODS_DISAGREE: later(
+        Status.METHODS_DISAGREE: (
             "two methods that should agree do not: no number below is a valid result"
         ),
-        Status.MULTIMODAL: later(
+        Status.MULTIMODAL: (
             "several separate solutions fit the data: no single number below is a valid result"
         ),
-        Status.NOT_IDENTIFIED: later(
+        Status.NOT_IDENTIFIED: (
             "data and priors do not determine the parameters: no number below is a valid result"
         ),
-        Status.POOR_FIT: later(
-            "the curve does not fit the data: no number below is a valid result"
-        ),
-        Status.AT_BOUND: later(
+        Status.POOR_FIT: "the curve does not fit the data: no number below is a valid result",
+        Status.AT_BOUND: (
             "the data push a parameter against the edge of its range by more than chance "
             "would explain: no number "
             "below is a valid result"
         ),
-        Status.NOT_CALIBRATED: later(
+        Status.NOT_CALIBRATED: (
             "the intervals do not have their nominal coverage of simulated true values"
         ),
-        Status.OK: later("the result can be used as it stands"),
+        Status.OK: "the result can be used as it stands",
     }
 )
 

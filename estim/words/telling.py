@@ -95,56 +95,56 @@ WORDS: Table = MappingProxyType(
 
 ADVICE: Mapping[Kind, str] = MappingProxyType(
     {
-        Kind.FIT_UNSETTLED: later(
+        Kind.FIT_UNSETTLED: (
             "check the starting values and the priors; a parameter that still changes may "
             "need a limit"
         ),
-        Kind.STEP_UNSETTLED: later("give it limits, or try other starting values"),
-        Kind.ROUNDING: later(
+        Kind.STEP_UNSETTLED: "give it limits, or try other starting values",
+        Kind.ROUNDING: (
             "set limits on parameters that became far too large, or write the formula in x "
             "- x0, with x0 in the middle of the data"
         ),
-        Kind.VALUE_OUTSIDE: later("try other starting values"),
-        Kind.CHAIN_SHORT: later(
+        Kind.VALUE_OUTSIDE: "try other starting values",
+        Kind.CHAIN_SHORT: (
             "increase {steps}; if that does not help, look at the trace plots: a parameter "
             "that drifts needs a tighter prior or more data"
         ),
-        Kind.WALKERS_STUCK: later("repeat with another {seed}, and look at the trace plots"),
-        Kind.METHODS_DIFFER: later(
+        Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
+        Kind.METHODS_DIFFER: (
             "try another {seed} and a higher {steps}; if they still differ, report it as a "
             "bug: one of two computations of the same "
             "quantity is wrong"
         ),
-        Kind.SLOPES_DIFFER: later(
+        Kind.SLOPES_DIFFER: (
             "the priors of the Bayesian line influence the result: take more points"
         ),
-        Kind.SEVERAL_SOLUTIONS: later(
+        Kind.SEVERAL_SOLUTIONS: (
             "choose between the solutions by a prior (a range that contains one of them) "
             "or by a further measurement, and fit again"
         ),
-        Kind.DIRECTION_FLAT: later(
+        Kind.DIRECTION_FLAT: (
             "state one of these parameters as a measured value with its uncertainty (a "
             "uniform range does not count)"
         ),
-        Kind.SINGULAR: later(
+        Kind.SINGULAR: (
             "state at least one of the parameters with an uncertainty; the table of "
             "correlations shows which are correlated"
         ),
-        Kind.UNDETERMINED: later("state one of the parameters with an uncertainty, or fix it"),
-        Kind.HARDLY_HELD: later("give it limits, or a prior"),
-        Kind.OPEN_SIDE: later(
+        Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
+        Kind.HARDLY_HELD: "give it limits, or a prior",
+        Kind.OPEN_SIDE: (
             "state its value with an uncertainty, or a limit; or fit a simpler curve "
             "without the term that the data do not show"
         ),
-        Kind.LINE_NOT_RISING: later(
+        Kind.LINE_NOT_RISING: (
             "gamma = 1/slope requires a slope that is definitely positive: measure at more "
             "tilts and at steeper ones"
         ),
-        Kind.RESIDUALS_ZERO: later(
+        Kind.RESIDUALS_ZERO: (
             "use the readings themselves, not numbers computed or smoothed from the curve; "
             "simulated data need simulated errors added"
         ),
-        Kind.RESIDUALS_TOO_LARGE: later(
+        Kind.RESIDUALS_TOO_LARGE: (
             "the residuals look random, but larger than stated: if nothing in the file "
             "explains this, let the data determine the size of "
             "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
@@ -152,7 +152,7 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
             "1.0} (in a [curve] table leave u_y out)"
         ),
         Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
-        Kind.CURVE_LACKS: later(
+        Kind.CURVE_LACKS: (
             "look at the residuals for a bad reading or a wrong window; otherwise try "
             "another curve, because this one does not fit. Keep "
             "it only if the formula is known to be right: if successive readings are "
@@ -162,41 +162,41 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         ),
         Kind.DEVIATION_TOO_LARGE: _ANOTHER,
         Kind.DEVIATION_TOO_SLOW: _ANOTHER,
-        Kind.FORCE_NOT_LINEAR: later(
+        Kind.FORCE_NOT_LINEAR: (
             "fit a shorter section of the motion (a window that ends at the turning "
             "point), or speeds in place of positions, and look "
             "for a defect of the ramp: the figure of the force shows where"
         ),
-        Kind.FRAMES_CROWD: later(
+        Kind.FRAMES_CROWD: (
             "check the file and the window for a section that belongs to another motion, "
             "or for a stated reading error that is too small"
         ),
-        Kind.CHI2_TOO_LARGE: later(
+        Kind.CHI2_TOO_LARGE: (
             "look at the residuals; if they are random, leave u_y out, and their size "
             "determines how large the errors are"
         ),
-        Kind.COUNTS_SCATTER: later(
+        Kind.COUNTS_SCATTER: (
             "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
             "for it, dead time, or events that come in "
             "bursts; if none of these can be remedied, fit the counts as readings without "
             "u_y, and their scatter determines how large "
             "the errors are"
         ),
-        Kind.SCATTER_TOO_LARGE: later(
+        Kind.SCATTER_TOO_LARGE: (
             "the curve does not describe this motion, or the stated resolution of the "
             "instrument is much too optimistic"
         ),
-        Kind.FORCE_TOO_LARGE: later(
+        Kind.FORCE_TOO_LARGE: (
             "look at the figure of the force: the stated values of body, tilt and start "
             "may be wrong, or something drives the body; if "
             "so large a force is plausible, state it by unmodelled_force"
         ),
-        Kind.NOISE_TOO_LARGE: later(
+        Kind.NOISE_TOO_LARGE: (
             "look for readings that jump (lost counts, a mark mistaken for another) and "
             "exclude them by a window; otherwise state the "
             "actual error of a reading"
         ),
-        Kind.OUTLIERS_CROWD: later(
+        Kind.OUTLIERS_CROWD: (
             "exclude by a window the frames that do not belong to the motion; robust noise "
             "is meant for a "
             "minority of bad frames"
@@ -205,43 +205,43 @@ ADVICE: Mapping[Kind, str] = MappingProxyType(
         Kind.RUN_DISAGREES: _ONE_RUN,
         Kind.RUNS_TIED: _ONE_RUN,
         Kind.RUNS_AGAINST_STATED: _ONE_RUN,
-        Kind.STATED_DISAGREE: later(
+        Kind.STATED_DISAGREE: (
             "check the stated value: its unit, its uncertainty, and the scale and zero of "
             "the data; a compromise between two values that "
             "disagree is neither of them"
         ),
         Kind.STATED_AND_CURVE: _NOT_RANDOM,
-        Kind.RUN_OFF_MAP: later(
+        Kind.RUN_OFF_MAP: (
             "check its tilt (including the sign), its angle of release (the direction in "
             "which it is measured) and gamma; a fit of the "
             "run shows which of them is wrong"
         ),
-        Kind.GAMMA_TOO_LARGE: later(
+        Kind.GAMMA_TOO_LARGE: (
             "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of "
             "them wrong?"
         ),
-        Kind.TRIALS_SILENT: later(
+        Kind.TRIALS_SILENT: (
             "choose angles on both sides of the threshold of climbing: some trials must "
             "climb and some must not, "
             "at two or more tilts"
         ),
-        Kind.TRIALS_SCATTER: later(
+        Kind.TRIALS_SCATTER: (
             "look for a trial whose outcome or angle was recorded wrongly, and for a tilt "
             "that was read wrongly; otherwise state a "
             "larger u_theta_deg"
         ),
-        Kind.POINTS_SCATTER: later("check the uncertainties and look for a bad point"),
-        Kind.PRESSED_EDGE: later(
+        Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
+        Kind.PRESSED_EDGE: (
             "if values beyond the edge are possible, widen the prior; if not, something "
             "else is wrong: a stated value, a scale or the curve"
         ),
-        Kind.PRESSED_LIMIT: later("is the limit right?"),
-        Kind.RANKS_UNEVEN: later(
+        Kind.PRESSED_LIMIT: "is the limit right?",
+        Kind.RANKS_UNEVEN: (
             "do not quote this interval: the priors, the noise or the curve are not those "
             "of the simulated data"
         ),
-        Kind.COVERAGE_OFF: later("do not quote this interval with its nominal probability"),
-        Kind.TRIALS_FAILED: later(
+        Kind.COVERAGE_OFF: "do not quote this interval with its nominal probability",
+        Kind.TRIALS_FAILED: (
             "state narrower priors: where they allow values for which the curve cannot be "
             "computed, there is no posterior"
         ),

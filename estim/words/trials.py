@@ -26,22 +26,18 @@ def direction_words(direction: str) -> str:
 
 def _uneven(f: Finding) -> str:
     how = direction_words(f.test) or phrase("uneven")
-    return said(f, later("{name}: {how} (ranks not uniform, {p})"), how=how)
+    return said(f, "{name}: {how} (ranks not uniform, {p})", how=how)
 
 
 def _coverage(f: Finding) -> str:
     p, held = f.numbers["probability"], f.size
     return said(
         f,
-        later(
-            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
-            "standard deviations too few)"
-        )
+        "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
+        "standard deviations too few)"
         if held < p
-        else later(
-            "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
-            "standard deviations too many)"
-        ),
+        else "{name}: {how} (the {p:.0f} % interval covered {held:.1f} %, {errors:.1f} Monte-Carlo "
+        "standard deviations too many)",
         how=direction_words(f.test),
         p=100 * p,
         held=100 * held,
@@ -52,7 +48,7 @@ WORDS: Table = MappingProxyType(
     {
         Kind.RANKS_UNEVEN: _uneven,
         Kind.COVERAGE_OFF: _coverage,
-        Kind.TRIALS_FAILED: later(
+        Kind.TRIALS_FAILED: (
             "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {name}"
         ),
     }
