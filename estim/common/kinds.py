@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import StrEnum, auto
+from enum import StrEnum
 from types import MappingProxyType
 
 
@@ -40,165 +40,58 @@ class Status(StrEnum):
         return self.draws_count and self is not Status.POOR_FIT
 
 
-class Kind(StrEnum):
-    """What a finding says.  Kinds without a status of their own are notes, outcomes and reasons."""
-
+Kind = StrEnum(
+    "Kind",
     # the search for the best fit
-    FIT_UNSETTLED = auto()
-    STEP_UNSETTLED = auto()
-    VALUE_OUTSIDE = auto()
-    COVARIANCE_HELD = auto()
-    STARTS_ELSEWHERE = auto()
-    EXCHANGED = auto()
-    EXCHANGE = auto()
-    IMAGES = auto()
-    IMAGE = auto()
-    OTHER_NUMBERS = auto()
-    FASTER_CURVES = auto()
-    VALUES = auto()
+    "FIT_UNSETTLED STEP_UNSETTLED VALUE_OUTSIDE COVARIANCE_HELD STARTS_ELSEWHERE "
+    "EXCHANGED EXCHANGE IMAGES IMAGE OTHER_NUMBERS FASTER_CURVES VALUES "
     # draws
-    CHAIN_SHORT = auto()
-    WALKERS_STUCK = auto()
-    RHAT_HIGH = auto()
-    BULK_LOW = auto()
-    TAIL_LOW = auto()
-    CHAIN_BRIEF = auto()
-    TAU_UNSETTLED = auto()
-    CRITERIA_MET = auto()
-    INDEPENDENT_DRAWS = auto()
-    DRAWS_SHORT = auto()
+    "CHAIN_SHORT WALKERS_STUCK RHAT_HIGH BULK_LOW TAIL_LOW CHAIN_BRIEF TAU_UNSETTLED "
+    "CRITERIA_MET INDEPENDENT_DRAWS DRAWS_SHORT "
     # the second computation
-    METHODS_DIFFER = auto()
-    CHAIN_DIFFERS = auto()
-    DIFFERENCE = auto()
-    CHAIN_AGREES = auto()
-    TOO_MANY_PARAMETERS = auto()
-    NOT_SAMPLED = auto()
-    WEIGHTS_UNRELIABLE = auto()
-    ERRORS_TOO_LARGE = auto()
-    MARGINAL_SAMPLED = auto()
-    RUNS_COUNT_ALIKE = auto()
-    MARGINAL_MISSED = auto()
-    MARGINAL_DRAWS_FEW = auto()
-    WEIGHTS_EXACT = auto()
-    WEIGHTS_UNEVEN = auto()
-    WEIGHTS_MOVE = auto()
-    WEIGHTS_AGREE = auto()
+    "METHODS_DIFFER CHAIN_DIFFERS DIFFERENCE CHAIN_AGREES TOO_MANY_PARAMETERS NOT_SAMPLED "
+    "WEIGHTS_UNRELIABLE ERRORS_TOO_LARGE MARGINAL_SAMPLED RUNS_COUNT_ALIKE "
+    "MARGINAL_MISSED MARGINAL_DRAWS_FEW WEIGHTS_EXACT WEIGHTS_UNEVEN WEIGHTS_MOVE "
+    "WEIGHTS_AGREE "
     # what data and priors determine
-    SEVERAL_SOLUTIONS = auto()
-    SOLUTION = auto()
-    DIRECTION_FLAT = auto()
-    DIRECTION_LEARNT = auto()
-    DIRECTION_SILENT = auto()
-    SINGULAR = auto()
-    UNDETERMINED = auto()
-    HARDLY_HELD = auto()
-    OPEN_SIDE = auto()
-    PRESSED_EDGE = auto()
-    PRESSED_LIMIT = auto()
-    LIMIT = auto()
-    TAKEN_AS_EXACT = auto()
+    "SEVERAL_SOLUTIONS SOLUTION DIRECTION_FLAT DIRECTION_LEARNT DIRECTION_SILENT SINGULAR "
+    "UNDETERMINED HARDLY_HELD OPEN_SIDE PRESSED_EDGE PRESSED_LIMIT LIMIT TAKEN_AS_EXACT "
     # whether the curve explains the data
-    RESIDUALS_ZERO = auto()
-    RESIDUALS_TOO_LARGE = auto()
-    RESIDUALS_NOT_RANDOM = auto()
-    RESIDUALS_SMALL = auto()
-    RESIDUALS_HARDLY = auto()
-    PATTERN_COVERED = auto()
-    NEIGHBOURS_ALIKE = auto()
-    NOISE_WITH_SPEED = auto()
-    CHI2_TOO_LARGE = auto()
-    CHI2_SMALL = auto()
-    COUNTS_SCATTER = auto()
-    COUNTS_EVEN = auto()
-    COUNTS_AS_READINGS = auto()
-    SCATTER_TOO_LARGE = auto()
-    SCATTER_LARGE = auto()
-    OUTLIERS_CROWD = auto()
+    "RESIDUALS_ZERO RESIDUALS_TOO_LARGE RESIDUALS_NOT_RANDOM RESIDUALS_SMALL "
+    "RESIDUALS_HARDLY PATTERN_COVERED NEIGHBOURS_ALIKE NOISE_WITH_SPEED CHI2_TOO_LARGE "
+    "CHI2_SMALL COUNTS_SCATTER COUNTS_EVEN COUNTS_AS_READINGS SCATTER_TOO_LARGE "
+    "SCATTER_LARGE OUTLIERS_CROWD "
     # what the curve lacks
-    FORCE_FOUND = auto()
-    FORCE_UNDECIDED = auto()
-    FORCE_UNLIKELY = auto()
-    FORCE_TOO_LARGE = auto()
-    FORCE_NOT_LINEAR = auto()
-    NOISE_CONSERVATIVE = auto()
-    NOISE_LARGER = auto()
-    NOISE_TOO_LARGE = auto()
-    CURVE_COMPLETE = auto()
-    DEVIATION_FOUND = auto()
-    DEVIATION_UNDECIDED = auto()
-    DEVIATION_UNLIKELY = auto()
-    DEVIATION_UNASKED = auto()
-    DEVIATION_TOO_LARGE = auto()
-    DEVIATION_TOO_SLOW = auto()
-    CURVE_LACKS = auto()
+    "FORCE_FOUND FORCE_UNDECIDED FORCE_UNLIKELY FORCE_TOO_LARGE FORCE_NOT_LINEAR "
+    "NOISE_CONSERVATIVE NOISE_LARGER NOISE_TOO_LARGE CURVE_COMPLETE DEVIATION_FOUND "
+    "DEVIATION_UNDECIDED DEVIATION_UNLIKELY DEVIATION_UNASKED DEVIATION_TOO_LARGE "
+    "DEVIATION_TOO_SLOW CURVE_LACKS "
     # rolling without slipping
-    FRICTION_NEEDED = auto()
-    ROLLING_SURE = auto()
-    ROLLING_DOUBTFUL = auto()
-    ROLLING_HOPS = auto()
+    "FRICTION_NEEDED ROLLING_SURE ROLLING_DOUBTFUL ROLLING_HOPS "
     # the map of motions
-    RUN_OFF_MAP = auto()
+    "RUN_OFF_MAP "
     # candidates for it, each refit
-    CAUSE_NAMED = auto()
-    CAUSES_ALIKE = auto()
-    CAUSE_IN_PART = auto()
-    CAUSE_UNKNOWN = auto()
+    "CAUSE_NAMED CAUSES_ALIKE CAUSE_IN_PART CAUSE_UNKNOWN "
     # bad frames
-    FRAME_OFF = auto()
-    STEP_STAYS = auto()
-    FRAMES_LOST = auto()
-    FRAMES_CROWD = auto()
+    "FRAME_OFF STEP_STAYS FRAMES_LOST FRAMES_CROWD "
     # whether the sources agree
-    RUNS_DISAGREE = auto()
-    RUN_DISAGREES = auto()
-    RUNS_TIED = auto()
-    RUNS_AGAINST_STATED = auto()
-    RUNS_AGREE = auto()
-    RUNS_UNCOMPARED = auto()
-    STATED_DISAGREE = auto()
-    STATED_AND_CURVE = auto()
-    STATED_HARDLY = auto()
-    STATED_AGREE = auto()
-    STATED_UNCOMPARED = auto()
-    PULL = auto()
-    COMMON_ERRORS = auto()
-    COMMON_ERROR = auto()
+    "RUNS_DISAGREE RUN_DISAGREES RUNS_TIED RUNS_AGAINST_STATED RUNS_AGREE RUNS_UNCOMPARED "
+    "STATED_DISAGREE STATED_AND_CURVE STATED_HARDLY STATED_AGREE STATED_UNCOMPARED PULL "
+    "COMMON_ERRORS COMMON_ERROR "
     # a curve fitted by `fit_curve`
-    ROUNDING = auto()
-    CANCELLATION = auto()
-    FEW_DEGREES = auto()
-    NO_SCATTER = auto()
-    AT_LIMIT = auto()
-    NEAR_LIMIT = auto()
-    CUT_BY_LIMIT = auto()
-    CUT_BY_NONE = auto()
+    "ROUNDING CANCELLATION FEW_DEGREES NO_SCATTER AT_LIMIT NEAR_LIMIT CUT_BY_LIMIT "
+    "CUT_BY_NONE "
     # a line
-    LINE_NOT_RISING = auto()
-    SLOPES_DIFFER = auto()
-    GAMMA_TOO_LARGE = auto()
-    POINTS_SCATTER = auto()
-    GAMMA_DISAGREES = auto()
+    "LINE_NOT_RISING SLOPES_DIFFER GAMMA_TOO_LARGE POINTS_SCATTER GAMMA_DISAGREES "
     # trials of release
-    TRIALS_SILENT = auto()
-    TRIALS_SCATTER = auto()
-    TRIALS_DISAGREE = auto()
-    ENDS_DISAGREE = auto()
+    "TRIALS_SILENT TRIALS_SCATTER TRIALS_DISAGREE ENDS_DISAGREE "
     # a calibration
-    RANKS_UNEVEN = auto()
-    COVERAGE_OFF = auto()
-    TRIALS_FAILED = auto()
+    "RANKS_UNEVEN COVERAGE_OFF TRIALS_FAILED "
     # rows that are not fit
-    NO_DERIVATIVE = auto()
-    OUTSIDE_TIMES = auto()
-    OUTSIDE_POSITIONS = auto()
-    OUTSIDE_WINDOW = auto()
-    ROWS_BETWEEN = auto()
-    LEFT_OUT = auto()
-    WAY_BACK = auto()
-    BESIDE_RELEASE = auto()
-    BESIDE_TURNING = auto()
-
+    "NO_DERIVATIVE OUTSIDE_TIMES OUTSIDE_POSITIONS OUTSIDE_WINDOW ROWS_BETWEEN LEFT_OUT "
+    "WAY_BACK BESIDE_RELEASE BESIDE_TURNING",
+)
+"""What a finding says.  Kinds without a status of their own are notes, outcomes and reasons."""
 
 _KINDS = {
     Status.NOT_CONVERGED: (
