@@ -35,39 +35,40 @@ _PREFIXES = {
     "T": 1e12,
 }
 _BASE = ("m", "kg", "s", "A", "K", "mol", "cd")
-_WITH_PREFIX = {
-    "m": (1.0, "m"),
-    "g": (1e-3, "kg"),
-    "s": (1.0, "s"),
-    "A": (1.0, "A"),
-    "K": (1.0, "K"),
-    "mol": (1.0, "mol"),
-    "cd": (1.0, "cd"),
-    "Hz": (1.0, "s-1"),
-    "Bq": (1.0, "s-1"),
-    "N": (1.0, "kg m s-2"),
-    "Pa": (1.0, "kg m-1 s-2"),
-    "bar": (1e5, "kg m-1 s-2"),
-    "J": (1.0, "kg m2 s-2"),
-    "eV": (1.602176634e-19, "kg m2 s-2"),
-    "W": (1.0, "kg m2 s-3"),
-    "C": (1.0, "A s"),
-    "V": (1.0, "kg m2 s-3 A-1"),
-    "F": (1.0, "kg-1 m-2 s4 A2"),
-    "Ω": (1.0, "kg m2 s-3 A-2"),
-    "Ohm": (1.0, "kg m2 s-3 A-2"),
-    "ohm": (1.0, "kg m2 s-3 A-2"),
-    "S": (1.0, "kg-1 m-2 s3 A2"),
-    "Wb": (1.0, "kg m2 s-2 A-1"),
-    "T": (1.0, "kg s-2 A-1"),
-    "H": (1.0, "kg m2 s-2 A-2"),
-    "L": (1e-3, "m3"),
-    "l": (1e-3, "m3"),
-    "Gy": (1.0, "m2 s-2"),
-    "Sv": (1.0, "m2 s-2"),
-    "lm": (1.0, "cd"),
-    "lx": (1.0, "cd m-2"),
-}
+# symbol, SI units in one of it, and which; a prefix may stand before it
+_PREFIXED = """
+m 1.0 m
+g 0.001 kg
+s 1.0 s
+A 1.0 A
+K 1.0 K
+mol 1.0 mol
+cd 1.0 cd
+Hz 1.0 s-1
+Bq 1.0 s-1
+N 1.0 kg m s-2
+Pa 1.0 kg m-1 s-2
+bar 100000.0 kg m-1 s-2
+J 1.0 kg m2 s-2
+eV 1.602176634e-19 kg m2 s-2
+W 1.0 kg m2 s-3
+C 1.0 A s
+V 1.0 kg m2 s-3 A-1
+F 1.0 kg-1 m-2 s4 A2
+Ω 1.0 kg m2 s-3 A-2
+Ohm 1.0 kg m2 s-3 A-2
+ohm 1.0 kg m2 s-3 A-2
+S 1.0 kg-1 m-2 s3 A2
+Wb 1.0 kg m2 s-2 A-1
+T 1.0 kg s-2 A-1
+H 1.0 kg m2 s-2 A-2
+L 0.001 m3
+l 0.001 m3
+Gy 1.0 m2 s-2
+Sv 1.0 m2 s-2
+lm 1.0 cd
+lx 1.0 cd m-2
+"""
 _DEGREE, _GON = math.pi / 180.0, math.pi / 200.0
 _ANGLES = {
     "rad": 1.0,
@@ -83,28 +84,26 @@ _ANGLES = {
     "arcsec": _DEGREE / 3600.0,
     "grad": _DEGREE,
 }
-_ALONE = {
-    **{name: (size, "") for name, size in _ANGLES.items()},
-    "min": (60.0, "s"),
-    "h": (3600.0, "s"),
-    "d": (86400.0, "s"),
-    "sec": (1.0, "s"),
-    "secs": (1.0, "s"),
-    "kg": (1.0, "kg"),
-    "°C": (1.0, "K"),
-    "°F": (5.0 / 9.0, "K"),
-    "sr": (1.0, ""),
-    "%": (0.01, ""),
-    "‰": (1e-3, ""),
-    "ppm": (1e-6, ""),
-    "ppb": (1e-9, ""),
-    "Å": (1e-10, "m"),
-    "in": (0.0254, "m"),
-    "inch": (0.0254, "m"),
-    "ft": (0.3048, "m"),
-    "t": (1e3, "kg"),
-    "rpm": (2.0 * math.pi / 60.0, "s-1"),
-}
+# the same without a prefix
+_BARE = """
+min 60.0 s
+h 3600.0 s
+d 86400.0 s
+sec 1.0 s
+secs 1.0 s
+kg 1.0 kg
+°C 1.0 K
+sr 1.0 1
+% 0.01 1
+‰ 0.001 1
+ppm 1e-06 1
+ppb 1e-09 1
+Å 1e-10 m
+in 0.0254 m
+inch 0.0254 m
+ft 0.3048 m
+t 1000.0 kg
+"""
 _WORDS = {  # in any case
     "s": "sec secs second seconds sekunde sekunden segundo segundos",
     "min": "min minute minutes minuten minuto minutos",
@@ -148,6 +147,20 @@ _TOKEN = re.compile(
     r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?|°[CF]?|a\.u(?![^\W\d_])|[^\W\d_]+|[%‰′″]|[()/ ]"
     r"|\^[+-]?\d{1,3}(?![\d.])"
 )
+
+
+def _listed(table: str) -> dict[str, tuple[float, str]]:
+    rows = (line.split(maxsplit=2) for line in table.strip().splitlines())
+    return {symbol: (float(size), powers) for symbol, size, powers in rows}
+
+
+_WITH_PREFIX = _listed(_PREFIXED)
+_ALONE = {
+    **{name: (size, "1") for name, size in _ANGLES.items()},
+    **_listed(_BARE),
+    "°F": (5.0 / 9.0, "K"),
+    "rpm": (2.0 * math.pi / 60.0, "s-1"),
+}
 
 
 # natural logarithm of the SI units in one of it, then its powers of metre, kilogram, second,
