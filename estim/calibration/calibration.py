@@ -131,7 +131,7 @@ class Calibration:
 
     def share(self, name: str) -> FloatArray:
         """(2,) share of the trials whose interval held the truth."""
-        return np.asarray(self.covered[:, list(self.reported).index(name)].mean(axis=0))
+        return self.covered[:, list(self.reported).index(name)].mean(axis=0)
 
     def share_sd(self) -> FloatArray:
         """(2,) standard deviation of that share where intervals keep their word."""

@@ -249,9 +249,7 @@ def _rank(truth: FloatArray, draws: FloatArray, rng: np.random.Generator) -> Int
     """(n,) how many of draws (n_rank, n) lie below truth (n,); equal ones (a motion that never
     stops) count or not, evenly at random.
     """
-    return np.asarray(
-        np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1)
-    )
+    return np.sum(draws < truth, axis=0) + rng.integers(0, np.sum(draws == truth, axis=0) + 1)
 
 
 def _covered(truth: FloatArray, draws: FloatArray) -> NDArray[np.bool_]:

@@ -29,7 +29,7 @@ LEAST_P = 1.0 / (_N_NULL + 1)
 
 def rank_counts(ranks: IntArray, n_rank: int) -> IntArray:
     """(n_rank,) how many of ranks (n,) in 0 .. n_rank lie below the edges 1 .. n_rank."""
-    return np.asarray(np.cumsum(np.bincount(ranks, minlength=n_rank + 1))[:-1])
+    return np.cumsum(np.bincount(ranks, minlength=n_rank + 1))[:-1]
 
 
 def edges(n_rank: int) -> FloatArray:
@@ -43,7 +43,7 @@ def _tails(n: int, n_rank: int) -> FloatArray:
     from scipy.special import bdtr, bdtrc
 
     k, z = np.arange(n + 1)[:, None], edges(n_rank)
-    return np.asarray(2.0 * np.minimum(bdtr(k, n, z), np.where(k > 0, bdtrc(k - 1, n, z), 1.0)))
+    return 2.0 * np.minimum(bdtr(k, n, z), np.where(k > 0, bdtrc(k - 1, n, z), 1.0))
 
 
 @lru_cache(maxsize=32)
@@ -73,13 +73,11 @@ def uniformity_p_value(ranks: IntArray, n_rank: int) -> float:
     )
 
 
-def uniformity_band(
-    n: int, n_rank: int, probability: float = 0.95
-) -> tuple[FloatArray, FloatArray]:
+def uniformity_band(n: int, n_rank: int) -> tuple[FloatArray, FloatArray]:
     """Lower and upper end (n_rank,) of the share of n uniform ranks below each edge; all of it
-    inside with `probability` or more.
+    inside with a probability of 95 % or more.
     """
-    limit = float(np.quantile(_null(n, n_rank), 1.0 - probability, method="lower"))
+    limit = float(np.quantile(_null(n, n_rank), 0.05, method="lower"))
     inside = _tails(n, n_rank) >= limit
     low = np.argmax(inside, axis=0)
     high = n - np.argmax(inside[::-1], axis=0)

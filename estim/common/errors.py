@@ -18,6 +18,7 @@ from estim.common.escaping import one_line
 
 P = ParamSpec("P")
 T = TypeVar("T")
+_MOST_LISTED = 20
 
 
 class EstimError(Exception):
@@ -133,9 +134,9 @@ def shorten(value: object, limit: int = 60) -> str:
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
-def listed(names: Sequence[str], most: int = 20) -> str:
-    """Names one by one, each of them short; of a long list the first `most` and how many more there
+def listed(names: Sequence[str]) -> str:
+    """Names one by one, each of them short; of a long list the first 20 and how many more there
     are.
     """
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(shorten(name) for name in names[:most]) + more
+    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
+    return ", ".join(map(shorten, names[:_MOST_LISTED])) + more

@@ -69,9 +69,7 @@ class Propagation:
         """(n_out,) whether there is an interval that can be quoted."""
         low, high = self.interval.low, self.interval.high
         error = np.maximum(self.interval.low_error, self.interval.high_error)
-        return np.asarray(
-            np.isfinite(low) & np.isfinite(high) & (2.0 * error <= _LOOSE * (high - low))
-        )
+        return np.isfinite(low) & np.isfinite(high) & (2.0 * error <= _LOOSE * (high - low))
 
     @property
     def statuses(self) -> tuple[Status, ...]:

@@ -89,11 +89,11 @@ def regions(linear: LinearResult, sampled: MonteCarloResult) -> tuple[Region, ..
 
 def _squares(draws: FloatArray, centre: FloatArray, covariance: FloatArray) -> FloatArray:
     away = draws - centre
-    return np.asarray(np.sum(away @ np.linalg.inv(covariance) * away, axis=1))
+    return np.sum(away @ np.linalg.inv(covariance) * away, axis=1)
 
 
 def ellipse(centre: FloatArray, covariance: FloatArray, k: float) -> FloatArray:
     """(2, 200) points on the ellipse (y - centre)^T covariance^-1 (y - centre) = k^2."""
     angle = np.linspace(0.0, 2.0 * np.pi, 200)
     circle = np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray(centre[:, None] + k * np.linalg.cholesky(covariance) @ circle)
+    return centre[:, None] + k * np.linalg.cholesky(covariance) @ circle

@@ -55,7 +55,7 @@ def second_order_u(model: MeasurementModel) -> FloatArray | None:
                     * (second.u * np.array([_derivative(value, "abc") for value in results]))
                 )
                 variance += 0.5 * mixed**2 + slopes * third
-        return np.asarray(np.where(variance >= 0.0, np.sqrt(np.abs(variance)), math.nan))
+        return np.where(variance >= 0.0, np.sqrt(np.abs(variance)), math.nan)
 
 
 def _at(model: MeasurementModel, first: str, second: str) -> list[Any]:

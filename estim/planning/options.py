@@ -93,6 +93,4 @@ def sds_of(information: FloatArray, columns: Sequence[int]) -> FloatArray:
             "data and what is stated do not determine every unknown", field="plan"
         ) from None
     inverse = np.linalg.inv(lower)
-    return np.asarray(
-        np.sqrt(np.sum(np.square(inverse), axis=0))[list(columns)] / scale[list(columns)]
-    )
+    return np.sqrt(np.sum(np.square(inverse), axis=0))[list(columns)] / scale[list(columns)]

@@ -114,6 +114,10 @@ class Chain:
         """(n_draw, n_par) all draws."""
         return self.draws.reshape(-1, self.draws.shape[-1])
 
+    def column(self, name: str) -> FloatArray:
+        """(n_draw,) of one parameter."""
+        return self.flat[:, self.names.index(name)]
+
     def thinned(self, n_draw: int, columns: Sequence[int] | None = None) -> FloatArray:
         """(at most n_draw, n_par) draws, evenly spread over the chain.  columns : of these
         parameters alone.

@@ -140,7 +140,7 @@ def _drawn(priors: Sequence[object], draws: FloatArray, values: FloatArray) -> F
     """
     sds = np.array([prior.sd if isinstance(prior, Normal) else np.nan for prior in priors])
     off = draws - draws.mean(axis=0)
-    return np.asarray(off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None])
+    return off.T @ (values - values.mean(axis=0)) / (len(draws) - 1) / sds[:, None]
 
 
 def _quantities(fit: Fit) -> list[_Quantity]:

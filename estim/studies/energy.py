@@ -270,7 +270,7 @@ def _line_estimator(x: FloatArray, cov: FloatArray) -> FloatArray:
     # the curve has come to rest before the second frame
     if np.linalg.matrix_rank(normal, hermitian=True) < 2:
         return np.full(weighted.shape, math.nan)
-    return np.asarray(np.linalg.solve(normal, weighted))
+    return np.linalg.solve(normal, weighted)
 
 
 def _estimate(draws: FloatArray) -> EnergyEstimate:

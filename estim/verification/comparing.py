@@ -28,7 +28,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
-from estim.common import json_of
+from estim.common import json_of, shorten
 
 # of a standard deviation; the Monte-Carlo error of other draws is fifteen times that
 SAME_DRAWS = 1e-3
@@ -37,6 +37,7 @@ FEWEST = 400  # effective draws behind an estimate that has no stated Monte-Carl
 _SAME, _SIMILAR = 1e-9, 1e-3  # relative: the last bits; a number that follows from the same draws
 _NOISE = 1e-4  # of the largest number beside it: what is left of a difference that is 0
 _LARGEST = 1e300
+_WIDTH = 80  # characters of what is told of a difference
 _PICTURE = re.compile(rb"data:image/png;base64,[\w+/=]+")  # within a page
 _ERRORS = {
     **dict.fromkeys(("mean", "value", "sd", "u"), 1.0),
@@ -365,13 +366,13 @@ def _last_digit(text: str) -> float:
     return 10.0 ** (max(min(int(power or 0), 300), -300) - decimals)
 
 
-def _shown(one: str, other: str, width: int = 80) -> tuple[str, str]:
+def _shown(one: str, other: str) -> tuple[str, str]:
     """Two long lines from a little before they differ."""
     at = next((i for i, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), 0)
-    begin = max(at - width // 2, 0) if max(len(one), len(other)) > width else 0
+    begin = max(at - _WIDTH // 2, 0) if max(len(one), len(other)) > _WIDTH else 0
     return one[begin:], other[begin:]
 
 
 def _short(value: object) -> str:
     text = f"{value:.10g}" if isinstance(value, float) else str(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return shorten(text, _WIDTH)
