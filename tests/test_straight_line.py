@@ -65,7 +65,7 @@ def test_lines_and_inverse_predictions_of_iso_28037(name, y0, a, b, cov, x0, u_x
     assert (line.fit.intercept, error.u_intercept) == pytest.approx(a, abs=5e-5)
     assert (line.fit.slope, error.u_slope) == pytest.approx(b, abs=5e-5)
     assert error.cov == pytest.approx(cov, rel=2e-5)
-    assert (line.inverses[0].x, line.inverses[0].u) == pytest.approx((x0, u_x0), abs=0.0006)
+    assert (line.inverses[0].value, line.inverses[0].u) == pytest.approx((x0, u_x0), abs=0.0006)
     assert line.status is Status.OK
 
 
@@ -187,7 +187,8 @@ def test_prediction_of_gum_h3(tmp_path):
         )
     )
     line = straight_line(path, Columns(), predict=[Quantity(10.0)])
-    assert (round(line.predictions[0].y, 4), round(line.predictions[0].u, 4)) == (-0.1494, 0.0041)
+    point = line.predictions[0]
+    assert (round(point.value, 4), round(point.u, 4)) == (-0.1494, 0.0041)
     assert line.k == pytest.approx(stats.t.ppf(0.975, 9))
 
 

@@ -48,6 +48,7 @@ from estim.checks.fitted_curve import (
 )
 from estim.checks.forces import SURE, force_finding, noise_finding
 from estim.checks.goodness import (
+    Check,
     P_FLOOR,
     P_POOR_FIT,
     P_TOLD,

@@ -9,7 +9,8 @@ from estim.line.conventions import CONVENTIONS
 from estim.line.regression import confidence_band
 from estim.line.series import ThetaMinSeries, read_theta_min
 from estim.line.stated_errors import Correlated, commons
-from estim.line.table_line import Columns, StraightLine, straight_line
+from estim.line.table_line import Columns, PredictedPoint, StraightLine, straight_line
 from estim.line.release_likelihood import effective_start
 from estim.line.release_analysis import UNKNOWNS, WAYS, TrialsAnalysis, analyse_trials
+from estim.line.thresholds import Threshold
 from estim.line.trial_data import HIGH, LOW, read_trials

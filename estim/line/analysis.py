@@ -117,11 +117,7 @@ class LineAnalysis:
     def _repr_markdown_(self) -> str:
         """What a notebook shows: the values, or why there are none."""
         quantities = (
-            (
-                phrase("intercept"),
-                self.chain.flat[:, self.chain.names.index("intercept")],
-                phrase("sin θ_min at φ = 0"),
-            ),
+            (phrase("intercept"), self.chain.column("intercept"), phrase("sin θ_min at φ = 0")),
             ("γ", self.gamma_draws, phrase("1/slope")),
             (
                 "c_rr",
@@ -147,12 +143,12 @@ class LineAnalysis:
     @property
     def gamma_draws(self) -> FloatArray:
         """(n_draw,) posterior of gamma = 1/slope."""
-        return 1.0 / self.chain.flat[:, self.chain.names.index("slope")]
+        return 1.0 / self.chain.column("slope")
 
     @property
     def resistance_draws(self) -> FloatArray:
         """(n_draw,) posterior of c_rr = intercept * gamma."""
-        return self.chain.flat[:, self.chain.names.index("intercept")] * self.gamma_draws
+        return self.chain.column("intercept") * self.gamma_draws
 
 
 def analyse_line(
@@ -247,8 +243,8 @@ def _read(fit: LineFit, gamma_masses: Quantity | None) -> Reading:
 
 
 def _read_draws(chain: Chain, gamma_masses: Quantity | None) -> Reading:
-    gamma = 1.0 / chain.flat[:, chain.names.index("slope")]
-    resistance = gamma * chain.flat[:, chain.names.index("intercept")]
+    gamma = 1.0 / chain.column("slope")
+    resistance = gamma * chain.column("intercept")
     return _reading(Quantity.of(gamma), Quantity.of(resistance), gamma_masses)
 
 

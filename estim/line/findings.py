@@ -25,7 +25,7 @@ def line_findings(fit: LineFit, interval: SlopeInterval, chain: Chain) -> tuple[
         ends = {"low": interval.low, "high": interval.high, "probability": interval.probability}
         findings.append(Finding(Kind.LINE_NOT_RISING, numbers=ends))
     else:
-        slope = chain.flat[:, chain.names.index("slope")]
+        slope = chain.column("slope")
         u = float(np.hypot(fit.standard_errors[fit.recommended].u_slope, slope.std()))
         apart = float(slope.mean()) - fit.slope
         if abs(apart) > u:

@@ -93,9 +93,7 @@ class LinePosterior:
         z = x - column["mu_x"][:, None] + (b_var_x - cov_xy) / v * d
         determinant = tau2 * v + (var_x * var_y - cov_xy**2)
         chi2 = (d * d + (z * v) ** 2 / determinant) / v
-        return np.asarray(
-            -0.5 * np.sum(chi2 + np.log(determinant), axis=1) - len(data.x) * np.log(2.0 * np.pi)
-        )
+        return -0.5 * np.sum(chi2 + np.log(determinant), axis=1) - len(data.x) * np.log(2.0 * np.pi)
 
     def _log_prior(self, column: dict[str, FloatArray]) -> FloatArray:
         ratio = self.scale[0] / self.scale[1]
@@ -111,7 +109,7 @@ class LinePosterior:
                 total = total + prior.log_density(np.exp(log_scatter)) + log_scatter
             else:
                 total = total + prior.log_density(column[name])
-        return np.asarray(total)
+        return total
 
 
 def line_posterior(

@@ -237,7 +237,7 @@ def _propagated(points: ScaledPoints, b: float, a: float) -> FloatArray:
     cross = by_x @ spread(points.cov_xy, by_y).T
     middle = by_x @ spread(points.var_x, by_x).T + by_y @ spread(points.var_y, by_y).T
     inverse = np.linalg.inv(np.array([[float(w.sum()), h_ab], [h_ab, h_bb]]))
-    return np.asarray(inverse @ (middle + cross + cross.T) @ inverse)
+    return inverse @ (middle + cross + cross.T) @ inverse
 
 
 def _message(

@@ -189,17 +189,17 @@ class TrialsAnalysis:
 
     def column(self, name: str) -> FloatArray:
         """(n_draw,) draws of one unknown."""
-        return self.chain.flat[:, self.chain.names.index(name)]
+        return self.chain.column(name)
 
     def summary(self, name: str) -> Summary:
         unit, meaning, _ = UNKNOWNS[name]
         return summarise(self.column(name), unit=unit, meaning=phrase(meaning))
 
-    def starts(self, end: str, phi: FloatArray, *, most: int = 2000) -> FloatArray:
-        """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to `most` draws,
+    def starts(self, end: str, phi: FloatArray) -> FloatArray:
+        """(n_draw, n_phi) rad: where ascents begin at true tilts `phi`, of up to 2000 draws,
         release included.
         """
-        draws = self.chain.thinned(most)
+        draws = self.chain.thinned(2000)
         inside = effective_start(
             {n: draws[:, i] for i, n in enumerate(self.chain.names)},
             end,

@@ -93,7 +93,7 @@ class ReleasePosterior:
             total[rows] += self.log_likelihood(
                 {name: column[rows] for name, column in values.items()}
             )
-        return np.asarray(total)
+        return total
 
     def log_likelihood(self, values: Mapping[str, FloatArray]) -> FloatArray:
         """(n_draw,) log probability of the outcomes; values : name -> (n_draw,) inside the

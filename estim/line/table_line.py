@@ -60,32 +60,23 @@ class Columns:
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
-    """The line at x0.  u : of the line, with the uncertainty of x0.  u_reading : with that of one
-    more reading too, nan where that is not known.
+class PredictedPoint:
+    """A prediction, y of the line at a `given` x, or an inverse one, x at which it reaches a
+    `given` y.
 
-    low, high : interval for the probability of the line.
+    u : of the line, with the uncertainty of what is given; of x linear.
+    low, high : interval for the probability of the line; of x Fieller's exact one, infinite where
+        the slope may be 0.
+    u_reading : with the uncertainty of one more reading of y too, nan where that is not known.
     """
 
-    x0: Quantity
-    y: float
+    given: float
+    u_given: float
+    value: float
     u: float
     low: float
     high: float
-    u_reading: float
-
-
-@dataclass(frozen=True, eq=False)
-class Inverse:
-    """The abscissa at which the line reaches y0.  u : linear.  low, high : Fieller's exact
-    interval; infinite where the slope may be 0.
-    """
-
-    y0: Quantity
-    x: float
-    u: float
-    low: float
-    high: float
+    u_reading: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +96,8 @@ class StraightLine:
     slope: SlopeInterval
     k: float
     probability: float
-    predictions: tuple[Prediction, ...]
-    inverses: tuple[Inverse, ...]
+    predictions: tuple[PredictedPoint, ...]
+    inverses: tuple[PredictedPoint, ...]
     told: str
     facts: tuple[str, ...] = ()
     correlated: tuple[str, ...] = ()
@@ -297,10 +288,11 @@ def _number(text: str) -> float | None:
         return None
 
 
-def _prediction(fit: LineFit, x0: Quantity, k: float) -> Prediction:
+def _prediction(fit: LineFit, x0: Quantity, k: float) -> PredictedPoint:
     values = line_values(fit, x0.value)
     y, u = float(values.values[0]), math.hypot(float(values.u[0]), fit.slope * x0.u)
-    return Prediction(x0, y, u, y - k * u, y + k * u, math.hypot(u, _of_one_reading(fit)))
+    u_reading = math.hypot(u, _of_one_reading(fit))
+    return PredictedPoint(x0.value, x0.u, y, u, y - k * u, y + k * u, u_reading)
 
 
 def _of_one_reading(fit: LineFit) -> float:
@@ -316,7 +308,7 @@ def _of_one_reading(fit: LineFit) -> float:
     return scale * float(u[0]) if u.size == 1 else math.nan
 
 
-def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Inverse:
+def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> PredictedPoint:
     """Fieller's interval: all x with (y0 - a - b x)^2 <= k^2 (u_y0^2 + u^2(a + b x)).  Source:
     Fieller 1954, J. R. Stat. Soc. B 16, 175.
     """
@@ -333,13 +325,8 @@ def _inverse(fit: LineFit, y0: Quantity, k: float, probability: float) -> Invers
     curvature = fit.slope**2 - k**2 * error.u_slope**2
     room = above**2 - k**2 * (u_y0**2 + error.u_pivot**2)
     if curvature <= 0.0:
-        return Inverse(Quantity(y0.value, u_y0), linear.x0, linear.u_x0, -math.inf, math.inf)
+        return PredictedPoint(y0.value, u_y0, linear.x0, linear.u_x0, -math.inf, math.inf)
     middle = above * fit.slope / curvature
     half = math.sqrt(max((above * fit.slope) ** 2 - curvature * room, 0.0)) / curvature
-    return Inverse(
-        Quantity(y0.value, u_y0),
-        linear.x0,
-        linear.u_x0,
-        error.x_pivot + middle - half,
-        error.x_pivot + middle + half,
-    )
+    place = error.x_pivot + middle
+    return PredictedPoint(y0.value, u_y0, linear.x0, linear.u_x0, place - half, place + half)

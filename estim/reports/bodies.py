@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 
 from estim.campaign import OUTPUTS, CampaignFile
 from estim.common import as_json, format_quantity
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Correlation, Provenance, provenance_of
 from estim.sampling import number
@@ -16,7 +16,7 @@ BODY_SCHEMA = "estim-body/1"
 _LEAST_SHARE = 0.5  # %, of what is told of a budget
 
 
-class BodyValue(msgspec.Struct, frozen=True):
+class BodyValue(Record):
     """One quantity of a body: by linear propagation, by Monte Carlo, and the share (%) of each
     input in the linear variance.
     """
@@ -33,7 +33,7 @@ class BodyValue(msgspec.Struct, frozen=True):
     budget: dict[str, float]
 
 
-class BodyInput(msgspec.Struct, frozen=True):
+class BodyInput(Record):
     """What was measured of the parts."""
 
     value: float
@@ -41,17 +41,16 @@ class BodyInput(msgspec.Struct, frozen=True):
     unit: str
 
 
-class BodySummary(msgspec.Struct, frozen=True):
+class BodySummary(Record):
     """One body."""
 
     parts: list[str]
     values: dict[str, BodyValue]
 
 
-class BodyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class BodyResult(Report):
     """Everything of `estim body`; the report prints from it."""
 
-    schema_: str
     title: str
     kind: str
     bodies: dict[str, BodySummary]

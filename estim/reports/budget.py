@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
@@ -17,12 +16,12 @@ from estim.deviation import DEVIATION, FORCE, FRAMES, START
 from estim.drawing import BLUE, INK, Figure, grid, name_ticks
 from estim.pipeline import Analysis
 from estim.reports.derived import derived_labels
-from estim.reports.records import DRAWS, Labels
+from estim.reports.records import DRAWS, Labels, Record
 from estim.sampling import number
 from estim.studies.budget import PRIOR, READINGS, STATED, Budget, Source, uncertainty_budget
 
 
-class UncertaintySource(msgspec.Struct, frozen=True):
+class UncertaintySource(Record):
     # a parameter whose stated value or prior it is, or a part of the errors of the readings
     source: str
     # "stated", "prior" (not a measured value's), "common" (clock, scale: the default), "curve"
@@ -35,7 +34,7 @@ class UncertaintySource(msgspec.Struct, frozen=True):
     share_drawn: float | None  # the same from the draws; null where they do not tell
 
 
-class UncertaintyBudget(msgspec.Struct, frozen=True):
+class UncertaintyBudget(Record):
     """Parts of the uncertainty of one parameter, or of what is derived; the squares of `u` and of
     `others` add up to that of `sd_linear`.
     """

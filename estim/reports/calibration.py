@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.calibration import (
@@ -24,6 +23,7 @@ from estim.common import FigureChoice, as_json, decide, later, percentage, phras
 from estim.drawing import BLUE, GREY, INK, ORANGE, Figure, grid, name_ticks, new_figure
 from estim.problem import Problem
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.sampling import number
@@ -34,7 +34,7 @@ _AT = {"sbc": "priors", "coverage": "fit"}
 _ENGINES = {"importance sampling": later("importance sampling"), "chain": later("chain")}
 
 
-class CoverageRecord(msgspec.Struct, frozen=True):
+class CoverageRecord(Record):
     """Share of the trials whose interval of `probability` held the truth; sd of that share if
     intervals keep their word.
     """
@@ -44,15 +44,14 @@ class CoverageRecord(msgspec.Struct, frozen=True):
     sd: float
 
 
-class NumberRecord(msgspec.Struct, frozen=True):
+class NumberRecord(Record):
     unit: str
     p_value: float | None
     mean_rank: float | None  # as a share of all ranks; 0.5 where estimates are not biased
     coverage: list[CoverageRecord]
 
 
-class CalibrationRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
-    schema_: str
+class CalibrationRecord(Report):
     what: str
     status: str
     findings: list[str]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
@@ -14,6 +13,7 @@ from estim.common import FigureChoice, as_json, later, phrase, significant
 from estim.problem import Parameter
 from estim.reports.models import values_figure
 from estim.reports.pages import page
+from estim.reports.records import Record
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number
@@ -22,7 +22,7 @@ from estim.studies.refits import Refit
 _DATA = {"positions": later("positions"), "speeds": later("speeds")}
 
 
-class ComparedSummary(msgspec.Struct, frozen=True):
+class ComparedSummary(Record):
     name: str
     words: str
     data: str

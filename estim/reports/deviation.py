@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import msgspec
 import numpy as np
 
 from estim.checks import deviation_finding, force_finding, noise_finding
@@ -15,12 +14,13 @@ from estim.deviation import DeviationSize, FoundDeviation, FoundForce
 from estim.drawing import GREY, INK, ORANGE, RUN_COLOURS, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Observations
+from estim.reports.records import Record
 from estim.words import tell
 
 _AVERAGE = "rolling_resistance"  # what a constant force is part of
 
 
-class AverageResistance(msgspec.Struct, frozen=True):
+class AverageResistance(Record):
     """The coefficient of rolling resistance: the average over this track, and what it says of the
     material.
     """
@@ -30,7 +30,7 @@ class AverageResistance(msgspec.Struct, frozen=True):
     sd_material: float  # as a constant that holds on another track too
 
 
-class ForceSummary(msgspec.Struct, frozen=True):
+class ForceSummary(Record):
     """An unmodelled force along the track of a run, in units of the weight; positions in `unit`."""
 
     prior_scale: float  # of the half-normal prior of its amplitude
@@ -179,7 +179,7 @@ def _title(found: FoundForce) -> str:
     )
 
 
-class SizeSummary(msgspec.Struct, frozen=True):
+class SizeSummary(Record):
     """One way to read what a curve lacks; quantiles 0.16, 0.5, 0.84 if it is there, null where it
     certainly is not.
     """
@@ -191,7 +191,7 @@ class SizeSummary(msgspec.Struct, frozen=True):
     length_unit: str
 
 
-class DeviationSummary(msgspec.Struct, frozen=True):
+class DeviationSummary(Record):
     """What the curve of a run lacks, and what of it the curve cannot make up for, at the points;
     unit of y.
     """

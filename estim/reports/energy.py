@@ -24,6 +24,7 @@ from estim.common import (
 from estim.drawing import GREY, MARKS, RUN_COLOURS, Figure, legend_below, new_figure
 from estim.pipeline import Analysis
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
@@ -32,7 +33,7 @@ ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
-class EnergySummary(msgspec.Struct, frozen=True):
+class EnergySummary(Record):
     """Energy along one run; relative to the energy at release (as in the paper) and to the largest
     kinetic energy; null where there is none.
     """
@@ -51,7 +52,7 @@ class EnergySummary(msgspec.Struct, frozen=True):
         return interval(*self.loss_interval_95, self.loss_per_metre.u, 2)
 
 
-class DriftSummary(msgspec.Struct, frozen=True):
+class DriftSummary(Record):
     """Whether the data show a loss of energy; see `estim.studies.energy.Drift`."""
 
     free: bool
@@ -63,10 +64,9 @@ class DriftSummary(msgspec.Struct, frozen=True):
     limit: float
 
 
-class EnergyResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class EnergyResult(Report):
     """Everything of an energy check; the report prints from it."""
 
-    schema_: str
     title: str
     kind: str
     status: str  # the gravest of the fits

@@ -22,6 +22,7 @@ from estim.common import (
     signed,
 )
 from estim.explanation import FOUND, TIED, Candidate, CauseOfRuns, Estimated, Explanation, verdict
+from estim.reports.records import Record
 from estim.reports.rendering import render
 from estim.sampling import number
 from estim.words import tell
@@ -29,13 +30,13 @@ from estim.words import tell
 _MOST_SHOWN = 6
 
 
-class EstimatedSummary(msgspec.Struct, frozen=True):
+class EstimatedSummary(Record):
     name: str
     value: float  # SI units
     sd: float | None  # none at the edge of what is possible, or where a few values were tried
 
 
-class OutcomeSummary(msgspec.Struct, frozen=True):
+class OutcomeSummary(Record):
     """What a fit of the campaign gives with the lines of a candidate."""
 
     status: str
@@ -43,7 +44,7 @@ class OutcomeSummary(msgspec.Struct, frozen=True):
     lacks_force: bool  # whether the curve surely lacks a force all the same
 
 
-class CandidateSummary(msgspec.Struct, frozen=True):
+class CandidateSummary(Record):
     """One thing that the curve may lack, refit by least squares."""
 
     name: str
@@ -58,7 +59,7 @@ class CandidateSummary(msgspec.Struct, frozen=True):
     outcome: OutcomeSummary | None  # of the first candidates that the campaign can say
 
 
-class ExplanationSummary(msgspec.Struct, frozen=True):
+class ExplanationSummary(Record):
     words: str
     p_order: float | None  # of the residuals without any of them
     p_size: float | None

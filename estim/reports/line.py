@@ -28,6 +28,7 @@ from estim.drawing import BLUE, INK, ORANGE, Figure, draw_bands, legend_below, n
 from estim.line import CONVENTIONS, LineAnalysis, TrialsAnalysis
 from estim.reports.copying import copies_of
 from estim.reports.pages import Drawers, page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance_of
 from estim.reports.trials import UNKNOWN_LABELS, TrialsResult, trials_files
@@ -50,7 +51,7 @@ _STRENGTHS = (
 )
 
 
-class LineRow(msgspec.Struct, frozen=True):
+class LineRow(Record):
     """What one method says of the line."""
 
     intercept: float
@@ -66,7 +67,7 @@ class LineRow(msgspec.Struct, frozen=True):
     e_n: float
 
 
-class AboveTheory(msgspec.Struct, frozen=True):
+class AboveTheory(Record):
     """The measured theta_min beside the theory with gamma as stated.
 
     points : how many lie above it.  tilt : their mean.  excess : theta_min of the Bayesian line
@@ -78,12 +79,11 @@ class AboveTheory(msgspec.Struct, frozen=True):
     excess: Quantity
 
 
-class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class LineResult(Report):
     """Everything of a line; the report prints from it.  Where the status is not ok, uncertainties
     and what follows from them are null or empty.
     """
 
-    schema_: str
     title: str
     kind: str
     status: str
@@ -109,7 +109,7 @@ class LineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
 def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
     """The record of a line analysis."""
     methods = {name: _row(analysis, name) for name in _METHODS}
-    intercept = analysis.chain.flat[:, analysis.chain.names.index("intercept")]
+    intercept = analysis.chain.column("intercept")
     tilt = float(np.mean(np.cos(analysis.series.phi)))
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
     steepest, status, ok = analysis.steepest, analysis.status, analysis.status.ok
@@ -134,12 +134,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
                 summarise(intercept, unit="1", meaning=phrase("sin θ_min at φ = 0")), status
             ),
             "slope": trusted(
-                summarise(
-                    analysis.chain.flat[:, analysis.chain.names.index("slope")],
-                    unit="1",
-                    meaning="1/γ",
-                ),
-                status,
+                summarise(analysis.chain.column("slope"), unit="1", meaning="1/γ"), status
             ),
             "rolling_resistance": trusted(
                 summarise(

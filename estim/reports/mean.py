@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.common import (
@@ -24,6 +23,7 @@ from estim.drawing import BLUE, INK, ORANGE, Figure, legend_below, name_ticks, n
 from estim.means import TableMean
 from estim.reports.measurement import expanded_statement
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
@@ -31,7 +31,7 @@ MEAN_SCHEMA = "estim-mean/1"
 _MOST_NAMED = 40
 
 
-class AverageRecord(msgspec.Struct, frozen=True):
+class AverageRecord(Record):
     """One mean; k and dof are null where the interval is one of quantiles."""
 
     value: float
@@ -44,7 +44,7 @@ class AverageRecord(msgspec.Struct, frozen=True):
     high: float
 
 
-class GroupsRecord(msgspec.Struct, frozen=True):
+class GroupsRecord(Record):
     """One-way analysis of variance."""
 
     means: dict[str, float]
@@ -56,10 +56,9 @@ class GroupsRecord(msgspec.Struct, frozen=True):
     p_value: float
 
 
-class MeanResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class MeanResult(Report):
     """Everything of `estim mean`; chi2, its probability and tau are null for readings."""
 
-    schema_: str
     status: str
     column: str
     n: int

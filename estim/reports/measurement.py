@@ -8,7 +8,6 @@ import math
 from collections.abc import Collection
 from functools import partial
 
-import msgspec
 import numpy as np
 from scipy import special
 
@@ -30,6 +29,7 @@ from estim.measurement import Propagation, Region, ellipse
 from estim.reports.budget import budget_figure
 from estim.reports.corner_figures import density_of
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
@@ -66,7 +66,7 @@ _INTERVALS_DRAWN = {
 }
 
 
-class GumRecord(msgspec.Struct, frozen=True):
+class GumRecord(Record):
     """The GUM's framework.  null: none, or infinitely many degrees of
     freedom.  k_whole, U_whole : with dof rounded down, as tables ask (GUM G.4.1).
     """
@@ -83,7 +83,7 @@ class GumRecord(msgspec.Struct, frozen=True):
     u_second_order: float
 
 
-class MonteCarloRecord(msgspec.Struct, frozen=True):
+class MonteCarloRecord(Record):
     """The propagation of distributions.  *_error : Monte-Carlo standard errors of the two ends.
     undefined : share of draws without a value.
     """
@@ -98,7 +98,7 @@ class MonteCarloRecord(msgspec.Struct, frozen=True):
     undefined: float
 
 
-class ShareRecord(msgspec.Struct, frozen=True):
+class ShareRecord(Record):
     """One line of a budget; share in %."""
 
     input: str
@@ -107,7 +107,7 @@ class ShareRecord(msgspec.Struct, frozen=True):
     share: float
 
 
-class OutputRecord(msgspec.Struct, frozen=True):
+class OutputRecord(Record):
     """One measurand.  quoted : "GUM", "Monte Carlo" or "" where neither can be."""
 
     formula: str
@@ -127,7 +127,7 @@ class OutputRecord(msgspec.Struct, frozen=True):
     correlation_share: float
 
 
-class PartRecord(msgspec.Struct, frozen=True):
+class PartRecord(Record):
     """One input, or one component of an input."""
 
     value: float
@@ -138,7 +138,7 @@ class PartRecord(msgspec.Struct, frozen=True):
     meaning: str
 
 
-class RegionRecord(msgspec.Struct, frozen=True):
+class RegionRecord(Record):
     """Coverage regions of two outputs."""
 
     outputs: list[str]
@@ -151,10 +151,9 @@ class RegionRecord(msgspec.Struct, frozen=True):
     gum_ellipse_holds: float  # share of the draws in it
 
 
-class MeasurementResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class MeasurementResult(Report):
     """Everything of `estim propagate`; the report prints from it."""
 
-    schema_: str
     title: str
     source: str
     status: str
@@ -404,9 +403,9 @@ def _ends(u: float, low: float, high: float) -> str:
     return interval(low, high, u if u > 0.0 else 0.25 * (high - low), _DIGITS)
 
 
-def _dof(dof: float, form: str = "%.4g") -> str:
+def _dof(dof: float) -> str:
     """Degrees of freedom, if not infinitely many."""
-    return "∞" if math.isinf(dof) else form % dof
+    return "∞" if math.isinf(dof) else f"{dof:.4g}"
 
 
 def _density_name(unit: str) -> str:
@@ -489,7 +488,7 @@ def _density(z: FloatArray, dof: float) -> FloatArray:
         - special.gammaln(0.5 * dof)
         - 0.5 * math.log(dof * math.pi)
     )
-    return np.asarray(np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof)))
+    return np.exp(log_norm - 0.5 * (dof + 1.0) * np.log1p(z**2 / dof))
 
 
 def shares_figure(propagation: Propagation) -> Figure:

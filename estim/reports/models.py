@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.campaign import Campaign
@@ -16,6 +15,7 @@ from estim.drawing import BLUE, GREY, INK, ORANGE, PALE, Axes, Figure, grid, nam
 from estim.explanation import P_NOT_BROUGHT_BACK, Predicted
 from estim.problem import Parameter
 from estim.reports.pages import page
+from estim.reports.records import Record
 from estim.reports.rendering import render
 from estim.reports.result import provenance
 from estim.sampling import Summary, number, summarise_parameter, trusted
@@ -26,6 +26,7 @@ from estim.studies.models import (
     Ground,
     ModelComparison,
     NoEvidence,
+    Width,
     contains,
     log_odds,
     rival_of,
@@ -74,7 +75,7 @@ _SHORT = {"energy": later("change of energy"), "its_place": later("position of l
 _FAR = 0.02  # of the data sets beyond what is drawn, on either side
 
 
-class PredictedSummary(msgspec.Struct, frozen=True):
+class PredictedSummary(Record):
     run: str
     statistic: str
     unit: str
@@ -85,14 +86,7 @@ class PredictedSummary(msgspec.Struct, frozen=True):
     p: float
 
 
-class WidthSummary(msgspec.Struct, frozen=True):
-    of: str
-    factor: float
-    change: float | None
-    u: float | None
-
-
-class ModelSummary(msgspec.Struct, frozen=True):
+class ModelSummary(Record):
     name: str
     words: str
     adds: list[str]
@@ -109,7 +103,7 @@ class ModelSummary(msgspec.Struct, frozen=True):
     behind_elpd: float | None
     se_behind_elpd: float | None
     influential: int
-    widths: list[WidthSummary]
+    widths: tuple[Width, ...]
     predicted: list[PredictedSummary]
 
 
@@ -308,10 +302,7 @@ def _summary(row: ComparedModel) -> ModelSummary:
         behind_elpd=number(row.behind),
         se_behind_elpd=number(row.behind_se),
         influential=sum(int((k > INFLUENTIAL).sum()) for k in row.loo.k_hat),
-        widths=[
-            WidthSummary(entry.of, entry.factor, number(entry.change), number(entry.u))
-            for entry in row.widths
-        ],
+        widths=row.widths,
         predicted=[_predicted(entry) for entry in row.predicted],
     )
 

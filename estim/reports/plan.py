@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.common import FigureChoice, Status, as_json, bracketed, decide, format_quantity, phrase
@@ -13,6 +12,7 @@ from estim.drawing import COLOURS, GREY, INK, MARKS, Figure, legend_below, name_
 from estim.planning import FAR, MORE, Halving, Option, Plan
 from estim.problem import Parameter
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance
 from estim.words import tell
@@ -22,7 +22,7 @@ _WIDE = 68  # characters of a row's name
 _MOST = len(COLOURS)  # targets
 
 
-class TargetRecord(msgspec.Struct, frozen=True):
+class TargetRecord(Record):
     """One quantity that is wanted: its standard deviation as things are, by linear theory and of
     the drawn posterior.
     """
@@ -34,7 +34,7 @@ class TargetRecord(msgspec.Struct, frozen=True):
     linear_holds: bool
 
 
-class OptionRecord(msgspec.Struct, frozen=True):
+class OptionRecord(Record):
     """What might be measured: expected standard deviation of each target, and that over the one as
     things are.
     """
@@ -47,20 +47,19 @@ class OptionRecord(msgspec.Struct, frozen=True):
     remarks: list[str]
 
 
-class WayRecord(msgspec.Struct, frozen=True):
+class WayRecord(Record):
     what: str
     ratio: float
 
 
-class RefusedRecord(msgspec.Struct, frozen=True):
+class RefusedRecord(Record):
     what: str
     reason: str
 
 
-class PlanRecord(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class PlanRecord(Report):
     """Every number of a plan; options are ranked, the best first."""
 
-    schema_: str
     title: str
     kind: str
     status: str

@@ -52,6 +52,7 @@ from estim.reports.line import (
     line_result,
 )
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render, shown
 from estim.reports.result import MOST_MINDS, Provenance, Result, first_screen, provenance, result_of
 from estim.studies.limits import Narrowing
@@ -62,7 +63,7 @@ REANALYSIS_SCHEMA = "estim-reanalysis/1"
 _STRONG = 0.9  # correlation of two parameters that are one unknown in effect
 
 
-class BandSummary(msgspec.Struct, frozen=True):
+class BandSummary(Record):
     """Posterior band against the propagated band of the stated inputs."""
 
     median_ratio: float
@@ -73,13 +74,13 @@ class BandSummary(msgspec.Struct, frozen=True):
     dominating: list[tuple[float, float, str]]
 
 
-class LimitSummary(msgspec.Struct, frozen=True):
+class LimitSummary(Record):
     group: str
     u: float
     u_known: float
 
 
-class BodySummary(msgspec.Struct, frozen=True):
+class BodySummary(Record):
     gamma_masses: Quantity | None
     gamma_origin: str
     joint: Result
@@ -94,7 +95,7 @@ class BodySummary(msgspec.Struct, frozen=True):
     limits: dict[str, list[LimitSummary]]
 
 
-class PublishedRow(msgspec.Struct, frozen=True):
+class PublishedRow(Record):
     name: str
     section: str
     published: Quantity
@@ -103,8 +104,7 @@ class PublishedRow(msgspec.Struct, frozen=True):
     e_n: float
 
 
-class ReanalysisResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
-    schema_: str
+class ReanalysisResult(Report):
     title: str
     kind: str
     statuses: dict[str, str]

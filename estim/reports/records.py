@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import dataclass_transform
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
-from estim.checks import bad_frames_found, is_measured, upper_limit
+from estim.checks import Check, bad_frames_found, is_measured, upper_limit
 from estim.common import Label, Notation, split_level
 from estim.deviation import FoundForce
 from estim.pipeline import Analysis
@@ -25,7 +26,18 @@ FELT = 0.05  # posterior standard deviations: a shift that rounding would hide i
 _MOST = 150  # parameters: the matrix grows with their square
 
 
-class CertificateSummary(msgspec.Struct, frozen=True):
+@dataclass_transform(frozen_default=True)
+class Record(msgspec.Struct, frozen=True):
+    """A part of a file of results."""
+
+
+class Report(Record, rename={"schema_": "schema"}):
+    """All that a file of results says.  schema_ : name and version of its form."""
+
+    schema_: str
+
+
+class CertificateSummary(Record):
     """A second computation of the posterior, without a chain, and what comparing it with the chain
     says.
     """
@@ -41,7 +53,7 @@ class CertificateSummary(msgspec.Struct, frozen=True):
     largest_difference: float | None  # of medians and interval ends, in posterior sds
 
 
-class Profile(msgspec.Struct, frozen=True):
+class Profile(Record):
     """Profile-posterior interval: how far a parameter can move with all others re-optimised; an
     open side has no limit.
     """
@@ -55,7 +67,7 @@ class Profile(msgspec.Struct, frozen=True):
     words: str
 
 
-class FitSummary(msgspec.Struct, frozen=True):
+class FitSummary(Record):
     values: dict[str, float]
     sds: dict[str, float | None]
     chi2: float
@@ -64,7 +76,7 @@ class FitSummary(msgspec.Struct, frozen=True):
     message: str
 
 
-class StatedValues(msgspec.Struct, frozen=True):
+class StatedValues(Record):
     """The data against what was stated of the parameters before."""
 
     chi2: float
@@ -74,7 +86,7 @@ class StatedValues(msgspec.Struct, frozen=True):
     words: str
 
 
-class WhatIf(msgspec.Struct, frozen=True):
+class WhatIf(Record):
     """What an error in common to all points, which no residual shows, would do."""
 
     error: str  # in words
@@ -84,13 +96,7 @@ class WhatIf(msgspec.Struct, frozen=True):
     shifts: dict[str, float]  # parameter -> by how many posterior standard deviations it moves
 
 
-class CheckSummary(msgspec.Struct, frozen=True):
-    statistic: float
-    p_value: float
-    meaning: str
-
-
-class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
+class RunSummary(Record, omit_defaults=True):
     file: str
     x: str  # what is on the axes, with units
     y: str
@@ -99,7 +105,7 @@ class RunSummary(msgspec.Struct, frozen=True, omit_defaults=True):
     # why the curve is taken as complete, or how probable it is that one of the user's is not
     complete: str | None
     excluded: list[str]
-    checks: dict[str, CheckSummary]
+    checks: dict[str, Check]
     scatter_ratio: float | None
     covered: str | None  # why tests that fail do not count; null where none fails, or they do
     # where an imported track comes from; what a fit of speeds takes as exact or leaves unused
@@ -119,7 +125,7 @@ class TurningPoint(Summary, frozen=True, kw_only=True):
     never_stops: float  # share of the draws in which the body does not stop
 
 
-class Sampling(msgspec.Struct, frozen=True):
+class Sampling(Record):
     n_ensemble: int
     n_walker: int
     n_step: int
@@ -129,12 +135,12 @@ class Sampling(msgspec.Struct, frozen=True):
     message: str
 
 
-class Correlation(msgspec.Struct, frozen=True):
+class Correlation(Record):
     names: list[str]
     matrix: list[list[float]]
 
 
-class Provenance(msgspec.Struct, frozen=True):
+class Provenance(Record):
     campaign: str
     campaign_sha256: str
     data_sha256: dict[str, str]
@@ -194,7 +200,7 @@ def names_as_labels(units: Mapping[str, str], derived: Mapping[str, Mapping[str,
     )
 
 
-class Outlier(msgspec.Struct, frozen=True):
+class Outlier(Record):
     """A frame that is more likely an outlier than not."""
 
     row: int  # of the points that are fit, from 1
@@ -213,7 +219,7 @@ def outliers(analysis: Analysis, run: Observations) -> list[Outlier]:
     ]
 
 
-class BadFrame(msgspec.Struct, frozen=True):
+class BadFrame(Record):
     """A frame whose reading is shifted, or from which on all are, found beside an unmodelled force;
     its shift is one more unknown of the fit.
     """

@@ -36,6 +36,7 @@ from estim.drawing import (
 )
 from estim.line import ThetaMinSeries
 from estim.reports.pages import page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import SCHEMA, Provenance, Result, provenance
 from estim.studies.known_values import FittedValues
@@ -76,7 +77,7 @@ _ENDS = {
 }
 
 
-class Spread(msgspec.Struct, frozen=True):
+class Spread(Record):
     """Median, 68 and 95 % interval; null where there is none."""
 
     median: float = math.nan
@@ -86,7 +87,7 @@ class Spread(msgspec.Struct, frozen=True):
     high_95: float = math.nan
 
 
-class TiltOnMap(msgspec.Struct, frozen=True):
+class TiltOnMap(Record):
     """What the body does at one tilt.  Angles of release in rad, distances in m; null where there
     is none.
     """
@@ -100,7 +101,7 @@ class TiltOnMap(msgspec.Struct, frozen=True):
     farthest: Spread | None
 
 
-class RunOnMap(msgspec.Struct, frozen=True):
+class RunOnMap(Record):
     """Where a run lies and what follows; angles in rad, distances in m, probabilities."""
 
     phi: float
@@ -115,7 +116,7 @@ class RunOnMap(msgspec.Struct, frozen=True):
     words: str
 
 
-class BodyOnMap(msgspec.Struct, frozen=True):
+class BodyOnMap(Record):
     """The map of one body."""
 
     ramp_end: float  # m from the release
@@ -126,10 +127,9 @@ class BodyOnMap(msgspec.Struct, frozen=True):
     left_out: list[str]
 
 
-class MapResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class MapResult(Report):
     """Everything of `estim map`; the report prints from it."""
 
-    schema_: str
     title: str
     kind: str
     status: str

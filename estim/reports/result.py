@@ -54,13 +54,13 @@ from estim.reports.explanation import ExplanationSummary, explanation_summary
 from estim.reports.records import (
     FELT,
     CertificateSummary,
-    CheckSummary,
     Correlation,
     FitSummary,
     Labels,
     ParameterSummary,
     Profile,
     Provenance,
+    Report,
     RunSummary,
     Sampling,
     StatedValues,
@@ -121,8 +121,7 @@ class Screen:
         return screen_lines(self.estimates, tests=self.tests, minds=self.minds)
 
 
-class Result(msgspec.Struct, frozen=True, dict=True, rename={"schema_": "schema"}):
-    schema_: str
+class Result(Report, dict=True):
     title: str
     kind: str
     formula: str | None  # of a user's own curve
@@ -389,7 +388,6 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         if entry.kind is Kind.DEVIATION_UNASKED and entry.run in ("", run.name)
     ]
     table, derived = campaign.tables[run.name], derived_summaries(analysis, run)
-    checks = {**goodness.checks, **({"speed": goodness.speed} if goodness.speed else {})}
     noise = run.noise.describe(x_unit=run.x_unit, y_unit=run.y_unit, words=run.words)
     return RunSummary(
         file=one_line(table.file),
@@ -399,9 +397,7 @@ def _run(campaign: Subject, analysis: Analysis, i: int) -> RunSummary:
         noise=noise,
         complete=next(map(tell, [run.complete] if run.complete else unasked), None),
         excluded=[tell(why) for why in run.excluded],
-        checks={
-            name: CheckSummary(c.statistic, c.p_value, c.meaning) for name, c in checks.items()
-        },
+        checks={**goodness.checks, **({"speed": goodness.speed} if goodness.speed else {})},
         scatter_ratio=number(goodness.scatter_ratio),
         covered=next(map(tell, tolerated_pattern(goodness)), None),
         facts=[

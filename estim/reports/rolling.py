@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
@@ -15,11 +14,12 @@ from estim.common import QUANTILES, phrase, significant
 from estim.drawing import GREY, ORANGE, Axes, Figure, draw_bands, grid, legend_below
 from estim.pipeline import Analysis
 from estim.problem import Motion, Problem
+from estim.reports.records import Record
 from estim.sampling import number
 from estim.words import tell
 
 
-class RollingSummary(msgspec.Struct, frozen=True):
+class RollingSummary(Record):
     """The friction that rolling without slipping takes along the measured way, and how sure it
     is.
     """

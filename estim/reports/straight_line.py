@@ -6,7 +6,6 @@ import math
 from functools import partial
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from estim.checks import Estimate
@@ -23,9 +22,10 @@ from estim.common import (
     rounded,
 )
 from estim.drawing import BLUE, GREEN, INK, ORANGE, Figure, legend_below, new_figure
-from estim.line import CONVENTIONS, StraightLine, confidence_band
+from estim.line import CONVENTIONS, PredictedPoint, StraightLine, confidence_band
 from estim.reports.copying import copies_of
 from estim.reports.pages import page
+from estim.reports.records import Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
@@ -39,24 +39,9 @@ _METHODS = {
 }
 
 
-class PredictedPoint(msgspec.Struct, frozen=True):
-    """A prediction (x0 given, y found) or an inverse one (y0 given, x found); what is not finite
-    is null.
-    """
-
-    given: float
-    u_given: float
-    value: float
-    u: float
-    low: float
-    high: float
-    u_reading: float  # with one more reading of y
-
-
-class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class StraightLineResult(Report):
     """Everything of `estim line FILE.csv`; the report prints from it."""
 
-    schema_: str
     status: str
     message: str
     method: str
@@ -76,8 +61,8 @@ class StraightLineResult(msgspec.Struct, frozen=True, rename={"schema_": "schema
     probability: float
     k: float
     slope_interval: tuple[float, float]
-    predictions: list[PredictedPoint]
-    inverses: list[PredictedPoint]
+    predictions: tuple[PredictedPoint, ...]
+    inverses: tuple[PredictedPoint, ...]
     provenance: Provenance
 
 
@@ -88,13 +73,6 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
     columns = {
         key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
     }
-    predictions = [
-        PredictedPoint(p.x0.value, p.x0.u, p.y, p.u, p.low, p.high, p.u_reading)
-        for p in line.predictions
-    ]
-    inverses = [
-        PredictedPoint(p.y0.value, p.y0.u, p.x, p.u, p.low, p.high, math.nan) for p in line.inverses
-    ]
     return StraightLineResult(
         STRAIGHT_SCHEMA,
         line.status,
@@ -123,8 +101,8 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         line.probability,
         line.k,
         (line.slope.low, line.slope.high),
-        predictions,
-        inverses,
+        line.predictions,
+        line.inverses,
         provenance_of(line.path, line.sha256, {str(line.path): line.sha256}, 0),
     )
 
@@ -198,16 +176,16 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     percent = f"{100.0 * line.probability:g} %"
     found = [
         (
-            f"{x} = {format_quantity(p.x0.value, p.x0.u or None)}",
-            f"{y} = {_pair(p.y, p.u)}",
-            interval(p.low, p.high, p.u, 3),
+            f"{x} = {format_quantity(p.given, p.u_given or None)}",
+            f"{y} = {_pair(p.value, p.u)}",
+            _ends(p.low, p.high, p.u),
         )
         for p in line.predictions
     ] + [
         (
-            f"{y} = {_pair(q.y0.value, q.y0.u)}",
-            f"{x} = {_pair(q.x, q.u)}",
-            interval(q.low, q.high, q.u, 3) if math.isfinite(q.low) else phrase("unbounded"),
+            f"{y} = {_pair(q.given, q.u_given)}",
+            f"{x} = {_pair(q.value, q.u)}",
+            _ends(q.low, q.high, q.u),
         )
         for q in line.inverses
     ]
@@ -223,10 +201,10 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     ]
 
 
-def _pair(value: float, u: float, digits: int = 2) -> str:
-    """Value ± uncertainty to as many digits of it."""
-    return rounded(value, u, digits) + (
-        f" ± {rounded(u, u, digits, beside=value)}" if 0.0 < u < math.inf else ""
+def _pair(value: float, u: float) -> str:
+    """Value ± uncertainty to two digits of it."""
+    return rounded(value, u, 2) + (
+        f" ± {rounded(u, u, 2, beside=value)}" if 0.0 < u < math.inf else ""
     )
 
 
@@ -254,8 +232,8 @@ def straight_line_figure(line: StraightLine) -> Figure:
     figure = new_figure(5.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     marks = [
-        *(p.x0.value for p in line.predictions),
-        *(p.x for p in line.inverses if math.isfinite(p.x)),
+        *(p.given for p in line.predictions),
+        *(p.value for p in line.inverses if math.isfinite(p.value)),
     ]
     low = min(float(data.x.min()), *marks, math.inf)
     high = max(float(data.x.max()), *marks, -math.inf)
@@ -292,15 +270,15 @@ def straight_line_figure(line: StraightLine) -> Figure:
         style: dict[str, Any] = {"mec": INK, "ms": 6, "lw": 2, "zorder": 5}
         label = phrase("prediction, {percent}", percent=percent)
         for p in line.predictions:
-            ends = np.reshape([p.y - p.low, p.high - p.y], (2, 1))
+            ends = np.reshape([p.value - p.low, p.high - p.value], (2, 1))
             upper.errorbar(
-                p.x0.value, p.y, ends, p.x0.u or None, "s", color=ORANGE, label=label, **style
+                p.given, p.value, ends, p.u_given or None, "s", color=ORANGE, label=label, **style
             )
         label = phrase("inverse prediction, {percent}", percent=percent)
         for q in line.inverses:
             if math.isfinite(q.low):
-                ends = np.reshape([q.x - q.low, q.high - q.x], (2, 1))
-                upper.errorbar(q.x, q.y0.value, None, ends, "D", color=GREEN, label=label, **style)
+                ends = np.reshape([q.value - q.low, q.high - q.value], (2, 1))
+                upper.errorbar(q.value, q.given, None, ends, "D", color=GREEN, label=label, **style)
     upper.set(ylabel=line.columns.y)
     lower.set(xlabel=line.columns.x, ylabel=phrase("residual"))
     legend_below(figure, ncols=2)

@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from functools import partial
 
-import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
@@ -35,8 +34,18 @@ from estim.drawing import (
     legend_below,
     new_figure,
 )
-from estim.line import HIGH, LOW, UNKNOWNS, WAYS, LineAnalysis, TrialsAnalysis, effective_start
+from estim.line import (
+    HIGH,
+    LOW,
+    UNKNOWNS,
+    WAYS,
+    LineAnalysis,
+    Threshold,
+    TrialsAnalysis,
+    effective_start,
+)
 from estim.reports.pages import Drawers, page
+from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
@@ -60,7 +69,7 @@ _NAMES = {LOW: later("below 90°"), HIGH: later("above 90°")}
 UNKNOWN_LABELS = {name: notation.label(unit) for name, (unit, _, notation) in UNKNOWNS.items()}
 
 
-class WayRow(msgspec.Struct, frozen=True):
+class WayRow(Record):
     """gamma by one way; e_n against the stated value, e_n_trials against gamma of all trials (null
     for those that share trials with it).
     """
@@ -72,24 +81,11 @@ class WayRow(msgspec.Struct, frozen=True):
     reliable: bool
 
 
-class ThresholdRow(msgspec.Struct, frozen=True):
-    """Where ascents begin at one tilt by itself; angles in rad.  quantiles : at 2.5, 16, 50, 84,
-    97.5 %.
-    """
-
-    end: str
-    phi: float
-    n_trial: int
-    n_climbed: int
-    quantiles: list[float]
-
-
-class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
+class TrialsResult(Report):
     """Everything of trials of release; the report prints from it.  Where the status is not ok, what
     it does not allow is null or empty.
     """
 
-    schema_: str
     title: str
     kind: str
     status: str
@@ -108,7 +104,7 @@ class TrialsResult(msgspec.Struct, frozen=True, rename={"schema_": "schema"}):
     resistance_fixed: float | None
     ways: dict[str, WayRow]
     ends_apart: list[float] | None  # difference, its standard uncertainty, in sds, E_n
-    thresholds: list[ThresholdRow]
+    thresholds: tuple[Threshold, ...]
     offset: list[float] | None  # rad, with its standard uncertainty, at phi_mean
     phi_mean: float
     told_apart: list[str]
@@ -142,10 +138,7 @@ def trials_result(
         resistance_fixed=number(posterior.resistance),
         ways=_ways(analysis, line) if status.ok else {},
         ends_apart=_apart(analysis) if status.ok else None,
-        thresholds=[
-            ThresholdRow(t.end, t.phi, t.n_trial, t.n_climbed, t.quantiles.tolist())
-            for t in analysis.thresholds
-        ],
+        thresholds=analysis.thresholds,
         offset=[analysis.offset.value, analysis.offset.u] if status.ok else None,
         phi_mean=analysis.phi_mean,
         told_apart=told_apart(dict(analysis.told), analysis.correlation) if status.ok else [],
@@ -419,14 +412,12 @@ def chances_figure(analysis: TrialsAnalysis) -> Figure:
     return figure
 
 
-def _chances(
-    analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str, *, n_draw: int = 300
-) -> FloatArray:
+def _chances(analysis: TrialsAnalysis, phi: float, inside: FloatArray, end: str) -> FloatArray:
     """(n_draw, n_angle) chance of an ascent at a tilt read as `phi`, over its errors, `inside` rad
     from the vertical at that end.
     """
     posterior, names = analysis.posterior, analysis.chain.names
-    draws = analysis.chain.thinned(n_draw)
+    draws = analysis.chain.thinned(300)
     values = {name: draws[:, i] for i, name in enumerate(names)}
     starts = effective_start(values, end, posterior.true_tilts(phi), posterior.resistance)
     zero = (
