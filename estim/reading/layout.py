@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 from estim.common import InputError, in_its_file, is_unit, phrase
@@ -27,8 +27,8 @@ from estim.reading.dialect import (
     shown_delimiter,
 )
 from estim.reading.source import read_source
-from estim.reading.table import NOTE, facts_of, line_numbers, numbered_lines, split_cells
-from estim.reading.written import Written, in_plain_numbers, says_a_value
+from estim.reading.table import NOTE, Layout, facts_of, line_numbers, numbered_lines, split_cells
+from estim.reading.written import in_plain_numbers, says_a_value
 
 Lines = list[tuple[int, str]]
 
@@ -49,36 +49,6 @@ _BEGINS_WITH_A_NUMBER = re.compile(r"\W{0,3}\d")
 _BEGINS_WITH_A_WORD = re.compile(r'\s*"?[^\W\d_]{2}')
 _COMMENT = re.compile(r"comments?", re.IGNORECASE)  # LabVIEW names a column that has no cells
 _SEPARATORS = re.compile(r"[/*·⋅^ ()\[\]]|[-−]?\d+|[⁻¹²³]+")
-
-
-@dataclass(frozen=True, eq=False)
-class Layout:
-    """Where the numbers of a table are.
-
-    names : of the columns.  header_line : where they stand, None where they are stated.
-    units : of the columns, as the header says; "" where it says none.
-    rows : from the first row of numbers on, comments taken out.
-    facts : what the head of an imported file says, and how the file was read, where that is not
-        plain.
-    imported : whether `estim import` made it.
-    first_column : place of the first one among those of a spreadsheet, None where cells have no
-        names of their own.
-    assumed : those of the facts that say how the table was read.
-    """
-
-    file: str
-    sha256: str
-    dialect: Dialect
-    delimiter: str
-    names: tuple[str, ...]
-    header_line: int | None
-    units: tuple[str, ...]
-    rows: list[Row]
-    warnings: tuple[str, ...]
-    facts: tuple[str, ...]
-    imported: bool
-    first_column: int | None = None
-    assumed: tuple[str, ...] = ()
 
 
 # 10 periods (s)
@@ -156,22 +126,23 @@ def read_layout(path: Path, dialect: Dialect = PLAIN, *, needed: Sequence[str] =
         _unit_in(unit) or name_and_unit(name)[1]
         for name, unit in zip(names, [*units, *[""] * len(names)], strict=False)
     ]
-    table = in_plain_numbers(Written(names, tuple(units), rows, tuple(facts)), dialect)
-    return Layout(
+    layout = Layout(
         str(path),
         source.sha256,
         dialect,
         delimiter,
-        table.names,
+        names,
         header_line,
-        table.units,
-        table.rows,
+        tuple(units),
+        rows,
         tuple(line[len(NOTE) :].strip() for _, line in lines if line.startswith(NOTE)),
-        (*head, *table.facts),
+        (),
         bool(head),
         columns.start if source.delimiter or dialect.range else None,
-        table.facts,
+        tuple(facts),
     )
+    layout = in_plain_numbers(layout)
+    return replace(layout, facts=(*head, *layout.assumed))
 
 
 def _footer(lines: Lines) -> tuple[Lines, Lines]:

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase, same_unit
+from estim.reading.cells import Row
+from estim.reading.dialect import Dialect
 from estim.reading.input_file import line_after_comment, lines_of
 
 _OTHER_NAMES = {
@@ -120,6 +122,36 @@ class Table:
             file=self.file,
             line=int(self.lines[row]),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Where the numbers of a table are.
+
+    names : of the columns.  header_line : where they stand, None where they are stated.
+    units : of the columns, as the header says; "" where it says none.
+    rows : from the first row of numbers on, comments taken out.
+    facts : what the head of an imported file says, and how the file was read, where that is not
+        plain.
+    imported : whether `estim import` made it.
+    first_column : place of the first one among those of a spreadsheet, None where cells have no
+        names of their own.
+    assumed : those of the facts that say how the table was read.
+    """
+
+    file: str
+    sha256: str
+    dialect: Dialect
+    delimiter: str
+    names: tuple[str, ...]
+    header_line: int | None
+    units: tuple[str, ...]
+    rows: list[Row]
+    warnings: tuple[str, ...]
+    facts: tuple[str, ...]
+    imported: bool
+    first_column: int | None = None
+    assumed: tuple[str, ...] = ()
 
 
 def facts_of(rows: Sequence[tuple[int, str]], header_line: int) -> tuple[str, ...]:

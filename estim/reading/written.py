@@ -9,15 +9,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from datetime import date
 from decimal import Decimal
 from itertools import pairwise
 
 from estim.common import InputError, in_unit, is_unit, phrase, same_unit
-from estim.reading.cells import Row, is_missing, looks_like_a_number
-from estim.reading.dialect import Dialect, name_and_unit
-from estim.reading.table import line_numbers
+from estim.reading.cells import is_missing, looks_like_a_number
+from estim.reading.dialect import name_and_unit
+from estim.reading.table import Layout, line_numbers
 
 _NUMBER = r"[+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)"
 _QUANTITY = re.compile(
@@ -36,22 +36,12 @@ _MOMENT = re.compile(
 _DAY = 86400
 
 
-@dataclass(frozen=True)
-class Written:
-    """Columns of a table.  facts : what was assumed of their cells, in words."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    rows: list[Row]
-    facts: tuple[str, ...] = ()
-
-
 def says_a_value(cell: str) -> bool:
     """Whether a cell says a number, a quantity with a unit or an uncertainty, a date or a time."""
     return looks_like_a_number(cell) or _quantity(cell) is not None or _moment(cell) is not None
 
 
-def in_plain_numbers(table: Written, dialect: Dialect) -> Written:
+def in_plain_numbers(table: Layout) -> Layout:
     """The table with numbers in the columns of quantities, dates and times; of quantities with
     uncertainties, these in further columns u_NAME.  Rows have a cell for each column, or are left
     for their reader to refuse.
@@ -74,7 +64,7 @@ def in_plain_numbers(table: Written, dialect: Dialect) -> Written:
         elif all(_moment(cell) for cell in ends):
             before = _dates_before(table, place, cells)
             dates = place - 1 if before else dates
-            table = _moments(table, place, cells, before, dialect)
+            table = _moments(table, place, cells, before)
     return table
 
 
@@ -86,7 +76,7 @@ def _quantity(cell: str) -> re.Match[str] | None:
     return match if match[3] or match[4] or match[6] else None
 
 
-def _quantities(table: Written, place: int, cells: Sequence[tuple[int, str]]) -> Written:
+def _quantities(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> Layout:
     name, stated = table.names[place], table.units[place]
     values, errors = dict[int, str](), dict[int, str]()
     converted: dict[str, list[int]] = {}
@@ -144,7 +134,8 @@ def _quantities(table: Written, place: int, cells: Sequence[tuple[int, str]]) ->
         for row in table.rows
     ]
     told.append(phrase("the cells of '{name}' hold its standard uncertainties", name=name))
-    return _told(Written((*table.names, called), (*table.units, unit), rows, table.facts), *told)
+    table = replace(table, names=(*table.names, called), units=(*table.units, unit), rows=rows)
+    return _told(table, *told)
 
 
 def _same(unit: str, other: str) -> bool:
@@ -173,7 +164,7 @@ def _without_mark(value: Decimal) -> str:
     return f"{'-' * sign}{''.join(map(str, digits))}e{exponent}"
 
 
-def _replaced(table: Written, place: int, values: dict[int, str], unit: str) -> Written:
+def _replaced(table: Layout, place: int, values: dict[int, str], unit: str) -> Layout:
     rows = [
         row._replace(cells=[*row.cells[:place], values[row.number], *row.cells[place + 1 :]])
         if row.number in values
@@ -181,11 +172,11 @@ def _replaced(table: Written, place: int, values: dict[int, str], unit: str) -> 
         for row in table.rows
     ]
     units = (*table.units[:place], unit, *table.units[place + 1 :])
-    return Written(table.names, units, rows, table.facts)
+    return replace(table, units=units, rows=rows)
 
 
-def _told(table: Written, *facts: str) -> Written:
-    return Written(table.names, table.units, table.rows, (*table.facts, *facts))
+def _told(table: Layout, *facts: str) -> Layout:
+    return replace(table, assumed=(*table.assumed, *facts))
 
 
 def _moment(cell: str) -> re.Match[str] | None:
@@ -196,7 +187,7 @@ def _moment(cell: str) -> re.Match[str] | None:
     return match
 
 
-def _dates_before(table: Written, place: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
+def _dates_before(table: Layout, place: int, cells: Sequence[tuple[int, str]]) -> dict[int, str]:
     """Line -> date, of the column before one of times alone, where that holds dates."""
     left = {row.number: row.cells[place - 1] for row in table.rows if len(row.cells) > place > 0}
     for number, cell in (cells[0], cells[-1]):
@@ -207,23 +198,19 @@ def _dates_before(table: Written, place: int, cells: Sequence[tuple[int, str]]) 
 
 
 def _moments(
-    table: Written,
-    place: int,
-    cells: Sequence[tuple[int, str]],
-    before: dict[int, str],
-    dialect: Dialect,
-) -> Written:
+    table: Layout, place: int, cells: Sequence[tuple[int, str]], before: dict[int, str]
+) -> Layout:
     """The table with a column of seconds, or of the stated unit, in the place of dates or times.
 
     before : line -> its date, where that stands in the column before; else empty.
     """
-    name, told = table.names[place], []
+    name, told, dialect = table.names[place], [], table.dialect
     if before:
         date_name = table.names[place - 1]
         told.append(phrase("'{date}' and '{time}' are read as one time", date=date_name, time=name))
     whole = [(number, f"{before.get(number, '')} {cell}".strip()) for number, cell in cells]
     matches = [(number, cell, _moment(cell)) for number, cell in whole]
-    order = _order(name, matches, dialect)
+    order = _order(name, matches, dialect.dates)
     moments = [
         (number, *_seconds(name, number, cell, match, order)) for number, cell, match in matches
     ]
@@ -272,14 +259,14 @@ def _moments(
 
 
 def _order(
-    name: str, matches: Sequence[tuple[int, str, re.Match[str] | None]], dialect: Dialect
+    name: str, matches: Sequence[tuple[int, str, re.Match[str] | None]], stated: str | None
 ) -> str:
     """dmy or mdy, "" where years come first.  Raises InputError where the dates do not show it."""
     given = [(number, cell, match) for number, cell, match in matches if match and match["first"]]
     if not given:
         return ""
-    if dialect.dates is not None:
-        return dialect.dates
+    if stated is not None:
+        return stated
     number, cell, match = given[0]
     if match["mark"] == ".":
         return "dmy"
