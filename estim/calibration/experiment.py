@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -47,21 +47,6 @@ class Followed(Protocol):
         """(n_draw, n_obs) position at times `since` release, s."""
 
 
-class Experiment(Protocol):
-    """An experiment that can be repeated."""
-
-    @property
-    def problem(self) -> Problem:
-        """The problem that the real data pose."""
-
-    def simulate(
-        self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator
-    ) -> Problem | None:
-        """The problem that simulated data pose, with `parameters` as its unknowns; None where
-        `values` (n_par,) give no data.
-        """
-
-
 @dataclass(frozen=True, eq=False)
 class PointDesign:
     """The points of a problem whose ordinates are readings themselves."""
@@ -77,6 +62,9 @@ class PointDesign:
     def simulate(
         self, values: FloatArray, parameters: tuple[Parameter, ...], rng: np.random.Generator
     ) -> Problem | None:
+        """The problem that simulated data pose, with `parameters` as its unknowns; None where
+        `values` (n_par,) give no data.
+        """
         named, runs = self.problem.named(values), []
         for run in self.problem.runs:
             where = run.noise.true_x(run.x, run.noise.x_gain(), named, rng)
@@ -138,6 +126,10 @@ class CampaignDesign:
     ) -> Run | None:
         columns = _columns(run, table, named, self.release.get(run.name, 0.0), rng)
         return None if columns is None else table.with_columns({**table.columns, **columns})
+
+
+Experiment: TypeAlias = PointDesign | CampaignDesign
+"""An experiment that can be repeated."""
 
 
 def campaign_design(

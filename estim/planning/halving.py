@@ -18,7 +18,8 @@ from estim.planning.changes import (
     by_quantity,
     measured_better,
 )
-from estim.planning.options import Basis, Option, sds_with, weigh
+from estim.planning.options import Option, sds_with, weigh
+from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
 from estim.planning.suggestions import again
 from estim.problem import Parameter

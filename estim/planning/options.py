@@ -4,24 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from estim.arrays import FloatArray
 from estim.common import InputError, phrase
 from estim.planning.changes import Wish
+from estim.planning.own_curve import Basis
 from estim.planning.rolling import Outlook
 from estim.problem import Parameter
-
-
-class Basis(Protocol):
-    """What plans start from: a campaign and its fit."""
-
-    def outlook(self, wish: Wish) -> Outlook:
-        """What the runs would say if the wish came true, its `u` left aside.  Raises InputError
-        where that cannot be measured.
-        """
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from estim.campaign import Campaign, axis_columns, with_tables
 from estim.common import InputError, later
 from estim.fitting import Fit, expected_information
 from estim.planning.changes import Wish
-from estim.planning.rolling import Outlook
+from estim.planning.rolling import Outlook, RollingBasis
 from estim.problem import Observations, Problem, Scale
 
 _BEYOND = 0.25  # of the range of x on either side: how far readings may lie outside
@@ -81,6 +81,10 @@ class CurveBasis:
         beyond = _BEYOND * (high - low)
         start = max(low - beyond, 0.0) if low >= 0.0 else low - beyond
         return np.linspace(start, high + beyond, _PLACES)
+
+
+Basis: TypeAlias = RollingBasis | CurveBasis
+"""What plans start from: a campaign and its fit."""
 
 
 def _every_so_often(x: FloatArray, times: float) -> FloatArray:

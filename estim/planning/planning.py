@@ -40,9 +40,9 @@ from estim.planning.changes import (
 )
 from estim.planning.halving import Halving, ways_to_halve
 from estim.planning.options import Option, sds_with, weigh
-from estim.planning.own_curve import CurveBasis
+from estim.planning.own_curve import Basis, CurveBasis
 from estim.planning.places import Along, more_readings, weigh_places
-from estim.planning.rolling import Outlook, RollingBasis, rolling_basis
+from estim.planning.rolling import Outlook, rolling_basis
 from estim.planning.suggestions import more_runs, planned_runs
 from estim.problem import Parameter, Problem, n_uses
 
@@ -191,10 +191,7 @@ def targets_of(
 
 
 def _suggested(
-    campaign: Campaign,
-    basis: RollingBasis | CurveBasis,
-    here: Outlook,
-    targets: Sequence[Parameter],
+    campaign: Campaign, basis: Basis, here: Outlook, targets: Sequence[Parameter]
 ) -> tuple[Wish, ...]:
     more = (
         more_readings(basis, here, targets)

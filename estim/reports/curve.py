@@ -13,8 +13,6 @@ or, in two steps:
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
@@ -27,25 +25,8 @@ from estim.pipeline import Analysis, sample_curve
 from estim.problem import Observations
 from estim.reading import Run
 from estim.reports.analysis import analysis_report
+from estim.reports.result import CurveSubject
 from estim.sampling import Target
-
-
-@dataclass(frozen=True, eq=False)
-class CurveSubject:
-    """A fitted curve as what a report is about: arrays in place of files.
-
-    tables : run -> its columns as a table.
-    truth : parameter -> its true value, of synthetic data where it is known.
-    sha256 : digest of the formula and of what is fixed in it.
-    """
-
-    title: str
-    kind: str
-    formula: str
-    path: str
-    sha256: str
-    tables: Mapping[str, Run]
-    truth: Mapping[str, float] = field(default_factory=dict)
 
 
 def curve_report(

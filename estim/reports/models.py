@@ -79,10 +79,10 @@ class PredictedSummary(Record):
     run: str
     statistic: str
     unit: str
-    observed: float | None
-    q025: float | None
-    median: float | None
-    q975: float | None
+    observed: float
+    q025: float
+    median: float
+    q975: float
     p: float
 
 
@@ -308,14 +308,10 @@ def _summary(row: ComparedModel) -> ModelSummary:
 
 
 def _predicted(one: Predicted) -> PredictedSummary:
-    import numpy as np
-
-    low, middle, high = (
-        number(float(q)) for q in np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest")
-    )
+    low, middle, high = np.quantile(one.again, [0.025, 0.5, 0.975], method="nearest").tolist()
     unit = one.label.unit if one.label.factor == 1.0 else "1"
     return PredictedSummary(
-        one.run, one.name, unit, number(float(np.median(one.observed))), low, middle, high, one.p
+        one.run, one.name, unit, float(np.median(one.observed)), low, middle, high, one.p
     )
 
 

@@ -12,16 +12,17 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from inspect import cleandoc
 from pathlib import Path
-from typing import Protocol
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
 from estim.arrays import FloatArray
+from estim.campaign import Campaign
 from estim.checks import (
     SURE,
     Diagnosis,
@@ -36,7 +37,6 @@ from estim.checks import (
     tolerated_pattern,
 )
 from estim.common import Kind, as_json, behind, later, listed, one_line, phrase, signed, split_level
-from estim.fitting import ProfileInterval
 from estim.pipeline import Analysis
 from estim.problem import Observations
 from estim.reading import Run, line_numbers
@@ -192,34 +192,26 @@ class Result(Report, dict=True):
         )
 
 
-class Subject(Protocol):
-    """What was analysed and where it came from; a campaign is one."""
+@dataclass(frozen=True, eq=False)
+class CurveSubject:
+    """A fitted curve as what a report is about: arrays in place of files.
 
-    @property
-    def title(self) -> str: ...
+    tables : run -> its columns as a table.
+    truth : parameter -> its true value, of synthetic data where it is known.
+    sha256 : digest of the formula and of what is fixed in it.
+    """
 
-    @property
-    def kind(self) -> str: ...
+    title: str
+    kind: str
+    formula: str
+    path: str
+    sha256: str
+    tables: Mapping[str, Run]
+    truth: Mapping[str, float] = field(default_factory=dict)
 
-    @property
-    def formula(self) -> str | None:
-        """The user's own curve as written."""
 
-    @property
-    def path(self) -> str:
-        """What provenance names as the source."""
-
-    @property
-    def sha256(self) -> str:
-        """Digest of the source."""
-
-    @property
-    def tables(self) -> Mapping[str, Run]:
-        """Run -> its table."""
-
-    @property
-    def truth(self) -> Mapping[str, float]:
-        """Parameter -> true value of synthetic data, as far as it is known."""
+Subject: TypeAlias = Campaign | CurveSubject
+"""What was analysed and where it came from."""
 
 
 def result_of(
@@ -289,7 +281,18 @@ def result_of(
         certificate=_certificate(analysis),
         profile=None
         if determination is None
-        else {i.name: _profile(i) for i in determination.intervals},
+        else {
+            i.name: Profile(
+                i.low[0.68],
+                i.high[0.68],
+                i.low[0.95],
+                i.high[0.95],
+                i.open_low[0.95],
+                i.open_high[0.95],
+                i.sentence,
+            )
+            for i in determination.intervals
+        },
         curve_deviation=curve_deviations(analysis),
         deviation=deviations(analysis),
         explanation=explanation_summary(analysis.explanation),
@@ -329,18 +332,6 @@ def software_versions() -> dict[str, str]:
         {"python": platform.python_version()}
         | engine_versions()
         | {"uncertainties": version("uncertainties")}
-    )
-
-
-def _profile(i: ProfileInterval) -> Profile:
-    return Profile(
-        i.low[0.68],
-        i.high[0.68],
-        i.low[0.95],
-        i.high[0.95],
-        i.open_low[0.95],
-        i.open_high[0.95],
-        i.sentence,
     )
 
 
