@@ -167,11 +167,13 @@ def release_times(campaign: Campaign, problem: Problem, fitted: FloatArray) -> M
         if run.noise.made_of_positions:
             release[run.name] = _release_time(run, problem.named(fitted))
         elif not run.positions and table.rate not in table.columns:
-            rule = (
+            raise InputError(
                 "cannot be simulated: independent errors of speeds that are computed from "
-                "positions (use model = 'differentiated')"
+                "positions (use model = 'differentiated')",
+                field="model",
+                value="independent",
+                file=campaign.source.path,
             )
-            raise InputError(rule, field="model", value="independent", file=campaign.source.path)
     return MappingProxyType(release)
 
 

@@ -51,10 +51,11 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
         except EstimError:
             raise
         except Exception as error:  # of the cluster: whatever happens to a run is told in its row
-            rule = (
-                f"was lost ({type(error).__name__}); what is done is kept: continue with --resume"
-            )
-            raise InputError(rule, field="--scheduler", value=address) from None
+            raise InputError(
+                f"was lost ({type(error).__name__}); what is done is kept: continue with --resume",
+                field="--scheduler",
+                value=address,
+            ) from None
 
 
 @click.command()

@@ -43,8 +43,9 @@ def serve(port: int | None, host: str, folder: Path, browser: bool) -> None:
     from estim.web import serve as serve_page
 
     if missing := missing_packages():
-        rule = f'needs the packages {", ".join(missing)}: pip install "estim[web]"'
-        raise InputError(rule, field="serve")
+        raise InputError(
+            f'needs the packages {", ".join(missing)}: pip install "estim[web]"', field="serve"
+        )
     at = At(host, port, folder)
     if not at.is_local:
         at = At(host, port, folder, _passphrase())

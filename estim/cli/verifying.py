@@ -123,8 +123,12 @@ def _given(origin: Origin, folder: Path) -> dict[str, Any]:
         # and no --help, which click adds
         if given.keys() <= options - OF_THE_MOMENT:
             return dict(given)
-    rule = "must name a command that makes a report, and no place, processes or --resume"
-    raise InputError(rule, field="command", value=origin.line, file=folder / ORIGIN)
+    raise InputError(
+        "must name a command that makes a report, and no place, processes or --resume",
+        field="command",
+        value=origin.line,
+        file=folder / ORIGIN,
+    )
 
 
 def _root_of(folder: Path, origin: Origin) -> Path:

@@ -75,8 +75,11 @@ def check_joint(cov: FloatArray, n_obs: int) -> FloatArray:
     """
     matrix = np.array(cov, dtype=np.float64)
     if matrix.shape != (2 * n_obs, 2 * n_obs):
-        rule = f"must have {2 * n_obs} rows and columns: those of all x, then of all y"
-        raise InputError(rule, field="cov", value="×".join(map(str, matrix.shape)))
+        raise InputError(
+            f"must have {2 * n_obs} rows and columns: those of all x, then of all y",
+            field="cov",
+            value="×".join(map(str, matrix.shape)),
+        )
     if n_obs > MOST_POINTS:
         raise InputError(f"allows at most {MOST_POINTS} points", field="cov", value=n_obs)
     if not np.all(np.isfinite(matrix)):

@@ -242,9 +242,8 @@ def _with_axes(columns: Columns, layout: Layout) -> Columns:
         x, y = x or others[0], y or others[0]
     if missing := [option for option, name in (("--x", x), ("--y", y)) if not name]:
         known = listed([column for column in layout.names if column])
-        rule = f"must be named by {' and '.join(missing)}"
         raise InputError(
-            rule,
+            f"must be named by {' and '.join(missing)}",
             field="column",
             quoted=f"there are {known}",
             file=layout.file,

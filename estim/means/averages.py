@@ -185,8 +185,11 @@ def mean(
             raise InputError("must be > 0, one or as many as values", field="u", value=u)
         return _of_values(x, np.broadcast_to(errors, x.shape), probability)
     if np.ptp(x) == 0.0:
-        rule = "are all the same, so that their scatter tells no uncertainty: state u"
-        raise InputError(rule, field="values", value=float(x[0]))
+        raise InputError(
+            "are all the same, so that their scatter tells no uncertainty: state u",
+            field="values",
+            value=float(x[0]),
+        )
     return _of_readings(x, probability) if groups is None else _of_groups(x, groups, probability)
 
 

@@ -55,6 +55,9 @@ def compare_values(
         raise InputError("must be between -1 and 1", field="r", value=r)
     apart, score = difference(a, b, correlation=r), e_n(a, b, correlation=r)
     if math.isnan(score):
-        rule = "has no uncertainty, so that nothing tells whether the values agree"
-        raise InputError(rule, field="difference", value=apart.value)
+        raise InputError(
+            "has no uncertainty, so that nothing tells whether the values agree",
+            field="difference",
+            value=apart.value,
+        )
     return TwoValues(apart, unit, score)

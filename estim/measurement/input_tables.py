@@ -256,8 +256,11 @@ def _shape(table: ComponentTable, distribution: str, half_width: float | None) -
         )
     if table.half_width_error is not None:
         if half_width is None or not 0.0 < table.half_width_error <= half_width:
-            rule = "requires a 'half_width' that is not smaller, and must be > 0"
-            raise InputError(rule, field="half_width_error", value=table.half_width_error)
+            raise InputError(
+                "requires a 'half_width' that is not smaller, and must be > 0",
+                field="half_width_error",
+                value=table.half_width_error,
+            )
         return table.half_width_error / half_width
     return table.plateau or 0.0
 

@@ -257,11 +257,13 @@ def _check_name(name: str, path: KeyPath, places: Places) -> None:
         or (name in RESERVED and name != "x")
         or name == "power"
     ):
-        rule = (
+        raise places.error(
             "must be letters, digits and _, a letter first, and no constant or function of "
-            "formulas (e, pi, sin, log, ...)"
+            "formulas (e, pi, sin, log, ...)",
+            path,
+            field="name",
+            value=name,
         )
-        raise places.error(rule, path, field="name", value=name)
 
 
 def _check_names(outputs: Sequence[Output], quantities: Sequence[Quantity], places: Places) -> None:
@@ -354,11 +356,12 @@ def _correlations(
             raise places.error("must name two inputs", (*path, "between"), value=", ".join(between))
         for name in between:
             if name not in parts or parts[name].u == 0.0:
-                rule = (
+                raise places.error(
                     'must name inputs with an uncertainty of their own (a component as "input: '
-                    'component")'
+                    'component")',
+                    (*path, "between"),
+                    value=name,
                 )
-                raise places.error(rule, (*path, "between"), value=name)
         if not -1.0 <= r <= 1.0:
             raise places.error("must lie between -1 and 1", (*path, "r"), value=r)
         if tuple(between) in pairs or tuple(reversed(between)) in pairs:

@@ -48,8 +48,11 @@ def opened(data: bytes) -> Iterator[zipfile.ZipFile]:
 def unpacked(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
     """The bytes of a member, at most 64 MiB.  Raises InputError."""
     if info.flag_bits & 1 or info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-        rule = "must have no password, and be compressed in the ordinary way"
-        raise InputError(rule, field="archive", value=info.filename)
+        raise InputError(
+            "must have no password, and be compressed in the ordinary way",
+            field="archive",
+            value=info.filename,
+        )
     limit = min(_MAX_BYTES, max(_MAX_RATIO * info.compress_size, 1024**2))
     with archive.open(name=info, mode="r") as stream:
         content = stream.read(limit + 1)

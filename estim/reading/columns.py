@@ -189,11 +189,12 @@ def _place_of(name: str, layout: Layout) -> int:
             quoted=f"the header has {listed([column for column in names if column])}",
         )
     if len(places) > 1:
-        rule = (
+        raise InputError(
             "occurs twice in the header: name all columns from left to right (--columns a,b,c; "
-            "columns = [...] in a campaign)"
+            "columns = [...] in a campaign)",
+            field=name,
+            line=line,
         )
-        raise InputError(rule, field=name, line=line)
     return places[0]
 
 

@@ -90,8 +90,11 @@ class Dialect:
         if self.columns is not None:
             named = [name for name in self.columns if name and not name.startswith("_")]
             if not named or len(set(named)) < len(named):
-                rule = "must name the columns from left to right, each by a name of its own"
-                raise InputError(rule, field="columns", value=", ".join(self.columns))
+                raise InputError(
+                    "must name the columns from left to right, each by a name of its own",
+                    field="columns",
+                    value=", ".join(self.columns),
+                )
             if self.header:
                 raise InputError(
                     "cannot be true together with 'columns', which give the names", field="header"
@@ -111,8 +114,11 @@ class Dialect:
         """The lines and the columns that are read.  Raises InputError."""
         match = _RANGE.fullmatch((self.range or ":").upper())
         if match is None:
-            rule = "must be written as in a spreadsheet: A3:D40, A3:D or 3:40"
-            raise InputError(rule, field="range", value=self.range)
+            raise InputError(
+                "must be written as in a spreadsheet: A3:D40, A3:D or 3:40",
+                field="range",
+                value=self.range,
+            )
         left, top, right, bottom = match.groups()
         lines = range(int(top or 0), int(bottom) + 1 if bottom else sys.maxsize)
         return lines, slice(column_number(left), column_number(right) + 1 if right else None)

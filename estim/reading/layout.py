@@ -467,11 +467,13 @@ def _refuse_half_a_row(above: Sequence[Row], fits: Callable[[Sequence[str]], boo
         or (re.match(r"[+-]?[.,]?\d", cell) and not _NAMED_BY_A_NUMBER.fullmatch(cell))
         for cell in cells
     ):
-        rule = (
+        raise InputError(
             "must be a row of numbers, like those below it, or of names, which begin with a "
-            "letter (if it is neither: --skip-rows, skip_rows)"
+            "letter (if it is neither: --skip-rows, skip_rows)",
+            field="row",
+            value=line,
+            line=number,
         )
-        raise InputError(rule, field="row", value=line, line=number)
 
 
 def _all_in(needed: Sequence[str], cells: Sequence[str]) -> bool:

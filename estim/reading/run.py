@@ -76,11 +76,12 @@ class Run(Table):
         rows = [int(np.argmin(np.abs(t - time))) for time in times]
         for row, time in zip(rows, times, strict=True):
             if not abs(t[row] - time) <= within:
-                rule = (
+                raise InputError(
                     f"must name times of rows of {self.file}: the nearest is {t[row]:.6g} s, on "
-                    f"line {self.lines[row]}"
+                    f"line {self.lines[row]}",
+                    field="leave_out_s",
+                    value=time,
                 )
-                raise InputError(rule, field="leave_out_s", value=time)
         remaining = np.setdiff1d(np.arange(t.size), rows)
         columns = {name: column[remaining] for name, column in self.columns.items()}
         left_out = t.size - remaining.size

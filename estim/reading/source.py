@@ -96,8 +96,7 @@ def known_readers() -> Iterator[str | InputError]:
     def said(plugin: Plugin) -> str:
         path = Path(f"a.{plugin.name}")
         if reader_of(path) != plugin:
-            rule = "must be a suffix in small letters that estim does not read itself"
-            raise plugin.error(rule)
+            raise plugin.error("must be a suffix in small letters that estim does not read itself")
         plugin.make(lambda read: read.__call__, object)
         return f"*{path.suffix}"
 

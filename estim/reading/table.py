@@ -170,11 +170,12 @@ def numbered_lines(text: str) -> list[tuple[int, str]]:
     if len(rows) > _MAX_ROWS:
         raise InputError(f"must be at most {_MAX_ROWS}", field="number of lines", value=len(rows))
     if hidden := line_after_comment(text):
-        rule = (
+        raise InputError(
             "must not follow a comment after a carriage return alone, where other lines end "
-            "otherwise"
+            "otherwise",
+            field="row",
+            line=hidden,
         )
-        raise InputError(rule, field="row", line=hidden)
     for number, line in rows:
         if len(line) > _MAX_LINE:
             raise InputError(

@@ -74,8 +74,11 @@ def _parts(data: bytes) -> dict[str, bytes]:
                 parts[info.filename] = unpacked(archive, info)
                 size += len(parts[info.filename])
             if size > _MAX_BYTES:
-                rule = f"grows beyond {_MAX_BYTES // 1024**2} MiB when it is unpacked"
-                raise InputError(rule, field="workbook", value=info.filename)
+                raise InputError(
+                    f"grows beyond {_MAX_BYTES // 1024**2} MiB when it is unpacked",
+                    field="workbook",
+                    value=info.filename,
+                )
     return parts
 
 

@@ -154,8 +154,12 @@ def _last_digits(value: str, digits: str) -> str:
 def _converted(text: str, unit: str, wanted: str, name: str, number: int) -> str:
     factor = in_unit(1.0, unit, wanted)
     if factor is None or re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", text):
-        rule = f"must be in {wanted}, as the cells above it"
-        raise InputError(rule, field=name, value=f"{text} {unit}", line=number)
+        raise InputError(
+            f"must be in {wanted}, as the cells above it",
+            field=name,
+            value=f"{text} {unit}",
+            line=number,
+        )
     return _without_mark(Decimal(text.replace(",", ".")) * Decimal(repr(factor)))
 
 
@@ -277,8 +281,12 @@ def _order(
         if int(match[key]) > 12
     }
     if len(days) != 1:
-        rule = "may be day/month or month/day: say --dates dmy or mdy (dates = ... in a campaign)"
-        raise InputError(rule, field=name, value=cell, line=number)
+        raise InputError(
+            "may be day/month or month/day: say --dates dmy or mdy (dates = ... in a campaign)",
+            field=name,
+            value=cell,
+            line=number,
+        )
     return days.pop()
 
 
@@ -287,8 +295,9 @@ def _seconds(
 ) -> tuple[str, Decimal]:
     """What a moment is, "date", "zone" (with its zone) or "time" (of a day), and its seconds."""
     if match is None:
-        rule = "must be a date or a time like the first one"
-        raise InputError(rule, field=name, value=cell, line=number)
+        raise InputError(
+            "must be a date or a time like the first one", field=name, value=cell, line=number
+        )
     second = Decimal((match["s"] or "0").replace(",", "."))
     hour, minute = int(match["hour"] or 0), int(match["minute"] or 0)
     if match["half"]:

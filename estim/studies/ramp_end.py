@@ -47,6 +47,9 @@ def ramp_end_of(
     start = 0.0 if of_start is None else of_start.table.ramp_start_m
     length = level.table.ramp_length_m - (start or 0.0)
     if not (math.isfinite(length) and length > 0.0):
-        rule = "must be more than 'ramp_start_m', where the release is"
-        raise source.error(rule, (*level.path, "ramp_length_m"), value=level.table.ramp_length_m)
+        raise source.error(
+            "must be more than 'ramp_start_m', where the release is",
+            (*level.path, "ramp_length_m"),
+            value=level.table.ramp_length_m,
+        )
     return RampEnd(length, "stated")

@@ -372,12 +372,13 @@ def _decimal_mark(cells: list[str], mark: str, number: int) -> str:
             here = "," if "," in cell else "." if "." in cell else mark
             if mark and here != mark:
                 names = {",": "comma", ".": "point"}
-                rule = (
-                    f"has a decimal {names[here]} where the file has decimal {names[mark]}s; "
-                    f"{_SPREADSHEET}"
-                )
                 raise InputError(
-                    rule, field="row", quoted=_as_day(cells[0]), value=cell, line=number
+                    f"has a decimal {names[here]} where the file has decimal {names[mark]}s; "
+                    f"{_SPREADSHEET}",
+                    field="row",
+                    quoted=_as_day(cells[0]),
+                    value=cell,
+                    line=number,
                 )
             mark = here
     return mark

@@ -98,8 +98,11 @@ def _one_coordinate(track: Track, stated: float | None) -> Ramp:
     (way,) = _way(track, known)
     sign = way if stated is None else math.cos(stated - axis)
     if stated is not None and abs(abs(sign) - 1.0) > 1e-9:
-        rule = f"must be fit, {name} or -{name}: the file holds no other coordinate"
-        raise InputError(rule, field="along", value=f"{math.degrees(stated):g}")
+        raise InputError(
+            f"must be fit, {name} or -{name}: the file holds no other coordinate",
+            field="along",
+            value=f"{math.degrees(stated):g}",
+        )
     sign = math.copysign(1.0, sign)
     words = phrase(
         "along {name}, the only coordinate in the file", name=name if sign > 0 else f"-{name}"

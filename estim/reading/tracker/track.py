@@ -62,8 +62,9 @@ class Track:
         n = self.t.size
         if not _MIN_POINTS <= n <= _MAX_POINTS:
             bound = f"least {_MIN_POINTS}" if n < _MIN_POINTS else f"most {_MAX_POINTS}"
-            rule = f"must hold at {bound} points"
-            raise InputError(rule, field=f"track {self.name}", value=n, file=self.file)
+            raise InputError(
+                f"must hold at {bound} points", field=f"track {self.name}", value=n, file=self.file
+            )
         self._check_times()
 
     def _check_times(self) -> None:

@@ -191,11 +191,11 @@ def _read_clip(panel: Element, frame_ms: float | None) -> _Clip:
     of_video = _video_times(clip)
     average = None if of_video is None else (of_video[-1] - of_video[0]) / (of_video.size - 1)
     if average is not None and frame_ms is None and abs(stated / average - 1.0) > _SAME_RATE:
-        rule = (
+        raise control.need("delta_t").error(
             f"contradicts the video, whose frames last {average:.6g} ms; say which holds by "
-            "--frame-ms (in a campaign: frame_ms)"
+            "--frame-ms (in a campaign: frame_ms)",
+            value=stated,
         )
-        raise control.need("delta_t").error(rule, value=stated)
     facts = [
         phrase(
             "frame {start} is step 0, every frame, {duration:.8g} ms a frame",

@@ -217,10 +217,9 @@ def _member(
             return info, track[len(info.filename) + 1 :] or None
     if len(members) == 1:
         return members[0], track
-    rule = (
-        'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds '
-        "several tracks"
-    )
     raise InputError(
-        rule, field="track", quoted=f"it holds {listed([info.filename for info in members])}"
+        'must say which of several .trk: "NAME.trk", or "NAME.trk/mass A" where that holds '
+        "several tracks",
+        field="track",
+        quoted=f"it holds {listed([info.filename for info in members])}",
     )
