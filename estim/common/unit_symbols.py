@@ -14,7 +14,6 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from itertools import product
-from types import MappingProxyType
 from typing import NamedTuple
 
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−º˚", "-0123456789-°°")
@@ -399,7 +398,7 @@ def _all_meanings() -> dict[str, tuple[Unit, ...]]:
     }
 
 
-_SYMBOLS: Mapping[str, tuple[Unit, ...]] = MappingProxyType(_all_meanings())
-_SYMBOL_OF_WORD: Mapping[str, str] = MappingProxyType(
-    {word: symbol for symbol, names in _WORDS.items() for word in names.split()}
-)
+_SYMBOLS: Mapping[str, tuple[Unit, ...]] = _all_meanings()
+_SYMBOL_OF_WORD: Mapping[str, str] = {
+    word: symbol for symbol, names in _WORDS.items() for word in names.split()
+}

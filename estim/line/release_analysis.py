@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -69,28 +68,22 @@ WAYS: Mapping[str, str] = PhraseTable(
     }
 )
 DEGREE = Notation("", unit="°", factor=math.degrees(1.0))
-UNKNOWNS = MappingProxyType(
-    {
-        "gamma": ("1", later("position of the centre of mass, in radii"), Notation("γ")),
-        "rolling_resistance": ("1", later("coefficient of rolling resistance"), Notation("c_rr")),
-        "release": (
-            "rad",
-            later("angle lost in the release by hand"),
-            Notation("δ", "°", DEGREE.factor),
-        ),
-        "scatter": (
-            "rad",
-            later("standard deviation from trial to trial"),
-            Notation("σ", "°", DEGREE.factor),
-        ),
-        "zero_phi": ("rad", later("zero error of the tilt"), Notation("z_φ", "°", DEGREE.factor)),
-        "zero_theta": (
-            "rad",
-            later("zero error of the angle"),
-            Notation("z_θ", "°", DEGREE.factor),
-        ),
-    }
-)
+UNKNOWNS = {
+    "gamma": ("1", later("position of the centre of mass, in radii"), Notation("γ")),
+    "rolling_resistance": ("1", later("coefficient of rolling resistance"), Notation("c_rr")),
+    "release": (
+        "rad",
+        later("angle lost in the release by hand"),
+        Notation("δ", "°", DEGREE.factor),
+    ),
+    "scatter": (
+        "rad",
+        later("standard deviation from trial to trial"),
+        Notation("σ", "°", DEGREE.factor),
+    ),
+    "zero_phi": ("rad", later("zero error of the tilt"), Notation("z_φ", "°", DEGREE.factor)),
+    "zero_theta": ("rad", later("zero error of the angle"), Notation("z_θ", "°", DEGREE.factor)),
+}
 
 
 @dataclass(frozen=True, eq=False)

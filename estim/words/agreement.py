@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, later, phrase, split_level
 from estim.words.table import Table, said, symbol
 
-_KEY_UNITS = MappingProxyType(
-    {
-        "°": "_deg",
-        "m": "_m",
-        "1/s": "_per_s",
-        "1/m": "_per_m",
-        "°/m": "_deg_m",
-        "N m": "_n_m",
-        "m/s": "_m_s",
-    }
-)
+_KEY_UNITS = {
+    "°": "_deg",
+    "m": "_m",
+    "1/s": "_per_s",
+    "1/m": "_per_m",
+    "°/m": "_deg_m",
+    "N m": "_n_m",
+    "m/s": "_m_s",
+}
 
 
 _DISAGREE = later("the data disagree with the values stated beforehand ({p})")
@@ -74,21 +71,19 @@ def _let_it_vary(f: Finding) -> str:
 
 
 _SHARE, _MM, _DEGREES = 100.0, 1e3, 180.0 / math.pi
-_COMMON = MappingProxyType(
-    {
-        "clock": (_SHARE, later("{size} % error in the clock rate")),
-        "length": (_SHARE, later("{size} % error in the length scale")),
-        "sag": (_MM, later("{size} mm of sag in the middle of the ramp")),
-        "scale_x": (_SHARE, later("{size} % error in the scale of x")),
-        "scale_y": (_SHARE, later("{size} % error in the scale of y")),
-        "radius": (_SHARE, later("{size} % error in the radius")),
-        "g": (_SHARE, later("{size} % error in g")),
-        "gamma": (_SHARE, later("{size} % error in gamma")),
-        "kappa": (_SHARE, later("{size} % error in kappa")),
-        "phi": (_DEGREES, later("{size}° error in the tilt")),
-        "theta0": (_DEGREES, later("{size}° error in the angle at release")),
-    }
-)
+_COMMON = {
+    "clock": (_SHARE, later("{size} % error in the clock rate")),
+    "length": (_SHARE, later("{size} % error in the length scale")),
+    "sag": (_MM, later("{size} mm of sag in the middle of the ramp")),
+    "scale_x": (_SHARE, later("{size} % error in the scale of x")),
+    "scale_y": (_SHARE, later("{size} % error in the scale of y")),
+    "radius": (_SHARE, later("{size} % error in the radius")),
+    "g": (_SHARE, later("{size} % error in g")),
+    "gamma": (_SHARE, later("{size} % error in gamma")),
+    "kappa": (_SHARE, later("{size} % error in kappa")),
+    "phi": (_DEGREES, later("{size}° error in the tilt")),
+    "theta0": (_DEGREES, later("{size}° error in the angle at release")),
+}
 
 
 def common_error(name: str, size: float, along: float | None) -> str:
@@ -114,51 +109,49 @@ def _common(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.STATED_UNCOMPARED: (
-            "the data hardly constrain the quantities that were stated beforehand, so "
-            "there is nothing to compare"
-        ),
-        Kind.STATED_AGREE: "the data agree with the values stated beforehand ({p})",
-        Kind.STATED_HARDLY: lambda f: _stated(
-            later("the data agree only marginally with the values stated beforehand ({p})"), f
-        ),
-        Kind.STATED_DISAGREE: lambda f: _stated(_DISAGREE, f),
-        Kind.STATED_AND_CURVE: lambda f: (
-            _stated(_DISAGREE, f)
-            + phrase("; but other values do not make the curve fit the data either")
-        ),
-        Kind.PULL: _pull,
-        Kind.COMMON_ERROR: _common,
-        Kind.COMMON_ERRORS: (
-            "errors that leave no trace in the residuals would shift the result, in "
-            "posterior standard deviations: {parts}"
-        ),
-        Kind.RUNS_UNCOMPARED: (
-            "no shared quantity is determined by two of the runs, so there is nothing to compare"
-        ),
-        Kind.RUNS_AGREE: "the {n:.0f} runs agree about the quantities they share ({p})",
-        Kind.RUNS_AGAINST_STATED: (
-            "the runs agree with each other but not with the stated values of the "
-            "quantities they share ({p})"
-        ),
-        Kind.RUN_DISAGREES: lambda f: (
-            said(
-                f,
-                "run {run} disagrees with the others about the quantities they "
-                "share; without it the others agree ({p} with it)",
-            )
-            + _let_it_vary(f)
-        ),
-        Kind.RUNS_TIED: _tied,
-        Kind.RUNS_DISAGREE: lambda f: (
-            said(
-                f,
-                "the runs disagree about the quantities they share ({p}), and "
-                "leaving out any single run does not resolve this",
-            )
-            + _let_it_vary(f)
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.STATED_UNCOMPARED: (
+        "the data hardly constrain the quantities that were stated beforehand, so "
+        "there is nothing to compare"
+    ),
+    Kind.STATED_AGREE: "the data agree with the values stated beforehand ({p})",
+    Kind.STATED_HARDLY: lambda f: _stated(
+        later("the data agree only marginally with the values stated beforehand ({p})"), f
+    ),
+    Kind.STATED_DISAGREE: lambda f: _stated(_DISAGREE, f),
+    Kind.STATED_AND_CURVE: lambda f: (
+        _stated(_DISAGREE, f)
+        + phrase("; but other values do not make the curve fit the data either")
+    ),
+    Kind.PULL: _pull,
+    Kind.COMMON_ERROR: _common,
+    Kind.COMMON_ERRORS: (
+        "errors that leave no trace in the residuals would shift the result, in "
+        "posterior standard deviations: {parts}"
+    ),
+    Kind.RUNS_UNCOMPARED: (
+        "no shared quantity is determined by two of the runs, so there is nothing to compare"
+    ),
+    Kind.RUNS_AGREE: "the {n:.0f} runs agree about the quantities they share ({p})",
+    Kind.RUNS_AGAINST_STATED: (
+        "the runs agree with each other but not with the stated values of the "
+        "quantities they share ({p})"
+    ),
+    Kind.RUN_DISAGREES: lambda f: (
+        said(
+            f,
+            "run {run} disagrees with the others about the quantities they "
+            "share; without it the others agree ({p} with it)",
+        )
+        + _let_it_vary(f)
+    ),
+    Kind.RUNS_TIED: _tied,
+    Kind.RUNS_DISAGREE: lambda f: (
+        said(
+            f,
+            "the runs disagree about the quantities they share ({p}), and "
+            "leaving out any single run does not resolve this",
+        )
+        + _let_it_vary(f)
+    ),
+}

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 from estim.common import Kind, phrase
 from estim.words.table import Table, said
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.CAUSE_NAMED: (
-            "the most likely missing effect is {name}: AIC falls by {size:.0f}, and "
-            "no discrepancy remains to be explained"
-        ),
-        Kind.CAUSES_ALIKE: lambda f: said(
-            f,
-            "these data cannot distinguish between: {names}. Each of these causes explains the "
-            "remaining discrepancy; an independent measurement of one of them, or a different "
-            "run (another tilt, another body, a longer path), would decide",
-            names="; ".join(f.names),
-        ),
-        Kind.CAUSE_IN_PART: lambda f: said(
-            f,
-            "{which} improves the fit most (AIC falls by {size:.0f}) but does not remove the "
-            "lack of fit: at best it is part of the cause",
-            which=phrase(" or ").join(f.names),
-        ),
-        Kind.CAUSE_UNKNOWN: (
-            "none of the {tried:.0f} known causes explains any of the discrepancy "
-            "between curve and data"
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.CAUSE_NAMED: (
+        "the most likely missing effect is {name}: AIC falls by {size:.0f}, and "
+        "no discrepancy remains to be explained"
+    ),
+    Kind.CAUSES_ALIKE: lambda f: said(
+        f,
+        "these data cannot distinguish between: {names}. Each of these causes explains the "
+        "remaining discrepancy; an independent measurement of one of them, or a different "
+        "run (another tilt, another body, a longer path), would decide",
+        names="; ".join(f.names),
+    ),
+    Kind.CAUSE_IN_PART: lambda f: said(
+        f,
+        "{which} improves the fit most (AIC falls by {size:.0f}) but does not remove the "
+        "lack of fit: at best it is part of the cause",
+        which=phrase(" or ").join(f.names),
+    ),
+    Kind.CAUSE_UNKNOWN: (
+        "none of the {tried:.0f} known causes explains any of the discrepancy "
+        "between curve and data"
+    ),
+}

@@ -5,31 +5,26 @@ distance it changes.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, behind, later, phrase
 from estim.words.table import Table, said
 
-_READ_AS: Mapping[str, str] = MappingProxyType(
-    {
-        "smooth": later("a smooth deviation from the curve"),
-        "correlated": later("correlated errors of successive readings"),
-    }
-)
-_SLOW: Mapping[str, str] = MappingProxyType(
-    {
-        "smooth": later(
-            "{of_run}the discrepancy between curve and data is a trend: with "
-            "probability {prob:.2g} the correlation length of the deviation exceeds "
-            "a quarter of the range of x, as happens when the curve is wrong"
-        ),
-        "correlated": later(
-            "{of_run}the discrepancy between curve and data is a trend: with "
-            "probability {prob:.2g} the errors would remain correlated over more "
-            "than a third of the recording, as happens when the curve is wrong"
-        ),
-    }
-)
+_READ_AS: Mapping[str, str] = {
+    "smooth": later("a smooth deviation from the curve"),
+    "correlated": later("correlated errors of successive readings"),
+}
+_SLOW: Mapping[str, str] = {
+    "smooth": later(
+        "{of_run}the discrepancy between curve and data is a trend: with "
+        "probability {prob:.2g} the correlation length of the deviation exceeds "
+        "a quarter of the range of x, as happens when the curve is wrong"
+    ),
+    "correlated": later(
+        "{of_run}the discrepancy between curve and data is a trend: with "
+        "probability {prob:.2g} the errors would remain correlated over more "
+        "than a third of the recording, as happens when the curve is wrong"
+    ),
+}
 
 
 def _how(f: Finding) -> str:
@@ -71,30 +66,27 @@ def _found(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.DEVIATION_FOUND: _found,
-        Kind.DEVIATION_UNDECIDED: (
-            "{of_run}it cannot be decided whether the curve deviates from the data, "
-            "P(amplitude > 0) = {prob:.2f}; the intervals allow for an irregular "
-            "deviation, but not for a different curve"
-        ),
-        Kind.DEVIATION_UNLIKELY: (
-            "{of_run}there is no evidence of a deviation from the curve, P(amplitude "
-            "> 0) = {prob:.2f}"
-        ),
-        Kind.DEVIATION_UNASKED: (
-            "{of_run}the curve is assumed to be complete: the intervals do not allow "
-            "for a smooth deviation from it; a deviation about as large as the error "
-            "of one reading has probability {prob:.2f} (0.5 before the data)"
-        ),
-        Kind.DEVIATION_TOO_LARGE: (
-            "{of_run}the deviation from the curve would have to be {size:.2g} times "
-            "its stated size (a half-normal prior of this scale exceeds 2.5 once in "
-            "80 cases): either the curve or the stated size of the deviation is wrong"
-        ),
-        Kind.DEVIATION_TOO_SLOW: lambda f: said(
-            f, _SLOW["correlated" if "correlated" in f.names else "smooth"]
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.DEVIATION_FOUND: _found,
+    Kind.DEVIATION_UNDECIDED: (
+        "{of_run}it cannot be decided whether the curve deviates from the data, "
+        "P(amplitude > 0) = {prob:.2f}; the intervals allow for an irregular "
+        "deviation, but not for a different curve"
+    ),
+    Kind.DEVIATION_UNLIKELY: (
+        "{of_run}there is no evidence of a deviation from the curve, P(amplitude > 0) = {prob:.2f}"
+    ),
+    Kind.DEVIATION_UNASKED: (
+        "{of_run}the curve is assumed to be complete: the intervals do not allow "
+        "for a smooth deviation from it; a deviation about as large as the error "
+        "of one reading has probability {prob:.2f} (0.5 before the data)"
+    ),
+    Kind.DEVIATION_TOO_LARGE: (
+        "{of_run}the deviation from the curve would have to be {size:.2g} times "
+        "its stated size (a half-normal prior of this scale exceeds 2.5 once in "
+        "80 cases): either the curve or the stated size of the deviation is wrong"
+    ),
+    Kind.DEVIATION_TOO_SLOW: lambda f: said(
+        f, _SLOW["correlated" if "correlated" in f.names else "smooth"]
+    ),
+}

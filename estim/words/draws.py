@@ -5,7 +5,6 @@ them.
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table, filled, said
@@ -58,69 +57,67 @@ def _move(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.CHAIN_SHORT: "sampling stopped after {n:.0f} steps although {parts}",
-        Kind.WALKERS_STUCK: _stuck,
-        Kind.RHAT_HIGH: "R-hat {size:.3f} is not below {limit}",
-        Kind.BULK_LOW: "bulk ESS {size:.0f} is below {limit:.0f}",
-        Kind.TAIL_LOW: "tail ESS {size:.0f} is below {limit:.0f}",
-        Kind.CHAIN_BRIEF: (
-            "{size:.0f} steps are fewer than the required {limit:.0f} "
-            "autocorrelation times of {tau:.1f} steps"
-        ),
-        Kind.TAU_UNSETTLED: "the autocorrelation time has not converged",
-        Kind.CRITERIA_MET: "all convergence criteria are met",
-        Kind.INDEPENDENT_DRAWS: "the draws are independent, from importance sampling",
-        Kind.DRAWS_SHORT: "only {size:.0f} effective draws of {limit:.0f}",
-        Kind.METHODS_DIFFER: "{parts}",
-        Kind.CHAIN_DIFFERS: _differs,
-        Kind.DIFFERENCE: (
-            "the {test} of {name} by {size:+.3f} posterior standard deviations "
-            "({errors:.1f} Monte-Carlo errors)"
-        ),
-        Kind.CHAIN_AGREES: _agrees,
-        Kind.NOT_SAMPLED: (
-            "the data contradict the stated values, so sampling of the posterior was not completed"
-        ),
-        Kind.TOO_MANY_PARAMETERS: (
-            "importance sampling is not used for more than {limit:.0f} parameters "
-            "(there are {size:.0f})"
-        ),
-        Kind.WEIGHTS_UNRELIABLE: _unreliable,
-        Kind.ERRORS_TOO_LARGE: (
-            "the Monte-Carlo errors are too large for a decision: differences of up "
-            "to {size:.2f} posterior standard deviations would go unnoticed"
-        ),
-        Kind.MARGINAL_SAMPLED: (
-            "the marginal of the shared parameters was sampled well (k-hat "
-            "{k_hat:.2f}, {n:.0f} effective draws)"
-        ),
-        Kind.RUNS_COUNT_ALIKE: (
-            "the readings of each of the {runs:.0f} runs are assumed to scatter "
-            "around their true values; if instead the true values scatter around the "
-            "stated ones (values that were set, not read), a shared parameter is "
-            "biased by about {size:.2g} standard deviations"
-        ),
-        Kind.MARGINAL_MISSED: (
-            "the proposal misses part of the marginal of the shared parameters: "
-            "k-hat {size:.2f} is not below {limit}"
-        ),
-        Kind.MARGINAL_DRAWS_FEW: (
-            "only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"
-        ),
-        Kind.WEIGHTS_EXACT: (
-            "every parameter was sampled and none was integrated out, so the weights are exact"
-        ),
-        Kind.WEIGHTS_UNEVEN: (
-            "the exact weights in all dimensions are too uneven to validate the "
-            "result (k-hat {size:.2f}, effective sample size {ess:.0f})"
-        ),
-        Kind.WEIGHTS_MOVE: _move,
-        Kind.WEIGHTS_AGREE: (
-            "the exact weights in all dimensions confirm the result (k-hat "
-            "{k_hat:.2f}): no shared parameter shifts by more than {size:.2f} "
-            "standard deviations, with a Monte-Carlo error of {u:.2f}"
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.CHAIN_SHORT: "sampling stopped after {n:.0f} steps although {parts}",
+    Kind.WALKERS_STUCK: _stuck,
+    Kind.RHAT_HIGH: "R-hat {size:.3f} is not below {limit}",
+    Kind.BULK_LOW: "bulk ESS {size:.0f} is below {limit:.0f}",
+    Kind.TAIL_LOW: "tail ESS {size:.0f} is below {limit:.0f}",
+    Kind.CHAIN_BRIEF: (
+        "{size:.0f} steps are fewer than the required {limit:.0f} "
+        "autocorrelation times of {tau:.1f} steps"
+    ),
+    Kind.TAU_UNSETTLED: "the autocorrelation time has not converged",
+    Kind.CRITERIA_MET: "all convergence criteria are met",
+    Kind.INDEPENDENT_DRAWS: "the draws are independent, from importance sampling",
+    Kind.DRAWS_SHORT: "only {size:.0f} effective draws of {limit:.0f}",
+    Kind.METHODS_DIFFER: "{parts}",
+    Kind.CHAIN_DIFFERS: _differs,
+    Kind.DIFFERENCE: (
+        "the {test} of {name} by {size:+.3f} posterior standard deviations "
+        "({errors:.1f} Monte-Carlo errors)"
+    ),
+    Kind.CHAIN_AGREES: _agrees,
+    Kind.NOT_SAMPLED: (
+        "the data contradict the stated values, so sampling of the posterior was not completed"
+    ),
+    Kind.TOO_MANY_PARAMETERS: (
+        "importance sampling is not used for more than {limit:.0f} parameters "
+        "(there are {size:.0f})"
+    ),
+    Kind.WEIGHTS_UNRELIABLE: _unreliable,
+    Kind.ERRORS_TOO_LARGE: (
+        "the Monte-Carlo errors are too large for a decision: differences of up "
+        "to {size:.2f} posterior standard deviations would go unnoticed"
+    ),
+    Kind.MARGINAL_SAMPLED: (
+        "the marginal of the shared parameters was sampled well (k-hat "
+        "{k_hat:.2f}, {n:.0f} effective draws)"
+    ),
+    Kind.RUNS_COUNT_ALIKE: (
+        "the readings of each of the {runs:.0f} runs are assumed to scatter "
+        "around their true values; if instead the true values scatter around the "
+        "stated ones (values that were set, not read), a shared parameter is "
+        "biased by about {size:.2g} standard deviations"
+    ),
+    Kind.MARGINAL_MISSED: (
+        "the proposal misses part of the marginal of the shared parameters: "
+        "k-hat {size:.2f} is not below {limit}"
+    ),
+    Kind.MARGINAL_DRAWS_FEW: (
+        "only {size:.0f} effective draws (at least {limit:.0f} are needed): raise n_draw"
+    ),
+    Kind.WEIGHTS_EXACT: (
+        "every parameter was sampled and none was integrated out, so the weights are exact"
+    ),
+    Kind.WEIGHTS_UNEVEN: (
+        "the exact weights in all dimensions are too uneven to validate the "
+        "result (k-hat {size:.2f}, effective sample size {ess:.0f})"
+    ),
+    Kind.WEIGHTS_MOVE: _move,
+    Kind.WEIGHTS_AGREE: (
+        "the exact weights in all dimensions confirm the result (k-hat "
+        "{k_hat:.2f}): no shared parameter shifts by more than {size:.2f} "
+        "standard deviations, with a Monte-Carlo error of {u:.2f}"
+    ),
+}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, format_quantity, later, phrase
 from estim.words.table import Table, said
@@ -68,14 +67,12 @@ def _lost(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.FRAME_OFF: _frame,
-        Kind.STEP_STAYS: _step,
-        Kind.FRAMES_LOST: _lost,
-        Kind.FRAMES_CROWD: (
-            "run {run}: more than {n:.0f} frames are displaced: these are not "
-            "isolated errors; the readings scatter more than stated"
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.FRAME_OFF: _frame,
+    Kind.STEP_STAYS: _step,
+    Kind.FRAMES_LOST: _lost,
+    Kind.FRAMES_CROWD: (
+        "run {run}: more than {n:.0f} frames are displaced: these are not "
+        "isolated errors; the readings scatter more than stated"
+    ),
+}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 from estim.common import Finding, Kind, percentage
 from estim.words.table import Table, measured, said
 
@@ -27,21 +25,19 @@ def _gammas(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.LINE_NOT_RISING: _not_rising,
-        Kind.SLOPES_DIFFER: (
-            "York's slope {york:.3g} and the Bayesian one {bayes:.3g} differ by more "
-            "than their combined uncertainty {u:.2g}"
-        ),
-        Kind.GAMMA_TOO_LARGE: (
-            "gamma = 1/slope would be {size:.2g}, but a centre of mass inside the "
-            "body has gamma below 1"
-        ),
-        Kind.POINTS_SCATTER: (
-            "the points scatter more than their uncertainties allow (S = {size:.1f}, "
-            "{dof:.0f} degrees of freedom, {p})"
-        ),
-        Kind.GAMMA_DISAGREES: _gammas,
-    }
-)
+WORDS: Table = {
+    Kind.LINE_NOT_RISING: _not_rising,
+    Kind.SLOPES_DIFFER: (
+        "York's slope {york:.3g} and the Bayesian one {bayes:.3g} differ by more "
+        "than their combined uncertainty {u:.2g}"
+    ),
+    Kind.GAMMA_TOO_LARGE: (
+        "gamma = 1/slope would be {size:.2g}, but a centre of mass inside the "
+        "body has gamma below 1"
+    ),
+    Kind.POINTS_SCATTER: (
+        "the points scatter more than their uncertainties allow (S = {size:.1f}, "
+        "{dof:.0f} degrees of freedom, {p})"
+    ),
+    Kind.GAMMA_DISAGREES: _gammas,
+}

@@ -5,7 +5,6 @@ determines, and their edges.
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Amount, Finding, Kind, behind, format_rounded, later, percentage, phrase
 from estim.words.table import Table, said, symbol, value_words
@@ -179,65 +178,61 @@ def _undetermined(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.FIT_UNSETTLED: _not_settled,
-        Kind.COVARIANCE_HELD: _held,
-        Kind.STEP_UNSETTLED: _STILL_SHIFTED,
-        Kind.VALUE_OUTSIDE: lambda f: phrase(
-            "the {p:.0f} % interval of {name} does not contain its fitted value: the "
-            "search met better solutions than the fit on the way",
-            p=100.0 * f.p,
-            name=symbol(f.parameters[0]),
-        ),
-        Kind.STARTS_ELSEWHERE: (
-            "{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum"
-        ),
-        Kind.EXCHANGED: (
-            "the curve is unchanged when components are exchanged ({either}): set "
-            "bounds that order them to select one solution"
-        ),
-        Kind.EXCHANGE: _exchange,
-        Kind.IMAGES: (
-            "the curve is the same with {either}: of these equivalent solutions, the "
-            "one closest to the stated starting values is given, or otherwise the "
-            "one with positive amplitudes and small angles"
-        ),
-        Kind.IMAGE: _image,
-        Kind.OTHER_NUMBERS: (
-            "the curve is the same with other parameter values ({either}): the "
-            "solution closest to the starting values is given"
-        ),
-        Kind.FASTER_CURVES: (
-            "curves of higher frequency pass through the same points ({either}): if "
-            "one of them is intended, select it by bounds"
-        ),
-        Kind.VALUES: _equal,
-        Kind.SEVERAL_SOLUTIONS: _several,
-        Kind.SOLUTION: _solution,
-        Kind.DIRECTION_FLAT: _flat,
-        Kind.DIRECTION_LEARNT: lambda f: phrase(
-            "constrained by the data: {moves}", moves=_moves(f)
-        ),
-        Kind.DIRECTION_SILENT: _silent,
-        Kind.SINGULAR: (
-            "a combination of the parameters is determined neither by the data nor by the priors"
-        ),
-        Kind.UNDETERMINED: _undetermined,
-        Kind.HARDLY_HELD: (
-            "the data hardly constrain {name}: far from the fitted value, minus "
-            "twice the log posterior density is only {size:.1f} above its minimum"
-        ),
-        Kind.OPEN_SIDE: _open,
-        Kind.PRESSED_EDGE: (
-            "{symbol} lies at the edge of its prior, {shown}, and the data favour "
-            "values beyond it ({p})"
-        ),
-        Kind.PRESSED_LIMIT: (
-            "{name} lies at its limit {value:.6g}, and the data favour values beyond "
-            "it ({p}): is the limit right?"
-        ),
-        Kind.LIMIT: _limit,
-        Kind.TAKEN_AS_EXACT: "run {run}: {names} taken as exact: every result relies on this",
-    }
-)
+WORDS: Table = {
+    Kind.FIT_UNSETTLED: _not_settled,
+    Kind.COVARIANCE_HELD: _held,
+    Kind.STEP_UNSETTLED: _STILL_SHIFTED,
+    Kind.VALUE_OUTSIDE: lambda f: phrase(
+        "the {p:.0f} % interval of {name} does not contain its fitted value: the "
+        "search met better solutions than the fit on the way",
+        p=100.0 * f.p,
+        name=symbol(f.parameters[0]),
+    ),
+    Kind.STARTS_ELSEWHERE: (
+        "{n:.0f} of {starts:.0f} starting points of the fit did not lead to the best optimum"
+    ),
+    Kind.EXCHANGED: (
+        "the curve is unchanged when components are exchanged ({either}): set "
+        "bounds that order them to select one solution"
+    ),
+    Kind.EXCHANGE: _exchange,
+    Kind.IMAGES: (
+        "the curve is the same with {either}: of these equivalent solutions, the "
+        "one closest to the stated starting values is given, or otherwise the "
+        "one with positive amplitudes and small angles"
+    ),
+    Kind.IMAGE: _image,
+    Kind.OTHER_NUMBERS: (
+        "the curve is the same with other parameter values ({either}): the "
+        "solution closest to the starting values is given"
+    ),
+    Kind.FASTER_CURVES: (
+        "curves of higher frequency pass through the same points ({either}): if "
+        "one of them is intended, select it by bounds"
+    ),
+    Kind.VALUES: _equal,
+    Kind.SEVERAL_SOLUTIONS: _several,
+    Kind.SOLUTION: _solution,
+    Kind.DIRECTION_FLAT: _flat,
+    Kind.DIRECTION_LEARNT: lambda f: phrase("constrained by the data: {moves}", moves=_moves(f)),
+    Kind.DIRECTION_SILENT: _silent,
+    Kind.SINGULAR: (
+        "a combination of the parameters is determined neither by the data nor by the priors"
+    ),
+    Kind.UNDETERMINED: _undetermined,
+    Kind.HARDLY_HELD: (
+        "the data hardly constrain {name}: far from the fitted value, minus "
+        "twice the log posterior density is only {size:.1f} above its minimum"
+    ),
+    Kind.OPEN_SIDE: _open,
+    Kind.PRESSED_EDGE: (
+        "{symbol} lies at the edge of its prior, {shown}, and the data favour "
+        "values beyond it ({p})"
+    ),
+    Kind.PRESSED_LIMIT: (
+        "{name} lies at its limit {value:.6g}, and the data favour values beyond "
+        "it ({p}): is the limit right?"
+    ),
+    Kind.LIMIT: _limit,
+    Kind.TAKEN_AS_EXACT: "run {run}: {names} taken as exact: every result relies on this",
+}

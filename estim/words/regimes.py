@@ -5,7 +5,6 @@ shows.
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind
 from estim.words.table import Table, said
@@ -40,4 +39,4 @@ def _off(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType({Kind.RUN_OFF_MAP: _off})
+WORDS: Table = {Kind.RUN_OFF_MAP: _off}

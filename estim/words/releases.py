@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, later, phrase, signed
 from estim.words.table import Table, measured, said
@@ -49,32 +48,30 @@ def _ends(f: Finding) -> str:
     )
 
 
-_SHARES = MappingProxyType(
-    {
-        "rolling_resistance": (
-            later("c_rr is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
-            later("c_rr depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
-            later(
-                "c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % "
-                "of the prior's)"
-            ),
+_SHARES = {
+    "rolling_resistance": (
+        later("c_rr is constrained by the trials (posterior sd {share:.0f} % of the prior's)"),
+        later("c_rr depends partly on its prior (posterior sd {share:.0f} % of the prior's)"),
+        later(
+            "c_rr is hardly constrained beyond its prior (posterior sd {share:.0f} % "
+            "of the prior's)"
         ),
-        "release": (
-            later(
-                "the effect of the release is constrained by the trials (posterior sd "
-                "{share:.0f} % of the prior's)"
-            ),
-            later(
-                "the effect of the release depends partly on its prior (posterior sd "
-                "{share:.0f} % of the prior's)"
-            ),
-            later(
-                "the effect of the release is hardly constrained beyond its prior "
-                "(posterior sd {share:.0f} % of the prior's)"
-            ),
+    ),
+    "release": (
+        later(
+            "the effect of the release is constrained by the trials (posterior sd "
+            "{share:.0f} % of the prior's)"
         ),
-    }
-)
+        later(
+            "the effect of the release depends partly on its prior (posterior sd "
+            "{share:.0f} % of the prior's)"
+        ),
+        later(
+            "the effect of the release is hardly constrained beyond its prior "
+            "(posterior sd {share:.0f} % of the prior's)"
+        ),
+    ),
+}
 
 
 def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
@@ -118,15 +115,13 @@ def told_apart(shares: dict[str, float], correlation: float) -> list[str]:
     return sentences
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.TRIALS_SILENT: _silent,
-        Kind.TRIALS_SCATTER: (
-            "the trials scatter by {size:.2g}°, more than {factor:g} times the "
-            "stated {stated:.2g}°: no line separates the trials that climbed from "
-            "those that did not"
-        ),
-        Kind.TRIALS_DISAGREE: _trials,
-        Kind.ENDS_DISAGREE: _ends,
-    }
-)
+WORDS: Table = {
+    Kind.TRIALS_SILENT: _silent,
+    Kind.TRIALS_SCATTER: (
+        "the trials scatter by {size:.2g}°, more than {factor:g} times the "
+        "stated {stated:.2g}°: no line separates the trials that climbed from "
+        "those that did not"
+    ),
+    Kind.TRIALS_DISAGREE: _trials,
+    Kind.ENDS_DISAGREE: _ends,
+}

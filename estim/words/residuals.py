@@ -5,7 +5,6 @@ errors.
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, PhraseTable, later, percentage, phrase
 from estim.words.table import Table, facts, said
@@ -32,19 +31,17 @@ TESTS = PhraseTable(
 )
 
 
-_NAMES = MappingProxyType(
-    {
-        "chi2": later("test|chi2"),
-        "runs": later("test|runs"),
-        "autocorrelation": later("test|autocorrelation"),
-        "trend": later("test|trend"),
-        "largest": later("test|largest"),
-        "speed": later("test|speed"),
-        "zero": later("test|zero"),
-        "uneven": later("test|uneven"),
-        "repeated": later("test|repeated"),
-    }
-)  # what stands before | tells these words from others that are written alike
+_NAMES = {
+    "chi2": later("test|chi2"),
+    "runs": later("test|runs"),
+    "autocorrelation": later("test|autocorrelation"),
+    "trend": later("test|trend"),
+    "largest": later("test|largest"),
+    "speed": later("test|speed"),
+    "zero": later("test|zero"),
+    "uneven": later("test|uneven"),
+    "repeated": later("test|repeated"),
+}  # what stands before | tells these words from others that are written alike
 
 
 def name_of_test(test: str) -> str:
@@ -184,70 +181,68 @@ def _with_speed(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.RESIDUALS_ZERO: _failed,
-        Kind.RESIDUALS_TOO_LARGE: _failed,
-        Kind.RESIDUALS_NOT_RANDOM: _failed,
-        Kind.CURVE_LACKS: _failed,
-        Kind.RESIDUALS_HARDLY: lambda f: (
-            _failed(f)
-            + phrase(
-                ": this is not enough to reject the fit, but the coverage of its intervals "
-                "may be lower than stated"
-            )
-        ),
-        Kind.RESIDUALS_SMALL: (
-            "{of_run}the residuals are smaller than the stated noise ({p}): is the "
-            "stated sigma too large?"
-        ),
-        Kind.NOISE_WITH_SPEED: _with_speed,
-        Kind.PATTERN_COVERED: _covered,
-        Kind.NEIGHBOURS_ALIKE: _alike,
-        Kind.CHI2_TOO_LARGE: (
-            "the residuals are larger than u_y allows: chi2 = {size:.4g} for "
-            "{dof:.0f} degrees of freedom, {p}"
-        ),
-        Kind.CHI2_SMALL: _small,
-        Kind.COUNTS_SCATTER: _counts_scatter,
-        Kind.COUNTS_EVEN: _counts_even,
-        Kind.COUNTS_AS_READINGS: _counts_as_readings,
-        Kind.SCATTER_TOO_LARGE: (
-            "{of_run}the inferred scatter is {n:.0f} times that expected from the instrument"
-        ),
-        Kind.SCATTER_LARGE: (
-            "{of_run}the inferred scatter is {n:.1f} times that expected from the instrument"
-        ),
-        Kind.OUTLIERS_CROWD: _crowd,
-        Kind.ROUNDING: (
-            "floating-point rounding errors may shift the values by {n:.1g} standard deviations"
-        ),
-        Kind.CANCELLATION: (
-            "the terms of the curve almost cancel at these x, so that rounding leaves few "
-            "correct digits in the values: write the "
-            "formula in x - x0, with x0 in the middle of the data"
-        ),
-        Kind.FEW_DEGREES: _few,
-        Kind.NO_SCATTER: (
-            "the points have no scatter beyond rounding errors (are they computed values, "
-            "not readings?), so the size of their errors "
-            "cannot be estimated: there is no standard deviation; state u_y"
-        ),
-        Kind.AT_LIMIT: (
-            "{name} lies at its limit {value:.6g}: it has no standard deviation; use its interval"
-        ),
-        Kind.NEAR_LIMIT: (
-            "{name} is less than one standard deviation from its limit {value:.6g}: "
-            "no standard deviation is given; use its interval"
-        ),
-        Kind.CUT_BY_LIMIT: (
-            "{name} has no standard deviation, because the limit of {names} "
-            "truncates it: use its interval"
-        ),
-        Kind.CUT_BY_NONE: (
-            "{name} has no standard deviation, because the curve expects none where 0 was counted "
-            "and cannot expect less: use its interval, which is too short beside counts of 0 (that "
-            "of 95 % for a single one ends at 1.9 instead of 3.0)"
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.RESIDUALS_ZERO: _failed,
+    Kind.RESIDUALS_TOO_LARGE: _failed,
+    Kind.RESIDUALS_NOT_RANDOM: _failed,
+    Kind.CURVE_LACKS: _failed,
+    Kind.RESIDUALS_HARDLY: lambda f: (
+        _failed(f)
+        + phrase(
+            ": this is not enough to reject the fit, but the coverage of its intervals "
+            "may be lower than stated"
+        )
+    ),
+    Kind.RESIDUALS_SMALL: (
+        "{of_run}the residuals are smaller than the stated noise ({p}): is the "
+        "stated sigma too large?"
+    ),
+    Kind.NOISE_WITH_SPEED: _with_speed,
+    Kind.PATTERN_COVERED: _covered,
+    Kind.NEIGHBOURS_ALIKE: _alike,
+    Kind.CHI2_TOO_LARGE: (
+        "the residuals are larger than u_y allows: chi2 = {size:.4g} for "
+        "{dof:.0f} degrees of freedom, {p}"
+    ),
+    Kind.CHI2_SMALL: _small,
+    Kind.COUNTS_SCATTER: _counts_scatter,
+    Kind.COUNTS_EVEN: _counts_even,
+    Kind.COUNTS_AS_READINGS: _counts_as_readings,
+    Kind.SCATTER_TOO_LARGE: (
+        "{of_run}the inferred scatter is {n:.0f} times that expected from the instrument"
+    ),
+    Kind.SCATTER_LARGE: (
+        "{of_run}the inferred scatter is {n:.1f} times that expected from the instrument"
+    ),
+    Kind.OUTLIERS_CROWD: _crowd,
+    Kind.ROUNDING: (
+        "floating-point rounding errors may shift the values by {n:.1g} standard deviations"
+    ),
+    Kind.CANCELLATION: (
+        "the terms of the curve almost cancel at these x, so that rounding leaves few "
+        "correct digits in the values: write the "
+        "formula in x - x0, with x0 in the middle of the data"
+    ),
+    Kind.FEW_DEGREES: _few,
+    Kind.NO_SCATTER: (
+        "the points have no scatter beyond rounding errors (are they computed values, "
+        "not readings?), so the size of their errors "
+        "cannot be estimated: there is no standard deviation; state u_y"
+    ),
+    Kind.AT_LIMIT: (
+        "{name} lies at its limit {value:.6g}: it has no standard deviation; use its interval"
+    ),
+    Kind.NEAR_LIMIT: (
+        "{name} is less than one standard deviation from its limit {value:.6g}: "
+        "no standard deviation is given; use its interval"
+    ),
+    Kind.CUT_BY_LIMIT: (
+        "{name} has no standard deviation, because the limit of {names} "
+        "truncates it: use its interval"
+    ),
+    Kind.CUT_BY_NONE: (
+        "{name} has no standard deviation, because the curve expects none where 0 was counted "
+        "and cannot expect less: use its interval, which is too short beside counts of 0 (that "
+        "of 95 % for a single one ends at 1.9 instead of 3.0)"
+    ),
+}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table, said
@@ -35,26 +34,24 @@ def _with_friction(f: Finding, words: str) -> str:
     return said(f, words, p=p, needs=_needs(f))
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.FRICTION_NEEDED: lambda f: phrase("run {run}: ", run=f.run) + _needs(f),
-        Kind.ROLLING_SURE: lambda f: _with_friction(
-            f,
-            later(
-                "run {run}: with the stated friction, the probability of rolling without slipping "
-                "is {p}; {needs}"
-            ),
+WORDS: Table = {
+    Kind.FRICTION_NEEDED: lambda f: phrase("run {run}: ", run=f.run) + _needs(f),
+    Kind.ROLLING_SURE: lambda f: _with_friction(
+        f,
+        later(
+            "run {run}: with the stated friction, the probability of rolling without slipping "
+            "is {p}; {needs}"
         ),
-        Kind.ROLLING_DOUBTFUL: lambda f: _with_friction(
-            f,
-            later(
-                "run {run}: with the stated friction, the probability of rolling without slipping "
-                "is only {p}, while the curve assumes rolling without slipping; {needs}"
-            ),
+    ),
+    Kind.ROLLING_DOUBTFUL: lambda f: _with_friction(
+        f,
+        later(
+            "run {run}: with the stated friction, the probability of rolling without slipping "
+            "is only {p}, while the curve assumes rolling without slipping; {needs}"
         ),
-        Kind.ROLLING_HOPS: (
-            "run {run}: on the fitted curve the body would leave the ramp with "
-            "probability {hops:.2f}, while the curve assumes that it does not"
-        ),
-    }
-)
+    ),
+    Kind.ROLLING_HOPS: (
+        "run {run}: on the fitted curve the body would leave the ramp with "
+        "probability {hops:.2f}, while the curve assumes that it does not"
+    ),
+}

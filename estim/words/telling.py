@@ -7,7 +7,6 @@ Python (`estim.common.spoken`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 
 from estim.common import Finding, Kind, at_commands, later, phrase
 from estim.words import (
@@ -46,207 +45,195 @@ _ONE_FAR_OFF = later(
     "look at the outlying reading; if single readings may be blunders, allow for outliers "
     "({robust}): each is named and has hardly any weight"
 )
-_OF_TEST: Mapping[str, str] = MappingProxyType(
-    {
-        "largest": _ONE_FAR_OFF,
-        "uneven": later(
-            "state the standard deviation of each reading (a column of u_y), for example "
-            "as a fraction of the reading; if it is "
-            "proportional to y, fitting the logarithm of y makes it uniform"
-        ),
-        "repeated": later(
-            "readings at the same x share an error, or the curve is wrong: if the curve is "
-            "known to be right, fit the mean of the "
-            "readings at each x without u_y, so that the scatter of the means about the "
-            "curve determines the size of their errors"
-        ),
-    }
-)  # what to do about a curve whose residuals fail one test
+_OF_TEST: Mapping[str, str] = {
+    "largest": _ONE_FAR_OFF,
+    "uneven": later(
+        "state the standard deviation of each reading (a column of u_y), for example "
+        "as a fraction of the reading; if it is "
+        "proportional to y, fitting the logarithm of y makes it uniform"
+    ),
+    "repeated": later(
+        "readings at the same x share an error, or the curve is wrong: if the curve is "
+        "known to be right, fit the mean of the "
+        "readings at each x without u_y, so that the scatter of the means about the "
+        "curve determines the size of their errors"
+    ),
+}  # what to do about a curve whose residuals fail one test
 
 
-_CHOICES = MappingProxyType(
-    {
-        _SEED: ("seed=", "--seed"),
-        _STEPS: ("target=Target(max_step=...)", "--max-steps"),
-        _CORRELATED: ("correlated=True", later("correlated = true in [curve]")),
-        _ROBUST: ('robust="mixture"', later('robust = "mixture" in [curve]')),
-    }
-)  # what is chosen -> how in Python, and at the command line
+_CHOICES = {
+    _SEED: ("seed=", "--seed"),
+    _STEPS: ("target=Target(max_step=...)", "--max-steps"),
+    _CORRELATED: ("correlated=True", later("correlated = true in [curve]")),
+    _ROBUST: ('robust="mixture"', later('robust = "mixture" in [curve]')),
+}  # what is chosen -> how in Python, and at the command line
 
 
-WORDS: Table = MappingProxyType(
-    {
-        **parameters.WORDS,
-        **draws.WORDS,
-        **residuals.WORDS,
-        **forces.WORDS,
-        **deviations.WORDS,
-        **causes.WORDS,
-        **frames.WORDS,
-        **agreement.WORDS,
-        **lines.WORDS,
-        **trials.WORDS,
-        **rows.WORDS,
-        **rolling.WORDS,
-        **regimes.WORDS,
-        **releases.WORDS,
-    }
-)
+WORDS: Table = {
+    **parameters.WORDS,
+    **draws.WORDS,
+    **residuals.WORDS,
+    **forces.WORDS,
+    **deviations.WORDS,
+    **causes.WORDS,
+    **frames.WORDS,
+    **agreement.WORDS,
+    **lines.WORDS,
+    **trials.WORDS,
+    **rows.WORDS,
+    **rolling.WORDS,
+    **regimes.WORDS,
+    **releases.WORDS,
+}
 
-ADVICE: Mapping[Kind, str] = MappingProxyType(
-    {
-        Kind.FIT_UNSETTLED: (
-            "check the starting values and the priors; a parameter that still changes may "
-            "need a limit"
-        ),
-        Kind.STEP_UNSETTLED: "give it limits, or try other starting values",
-        Kind.ROUNDING: (
-            "set limits on parameters that became far too large, or write the formula in x "
-            "- x0, with x0 in the middle of the data"
-        ),
-        Kind.VALUE_OUTSIDE: "try other starting values",
-        Kind.CHAIN_SHORT: (
-            "increase {steps}; if that does not help, look at the trace plots: a parameter "
-            "that drifts needs a tighter prior or more data"
-        ),
-        Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
-        Kind.METHODS_DIFFER: (
-            "try another {seed} and a higher {steps}; if they still differ, report it as a "
-            "bug: one of two computations of the same "
-            "quantity is wrong"
-        ),
-        Kind.SLOPES_DIFFER: (
-            "the priors of the Bayesian line influence the result: take more points"
-        ),
-        Kind.SEVERAL_SOLUTIONS: (
-            "choose between the solutions by a prior (a range that contains one of them) "
-            "or by a further measurement, and fit again"
-        ),
-        Kind.DIRECTION_FLAT: (
-            "state one of these parameters as a measured value with its uncertainty (a "
-            "uniform range does not count)"
-        ),
-        Kind.SINGULAR: (
-            "state at least one of the parameters with an uncertainty; the table of "
-            "correlations shows which are correlated"
-        ),
-        Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
-        Kind.HARDLY_HELD: "give it limits, or a prior",
-        Kind.OPEN_SIDE: (
-            "state its value with an uncertainty, or a limit; or fit a simpler curve "
-            "without the term that the data do not show"
-        ),
-        Kind.LINE_NOT_RISING: (
-            "gamma = 1/slope requires a slope that is definitely positive: measure at more "
-            "tilts and at steeper ones"
-        ),
-        Kind.RESIDUALS_ZERO: (
-            "use the readings themselves, not numbers computed or smoothed from the curve; "
-            "simulated data need simulated errors added"
-        ),
-        Kind.RESIDUALS_TOO_LARGE: (
-            "the residuals look random, but larger than stated: if nothing in the file "
-            "explains this, let the data determine the size of "
-            "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
-            '= "log-normal", median = 0.001, log_sd = '
-            "1.0} (in a [curve] table leave u_y out)"
-        ),
-        Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
-        Kind.CURVE_LACKS: (
-            "look at the residuals for a bad reading or a wrong window; otherwise try "
-            "another curve, because this one does not fit. Keep "
-            "it only if the formula is known to be right: if successive readings are "
-            "correlated, use {correlated}; if something "
-            "irregular disturbs y and its size is known from elsewhere, not from these "
-            "residuals, state that size (deviation)"
-        ),
-        Kind.DEVIATION_TOO_LARGE: _ANOTHER,
-        Kind.DEVIATION_TOO_SLOW: _ANOTHER,
-        Kind.FORCE_NOT_LINEAR: (
-            "fit a shorter section of the motion (a window that ends at the turning "
-            "point), or speeds in place of positions, and look "
-            "for a defect of the ramp: the figure of the force shows where"
-        ),
-        Kind.FRAMES_CROWD: (
-            "check the file and the window for a section that belongs to another motion, "
-            "or for a stated reading error that is too small"
-        ),
-        Kind.CHI2_TOO_LARGE: (
-            "look at the residuals; if they are random, leave u_y out, and their size "
-            "determines how large the errors are"
-        ),
-        Kind.COUNTS_SCATTER: (
-            "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
-            "for it, dead time, or events that come in "
-            "bursts; if none of these can be remedied, fit the counts as readings without "
-            "u_y, and their scatter determines how large "
-            "the errors are"
-        ),
-        Kind.SCATTER_TOO_LARGE: (
-            "the curve does not describe this motion, or the stated resolution of the "
-            "instrument is much too optimistic"
-        ),
-        Kind.FORCE_TOO_LARGE: (
-            "look at the figure of the force: the stated values of body, tilt and start "
-            "may be wrong, or something drives the body; if "
-            "so large a force is plausible, state it by unmodelled_force"
-        ),
-        Kind.NOISE_TOO_LARGE: (
-            "look for readings that jump (lost counts, a mark mistaken for another) and "
-            "exclude them by a window; otherwise state the "
-            "actual error of a reading"
-        ),
-        Kind.OUTLIERS_CROWD: (
-            "exclude by a window the frames that do not belong to the motion; robust noise "
-            "is meant for a "
-            "minority of bad frames"
-        ),
-        Kind.RUNS_DISAGREE: _ONE_RUN,
-        Kind.RUN_DISAGREES: _ONE_RUN,
-        Kind.RUNS_TIED: _ONE_RUN,
-        Kind.RUNS_AGAINST_STATED: _ONE_RUN,
-        Kind.STATED_DISAGREE: (
-            "check the stated value: its unit, its uncertainty, and the scale and zero of "
-            "the data; a compromise between two values that "
-            "disagree is neither of them"
-        ),
-        Kind.STATED_AND_CURVE: _NOT_RANDOM,
-        Kind.RUN_OFF_MAP: (
-            "check its tilt (including the sign), its angle of release (the direction in "
-            "which it is measured) and gamma; a fit of the "
-            "run shows which of them is wrong"
-        ),
-        Kind.GAMMA_TOO_LARGE: (
-            "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of "
-            "them wrong?"
-        ),
-        Kind.TRIALS_SILENT: (
-            "choose angles on both sides of the threshold of climbing: some trials must "
-            "climb and some must not, "
-            "at two or more tilts"
-        ),
-        Kind.TRIALS_SCATTER: (
-            "look for a trial whose outcome or angle was recorded wrongly, and for a tilt "
-            "that was read wrongly; otherwise state a "
-            "larger u_theta_deg"
-        ),
-        Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
-        Kind.PRESSED_EDGE: (
-            "if values beyond the edge are possible, widen the prior; if not, something "
-            "else is wrong: a stated value, a scale or the curve"
-        ),
-        Kind.PRESSED_LIMIT: "is the limit right?",
-        Kind.RANKS_UNEVEN: (
-            "do not quote this interval: the priors, the noise or the curve are not those "
-            "of the simulated data"
-        ),
-        Kind.COVERAGE_OFF: "do not quote this interval with its nominal probability",
-        Kind.TRIALS_FAILED: (
-            "state narrower priors: where they allow values for which the curve cannot be "
-            "computed, there is no posterior"
-        ),
-    }
-)
+ADVICE: Mapping[Kind, str] = {
+    Kind.FIT_UNSETTLED: (
+        "check the starting values and the priors; a parameter that still changes may need a limit"
+    ),
+    Kind.STEP_UNSETTLED: "give it limits, or try other starting values",
+    Kind.ROUNDING: (
+        "set limits on parameters that became far too large, or write the formula in x "
+        "- x0, with x0 in the middle of the data"
+    ),
+    Kind.VALUE_OUTSIDE: "try other starting values",
+    Kind.CHAIN_SHORT: (
+        "increase {steps}; if that does not help, look at the trace plots: a parameter "
+        "that drifts needs a tighter prior or more data"
+    ),
+    Kind.WALKERS_STUCK: "repeat with another {seed}, and look at the trace plots",
+    Kind.METHODS_DIFFER: (
+        "try another {seed} and a higher {steps}; if they still differ, report it as a "
+        "bug: one of two computations of the same "
+        "quantity is wrong"
+    ),
+    Kind.SLOPES_DIFFER: ("the priors of the Bayesian line influence the result: take more points"),
+    Kind.SEVERAL_SOLUTIONS: (
+        "choose between the solutions by a prior (a range that contains one of them) "
+        "or by a further measurement, and fit again"
+    ),
+    Kind.DIRECTION_FLAT: (
+        "state one of these parameters as a measured value with its uncertainty (a "
+        "uniform range does not count)"
+    ),
+    Kind.SINGULAR: (
+        "state at least one of the parameters with an uncertainty; the table of "
+        "correlations shows which are correlated"
+    ),
+    Kind.UNDETERMINED: "state one of the parameters with an uncertainty, or fix it",
+    Kind.HARDLY_HELD: "give it limits, or a prior",
+    Kind.OPEN_SIDE: (
+        "state its value with an uncertainty, or a limit; or fit a simpler curve "
+        "without the term that the data do not show"
+    ),
+    Kind.LINE_NOT_RISING: (
+        "gamma = 1/slope requires a slope that is definitely positive: measure at more "
+        "tilts and at steeper ones"
+    ),
+    Kind.RESIDUALS_ZERO: (
+        "use the readings themselves, not numbers computed or smoothed from the curve; "
+        "simulated data need simulated errors added"
+    ),
+    Kind.RESIDUALS_TOO_LARGE: (
+        "the residuals look random, but larger than stated: if nothing in the file "
+        "explains this, let the data determine the size of "
+        "the errors, by a prior in place of the number, for example sigma_x_m = {prior "
+        '= "log-normal", median = 0.001, log_sd = '
+        "1.0} (in a [curve] table leave u_y out)"
+    ),
+    Kind.RESIDUALS_NOT_RANDOM: _NOT_RANDOM,
+    Kind.CURVE_LACKS: (
+        "look at the residuals for a bad reading or a wrong window; otherwise try "
+        "another curve, because this one does not fit. Keep "
+        "it only if the formula is known to be right: if successive readings are "
+        "correlated, use {correlated}; if something "
+        "irregular disturbs y and its size is known from elsewhere, not from these "
+        "residuals, state that size (deviation)"
+    ),
+    Kind.DEVIATION_TOO_LARGE: _ANOTHER,
+    Kind.DEVIATION_TOO_SLOW: _ANOTHER,
+    Kind.FORCE_NOT_LINEAR: (
+        "fit a shorter section of the motion (a window that ends at the turning "
+        "point), or speeds in place of positions, and look "
+        "for a defect of the ramp: the figure of the force shows where"
+    ),
+    Kind.FRAMES_CROWD: (
+        "check the file and the window for a section that belongs to another motion, "
+        "or for a stated reading error that is too small"
+    ),
+    Kind.CHI2_TOO_LARGE: (
+        "look at the residuals; if they are random, leave u_y out, and their size "
+        "determines how large the errors are"
+    ),
+    Kind.COUNTS_SCATTER: (
+        "look at the pulls: possible causes are a wrong curve, a bin that is too wide "
+        "for it, dead time, or events that come in "
+        "bursts; if none of these can be remedied, fit the counts as readings without "
+        "u_y, and their scatter determines how large "
+        "the errors are"
+    ),
+    Kind.SCATTER_TOO_LARGE: (
+        "the curve does not describe this motion, or the stated resolution of the "
+        "instrument is much too optimistic"
+    ),
+    Kind.FORCE_TOO_LARGE: (
+        "look at the figure of the force: the stated values of body, tilt and start "
+        "may be wrong, or something drives the body; if "
+        "so large a force is plausible, state it by unmodelled_force"
+    ),
+    Kind.NOISE_TOO_LARGE: (
+        "look for readings that jump (lost counts, a mark mistaken for another) and "
+        "exclude them by a window; otherwise state the "
+        "actual error of a reading"
+    ),
+    Kind.OUTLIERS_CROWD: (
+        "exclude by a window the frames that do not belong to the motion; robust noise "
+        "is meant for a "
+        "minority of bad frames"
+    ),
+    Kind.RUNS_DISAGREE: _ONE_RUN,
+    Kind.RUN_DISAGREES: _ONE_RUN,
+    Kind.RUNS_TIED: _ONE_RUN,
+    Kind.RUNS_AGAINST_STATED: _ONE_RUN,
+    Kind.STATED_DISAGREE: (
+        "check the stated value: its unit, its uncertainty, and the scale and zero of "
+        "the data; a compromise between two values that "
+        "disagree is neither of them"
+    ),
+    Kind.STATED_AND_CURVE: _NOT_RANDOM,
+    Kind.RUN_OFF_MAP: (
+        "check its tilt (including the sign), its angle of release (the direction in "
+        "which it is measured) and gamma; a fit of the "
+        "run shows which of them is wrong"
+    ),
+    Kind.GAMMA_TOO_LARGE: (
+        "are the columns phi_deg and theta_min_deg swapped, or is the unit of one of them wrong?"
+    ),
+    Kind.TRIALS_SILENT: (
+        "choose angles on both sides of the threshold of climbing: some trials must "
+        "climb and some must not, "
+        "at two or more tilts"
+    ),
+    Kind.TRIALS_SCATTER: (
+        "look for a trial whose outcome or angle was recorded wrongly, and for a tilt "
+        "that was read wrongly; otherwise state a "
+        "larger u_theta_deg"
+    ),
+    Kind.POINTS_SCATTER: "check the uncertainties and look for a bad point",
+    Kind.PRESSED_EDGE: (
+        "if values beyond the edge are possible, widen the prior; if not, something "
+        "else is wrong: a stated value, a scale or the curve"
+    ),
+    Kind.PRESSED_LIMIT: "is the limit right?",
+    Kind.RANKS_UNEVEN: (
+        "do not quote this interval: the priors, the noise or the curve are not those "
+        "of the simulated data"
+    ),
+    Kind.COVERAGE_OFF: "do not quote this interval with its nominal probability",
+    Kind.TRIALS_FAILED: (
+        "state narrower priors: where they allow values for which the curve cannot be "
+        "computed, there is no posterior"
+    ),
+}
 
 
 def tell(finding: Finding) -> str:

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from types import MappingProxyType
-
 from estim.common import Finding, Kind, later, phrase
 from estim.words.table import Table, said
 
-_DIRECTIONS = MappingProxyType(
-    {
-        "": "",
-        "none": later("no posterior at all"),
-        "low": later("biased: the estimates are too low"),
-        "high": later("biased: the estimates are too high"),
-        "narrow": later("intervals are too narrow"),
-        "wide": later("intervals are too wide"),
-    }
-)
+_DIRECTIONS = {
+    "": "",
+    "none": later("no posterior at all"),
+    "low": later("biased: the estimates are too low"),
+    "high": later("biased: the estimates are too high"),
+    "narrow": later("intervals are too narrow"),
+    "wide": later("intervals are too wide"),
+}
 
 
 def direction_words(direction: str) -> str:
@@ -44,12 +40,10 @@ def _coverage(f: Finding) -> str:
     )
 
 
-WORDS: Table = MappingProxyType(
-    {
-        Kind.RANKS_UNEVEN: _uneven,
-        Kind.COVERAGE_OFF: _coverage,
-        Kind.TRIALS_FAILED: (
-            "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {name}"
-        ),
-    }
-)
+WORDS: Table = {
+    Kind.RANKS_UNEVEN: _uneven,
+    Kind.COVERAGE_OFF: _coverage,
+    Kind.TRIALS_FAILED: (
+        "{n:.0f} of {trials:.0f} simulated campaigns gave no posterior, mostly: {name}"
+    ),
+}

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from estim.common import InputError
 
 Unit = Literal["m", "cm", "mm"]
 
-METRES: Mapping[str, float] = MappingProxyType({"m": 1.0, "cm": 0.01, "mm": 0.001})
+METRES: Mapping[str, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 DROP = "--drop-duplicates (in a campaign: drop_duplicates = true)"
 
