@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 
-_PATIENCE = "10s"
-
-
 @contextmanager
 def cluster(address: str | None) -> Iterator[Executor | None]:
     """The executor of the Dask cluster at `address`; None for None.  Raises InputError where it
@@ -40,7 +37,7 @@ def cluster(address: str | None) -> Iterator[Executor | None]:
         ) from None
     logging.disable()  # it would print the traceback of what is told in a line below
     try:
-        client = Client(address, timeout=_PATIENCE)
+        client = Client(address, timeout="10s")
     except (OSError, ValueError) as error:
         raise InputError(
             f"cannot be reached ({str(error).splitlines()[0]})", field="--scheduler", value=address

@@ -12,7 +12,6 @@ import click
 
 from estim.common import as_json, json_of
 
-_SCHEMA = "estim-command-1"
 _KEY = "estim.json"
 
 
@@ -34,7 +33,7 @@ class Answer:
 
         results = {name: json_of(data) for name, data in self.results.items()}
         return {
-            "schema": _SCHEMA,
+            "schema": "estim-command-1",
             "command": command,
             "exit_code": code,
             "lines": self.lines,

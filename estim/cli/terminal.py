@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from estim.sampling import Progress
 
 _GO_ON = "continue with --resume"
-_FOR_PROGRAMS = "ESTIM_PROGRESS"
 BAD_INPUT, NOT_OK, INTERRUPTED = 2, 3, 130  # exit codes; those of streams are in `output_streams`
 
 
@@ -63,7 +62,7 @@ def _reported(**facts: object) -> bool:
     """Whether a program is told of progress and errors, as lines of JSON on stderr: where it set
     ESTIM_PROGRESS to "json".
     """
-    asked = os.environ.get(_FOR_PROGRAMS) == "json"
+    asked = os.environ.get("ESTIM_PROGRESS") == "json"
     if asked:
         say(json.dumps(facts), err=True)
     return asked

@@ -20,7 +20,6 @@ from estim.common import InputError, in_its_file, note_input, phrase
 
 MAX_BYTES = 64 * 1024**2
 TOML_BYTES = 256 * 1024  # limit for files that people write
-_ONLY_WITHIN = "ESTIM_INPUTS_WITHIN"
 _LINE_END = re.compile(r"\r\n|\n|\r")
 _HIDDEN_ROWS = re.compile(r"(?:\A|(?<=[\r\n]))[^\S\r\n]*[#%][^\r\n]*\r(?![\r\n])")
 _NO_TEXT = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0", b"%PDF", b"\x1f\x8b")
@@ -57,7 +56,7 @@ def refuse_outside(path: Path) -> None:
     """Raises InputError where ESTIM_INPUTS_WITHIN names a folder and `path` lies outside it:
     whoever runs estim on what others hand in says so, and no other file is even looked for.
     """
-    home = os.environ.get(_ONLY_WITHIN)
+    home = os.environ.get("ESTIM_INPUTS_WITHIN")
     if home and leads_out(path, Path(home)):
         raise InputError("lies outside the folder of the files that were handed in", file=path)
 

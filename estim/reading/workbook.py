@@ -24,7 +24,6 @@ from estim.reading.dialect import Dialect, column_number
 _MAX_CELLS = 4_000_000
 _MAX_BYTES = 128 * 1024**2  # of all parts, unpacked
 _LEAST_ROWS = 2  # of numbers, in the first sheet with a table
-_NEEDED = (".xml", ".rels", "mimetype")
 
 Cells = dict[tuple[int, int], str]
 
@@ -70,7 +69,7 @@ def _parts(data: bytes) -> dict[str, bytes]:
     parts, size = dict[str, bytes](), 0
     with opened(data) as archive:
         for info in archive.infolist():
-            if info.filename.endswith(_NEEDED):
+            if info.filename.endswith((".xml", ".rels", "mimetype")):
                 parts[info.filename] = unpacked(archive, info)
                 size += len(parts[info.filename])
             if size > _MAX_BYTES:

@@ -12,7 +12,6 @@ from estim.reports.result import Correlation, Provenance, provenance_of
 from estim.sampling import number
 from estim.studies.bodies import BodyProperties
 
-BODY_SCHEMA = "estim-body/1"
 _LEAST_SHARE = 0.5  # %, of what is told of a budget
 
 
@@ -93,7 +92,7 @@ def body_result(source: CampaignFile, weighing: BodyProperties, *, seed: int) ->
     }
     at = provenance_of(source.path, source.sha256, {}, seed)
     return BodyResult(
-        BODY_SCHEMA,
+        "estim-body/1",
         source.title,
         source.kind,
         bodies,

@@ -29,7 +29,6 @@ from estim.reports.rendering import render, shown
 from estim.reports.result import Provenance, provenance
 from estim.studies.energy import Drift, EnergyEstimate, EnergyRecord, energy_status
 
-ENERGY_SCHEMA = "estim-energy/1"
 _ANYTHING = 1.0  # standard uncertainty of a ratio that says nothing
 
 
@@ -208,7 +207,7 @@ def energy_report(
         for run in a.problem.runs
     }
     result = EnergyResult(
-        ENERGY_SCHEMA,
+        "estim-energy/1",
         campaign.title,
         campaign.kind,
         gravest(statuses.values()),

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 HOW_TO_GET = "pip install arviz-base h5netcdf xarray-einstats"
 _NETCDF = ("h5netcdf", "h5py")
-_COORDINATES = ("chain", "draw", "step", "walker")
 _PRIOR_DRAWS = 4000
 Variable = tuple[tuple[str, ...], FloatArray, Mapping[str, str]]
 """Dimensions, values, attributes."""
@@ -340,7 +339,7 @@ def _variable(name: str, what: str) -> str:
     """The name of a variable: that of the parameter or run, but "parameter chain" where a
     coordinate bears it already.
     """
-    return f"{what} {name}" if name in _COORDINATES else name
+    return f"{what} {name}" if name in ("chain", "draw", "step", "walker") else name
 
 
 def _dim(run: str) -> str:

@@ -35,7 +35,6 @@ from estim.reports.trials import UNKNOWN_LABELS, TrialsResult, trials_files
 from estim.sampling import Summary, summarise, trusted
 from estim.words import advice_for
 
-LINE_SCHEMA = "estim-line/1"
 _METHODS = {
     "ols": later("ordinary least squares (the paper's)"),
     "weighted": later("weighted by u(θ_min) alone"),
@@ -114,7 +113,7 @@ def line_result(campaign: Campaign, analysis: LineAnalysis) -> LineResult:
     angle = float(np.mean(np.cos(analysis.series.theta_min)))
     steepest, status, ok = analysis.steepest, analysis.status, analysis.status.ok
     return LineResult(
-        schema_=LINE_SCHEMA,
+        schema_="estim-line/1",
         title=campaign.title,
         kind=campaign.kind,
         status=analysis.status,

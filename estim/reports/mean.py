@@ -27,7 +27,6 @@ from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
-MEAN_SCHEMA = "estim-mean/1"
 _MOST_NAMED = 40
 
 
@@ -104,7 +103,7 @@ def mean_report(found: TableMean, *, seed: int, figures: FigureChoice = "main") 
     mean, groups = found.mean, found.mean.groups
     shown = mean.shown()
     result = MeanResult(
-        MEAN_SCHEMA,
+        "estim-mean/1",
         Status.OK,
         found.name,
         mean.data.size,

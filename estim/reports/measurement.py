@@ -33,7 +33,6 @@ from estim.reports.records import Record, Report
 from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 
-MEASUREMENT_SCHEMA = "estim-propagation/1"
 _DIGITS = 3  # of u in tables: one more than a statement has
 _INTERVALS = {"symmetric": later("symmetric"), "shortest": later("shortest")}
 _LAWS = {
@@ -200,7 +199,7 @@ def measurement_result(propagation: Propagation, *, seed: int) -> MeasurementRes
     ]
     at = provenance_of(model.path, model.sha256, {}, seed)
     return MeasurementResult(
-        MEASUREMENT_SCHEMA,
+        "estim-propagation/1",
         model.title,
         model.source,
         gravest(propagation.statuses),

@@ -32,7 +32,6 @@ from estim.studies.models import (
     rival_of,
 )
 
-_OF_INTEREST = ("gamma", "kappa", "theta0")
 _WORTH = (
     (
         1.0,
@@ -274,7 +273,7 @@ def _common(rows: Sequence[ComparedModel]) -> list[Parameter]:
     return [
         p
         for p in rows[0].analysis.problem.parameters
-        if p.name in names and split_level(p.name)[0] in _OF_INTEREST
+        if p.name in names and split_level(p.name)[0] in ("gamma", "kappa", "theta0")
     ]
 
 

@@ -59,7 +59,6 @@ from estim.studies.limits import Narrowing
 from estim.studies.published import Claim
 from estim.studies.reanalysis import BodyAnalysis, Reanalysis
 
-REANALYSIS_SCHEMA = "estim-reanalysis/1"
 _STRONG = 0.9  # correlation of two parameters that are one unknown in effect
 
 
@@ -120,7 +119,7 @@ class ReanalysisResult(Report):
 def reanalysis_result(r: Reanalysis) -> ReanalysisResult:
     """The record of a reanalysis; the report prints from it."""
     return ReanalysisResult(
-        schema_=REANALYSIS_SCHEMA,
+        schema_="estim-reanalysis/1",
         title=r.campaign.title,
         kind=r.campaign.kind,
         statuses=dict(r.statuses),

@@ -44,7 +44,6 @@ from estim.studies.regimes import BodyMap
 from estim.studies.run_places import RunPlace
 from estim.words import advice_for, sure, tell
 
-MAP_SCHEMA = "estim-map/1"
 _DEGREES = float(np.degrees(1.0))
 _TILT_STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
 _ORIGINS = {"asked": later("as specified"), "stated": later("ramp_length_m minus ramp_start_m")}
@@ -145,7 +144,7 @@ def map_result(campaign: Campaign, maps: Sequence[BodyMap], *, seed: int) -> Map
     findings = [finding for body_map in maps for finding in body_map.findings]
     fitted = maps[0].known.fitted
     return MapResult(
-        MAP_SCHEMA,
+        "estim-map/1",
         campaign.title,
         campaign.kind,
         decide(findings),

@@ -30,7 +30,6 @@ from estim.reports.rendering import render
 from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary
 
-STRAIGHT_SCHEMA = "estim-straight-line/1"
 _METHODS = {
     "ols": later("ordinary least squares"),
     "weighted": later("weighted by u(y)"),
@@ -74,7 +73,7 @@ def straight_line_result(line: StraightLine) -> StraightLineResult:
         key: None if name is None else one_line(name) for key, name in vars(line.columns).items()
     }
     return StraightLineResult(
-        STRAIGHT_SCHEMA,
+        "estim-straight-line/1",
         line.status,
         line.message,
         fit.method,

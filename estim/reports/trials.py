@@ -51,7 +51,6 @@ from estim.reports.result import Provenance, provenance_of
 from estim.sampling import Summary, number, trusted
 from estim.words import advice_for, told_apart
 
-TRIALS_SCHEMA = "estim-trials/1"
 _LINES = {
     "york": later("York's line through the θ_min series"),
     "posterior": later("Bayesian line through the θ_min series"),
@@ -119,7 +118,7 @@ def trials_result(
     status, trials, masses = analysis.status, analysis.trials, analysis.gamma_masses
     posterior = analysis.posterior
     return TrialsResult(
-        schema_=TRIALS_SCHEMA,
+        schema_="estim-trials/1",
         title=campaign.title,
         kind=campaign.kind,
         status=status,

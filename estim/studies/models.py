@@ -50,7 +50,6 @@ BEHIND, SES = 4.0, 2.0
 FACTORS = (0.5, 2.0)  # of the width of a prior
 # what the default adds beside parameters
 FORCE, START = later("the force"), later("the free start")
-_OF_START = ("release_energy", "release_speed")
 _WIDTH_DRAWS = 8000
 
 
@@ -280,7 +279,7 @@ def log_odds(row: ComparedModel, other: ComparedModel) -> float:
 
 def _held_against_none(row: ComparedModel, other: ComparedModel) -> float:
     at_rest = not other.model.forced and not any(
-        name.startswith(_OF_START) for name in other.model.own
+        name.startswith(("release_energy", "release_speed")) for name in other.model.own
     )
     return row.price_of_start if at_rest else 0.0
 

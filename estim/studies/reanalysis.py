@@ -31,9 +31,6 @@ from estim.studies.published import (
 )
 from estim.studies.refits import ProgressOf
 
-_OF_BODY = ("gamma", "kappa")
-_COMMAND = "estim reanalyse"
-
 
 @dataclass(frozen=True, eq=False)
 class BodyAnalysis:
@@ -192,7 +189,7 @@ def reanalyse(
 
     Raises InputError; NumericalError where processes are killed, twice.
     """
-    campaign.require_speeds(campaign.run_names, _COMMAND)
+    campaign.require_speeds(campaign.run_names, "estim reanalyse")
     paper = _published(campaign)
     work = _TaskRunner(
         campaign,
@@ -269,7 +266,7 @@ def _body(
     shared = [
         n
         for n in joint.problem.names
-        if n.partition("[")[0] in _OF_BODY
+        if n.partition("[")[0] in ("gamma", "kappa")
         and all(n in single.problem.names for single in single_runs)
     ]
     return BodyAnalysis(

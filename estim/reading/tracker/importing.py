@@ -29,7 +29,6 @@ from estim.reading.tracker.track import Track, Unit
 from estim.reading.tracker.trk import read_tracker
 
 _UNITS = {"t": "s", "t_s": "s", "frame": "1"}  # all others are lengths in m
-_TRACKER_FILES = (".trk", ".trz")
 _MIN_ROWS = 5
 
 
@@ -75,7 +74,7 @@ class Imported:
 
 
 def is_tracker_file(path: Path) -> bool:
-    return path.suffix.lower() in _TRACKER_FILES
+    return path.suffix.lower() in (".trk", ".trz")
 
 
 def head_of_export_file(path: Path) -> tuple[int, str, bool] | None:

@@ -27,7 +27,6 @@ from estim.reading.input_file import read_bytes
 from estim.reading.tracker.track import METRES, Track
 from estim.reading.tracker.xml import Element, parse_tracker_xml, unpack_trz
 
-_POINT_MASS = "PointMass"
 _MAX_BYTES = 64 * 1024**2
 _MAX_ARCHIVE = 512 * 1024**2
 _MAX_FRAMES = 10_000_000
@@ -135,7 +134,7 @@ def _choose(panel: Element, wanted: str | None) -> tuple[str, Element]:
     InputError listing what there is.
     """
     tracks = _tracks(panel)
-    masses = [(name, track) for name, kind, track in tracks if kind == _POINT_MASS]
+    masses = [(name, track) for name, kind, track in tracks if kind == "PointMass"]
     names = listed([name for name, _ in masses])
     if not masses:
         other = listed([f"{name} ({kind})" for name, kind, _ in tracks]) or "no track at all"
