@@ -402,9 +402,9 @@ def _ends(u: float, low: float, high: float) -> str:
     return interval(low, high, u if u > 0.0 else 0.25 * (high - low), _DIGITS)
 
 
-def _dof(dof: float) -> str:
+def _dof(dof: float, form: str = "%.4g") -> str:
     """Degrees of freedom, if not infinitely many."""
-    return "∞" if math.isinf(dof) else f"{dof:.4g}"
+    return "∞" if math.isinf(dof) else form % dof
 
 
 def _density_name(unit: str) -> str:
