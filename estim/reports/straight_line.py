@@ -200,10 +200,10 @@ def straight_line_lines(line: StraightLine) -> list[str]:
     ]
 
 
-def _pair(value: float, u: float) -> str:
-    """Value ± uncertainty to two digits of it."""
-    return rounded(value, u, 2) + (
-        f" ± {rounded(u, u, 2, beside=value)}" if 0.0 < u < math.inf else ""
+def _pair(value: float, u: float, digits: int = 2) -> str:
+    """Value ± uncertainty to as many digits of it."""
+    return rounded(value, u, digits) + (
+        f" ± {rounded(u, u, digits, beside=value)}" if 0.0 < u < math.inf else ""
     )
 
 
