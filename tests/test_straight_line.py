@@ -209,7 +209,7 @@ def test_fiellers_interval_is_the_set_of_lines_that_explain_the_reading(tmp_path
     variance = 0.3**2 + error.u_intercept**2 + grid**2 * error.u_slope**2 + 2.0 * grid * error.cov
     inside = grid[(5.0 - line.fit.intercept - line.fit.slope * grid) ** 2 <= line.k**2 * variance]
     assert (found.low, found.high) == pytest.approx((inside.min(), inside.max()), abs=2e-4)
-    assert found.high - found.x > 1.1 * (found.x - found.low)
+    assert found.high - found.value > 1.1 * (found.value - found.low)
     flat = tmp_path / "flat.csv"
     flat.write_text("x,y,u_y\n1,1.0,1\n2,1.1,1\n3,0.9,1\n4,1.2,1\n")
     assert math.isinf(straight_line(flat, Columns(), inverse=[Quantity(1.0, 0.1)]).inverses[0].high)
