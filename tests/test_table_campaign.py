@@ -6,15 +6,17 @@ from __future__ import annotations
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_runner import runner
+from conftest import REAL
 from tracker_files import point_mass, trk
 
 from estim import fit_curve
-from estim.campaign import TableChoices, campaign_of_table, load_campaign
+from estim.campaign import Campaign, TableChoices, campaign_of_table, load_campaign
 from estim.campaign.table_campaign import text_of_table
 from estim.cli.commands import cli
 from estim.common.errors import EstimError, InputError
@@ -644,3 +646,119 @@ def test_a_misspelt_model_is_no_constant_of_that_name(tmp_path: Path) -> None:
         file, TableChoices(formula="mean", start={"mean": "3"})
     )
     assert 'expression = "x + b"' in text_of_table(file, TableChoices(formula="x + b"))
+
+
+# ---- a disk that rolled, in place of a formula ----
+
+ROLLED = {
+    "radius_m": "0.15(1)",
+    "gamma": "0.19(1)",
+    "phi_deg": "4.0(4)",
+    "theta0_deg": "60(2)",
+    "sigma_x_m": "0.001",
+}
+
+
+def rolled(file: Path, **said: str) -> Campaign:
+    choices = {key: said.pop(key) for key in ("x", "y", "track", "release") if key in said}
+    return campaign_of_table(file, TableChoices(formula="", rolling=ROLLED | said, **choices))
+
+
+@pytest.mark.parametrize("run", ["heavy-02", "heavy-08", "light-01"])
+def test_a_rolling_disk_by_options_is_the_run_of_the_campaign(replica: Path, run: str) -> None:
+    """The density of a run of the replica at random values, by its file and by options."""
+    wanted = load_campaign(replica / "campaign.toml", only=run)
+    table = tomllib.loads((replica / "campaign.toml").read_text())
+    (row,) = (row for row in table["runs"] if row["name"] == run)
+    said = {key: row[key] for key in ("phi_deg", "theta0_deg")}
+    said |= {key: v for key, v in table["bodies"][row["body"]].items() if key != "kappa"}
+    said |= {"kappa": "0:1", "radius_m": "0.14929(50)", "g": "9.81", "ramp_length_m": "0.877"}
+    said |= {"sigma_x_m": "0.001", "derivative": "central"}
+    file = replica / "runs" / f"{run}.csv"
+
+    def densities(said: dict[str, str]) -> np.ndarray:
+        choices = TableChoices(formula="", rolling=said, x="t_s", y="x_m")
+        made, ours = (c.problem([run]) for c in (campaign_of_table(file, choices), wanted))
+        names = [name.replace(f"[{row['body']}]", "[disk]") for name in ours.names]
+        order = [names.index(name) for name in made.names]
+        start = ours.start()
+        values = start * (1.0 + 0.01 * np.random.default_rng(1).standard_normal((20, start.size)))
+        one = ours.linearised(start).log_density(values)
+        return np.array([one, made.linearised(start[order]).log_density(values[:, order])])
+
+    one, other = densities(said)
+    assert np.isfinite(one).all()
+    assert np.allclose(one, other, rtol=1e-12)
+    one, other = densities(said | {"sigma_x_m": "0.002"})
+    assert not np.allclose(one, other)
+
+
+def test_columns_of_a_rolling_disk_are_called_by_what_they_are(tmp_path: Path) -> None:
+    t = np.linspace(0.0, 1.0, 30)
+    rows = "\n".join(f"{i},{a:.4f},{0.2 * a * a:.5f},{0.4 * a:.5f}" for i, a in enumerate(t))
+    for head, x, y, read in (
+        ("no,time [s],way [m],v [m/s]", "time", "way", {"t_s", "x_m"}),
+        ("no,time [s],way [m],v [m/s]", "way [m]", "v [m/s]", {"x_m", "v_m_s"}),
+        ("no,t,x,v", "x", "v", {"x_m", "v_m_s"}),
+        ("no,t,x_m,speed", "t", "x_m", {"t_s", "x_m"}),
+    ):
+        file = tmp_path / "run.csv"
+        file.write_text(f"{head}\n{rows}\n")
+        speeds = {"sigma_v_m_s": "0.01"} if "v_m_s" in read else {}
+        said = {key: v for key, v in ROLLED.items() if not speeds or key != "sigma_x_m"}
+        choices = TableChoices(formula="", rolling=said | speeds, x=x, y=y)
+        campaign = campaign_of_table(file, choices)
+        assert set(campaign.tables["run"].columns) == read
+    file.write_text(f"no,t [s],x [cm],v\n{rows}\n")
+    with pytest.raises(InputError, match="'--y' must be in m: nothing is converted"):
+        rolled(file, x="t", y="x")
+    with pytest.raises(InputError, match="is no column"):
+        rolled(file, x="t", y="z")
+
+
+def test_what_is_wrong_of_a_rolling_disk_names_its_key(replica: Path) -> None:
+    file = replica / "runs" / "heavy-04.csv"
+    for said, field in (
+        ({"radius_m": "0.15 cm"}, "radius_m"),
+        ({"radius_m": "-1"}, "radius_m"),
+        ({"kappa": "0:x"}, "kappa"),
+        ({"kappa": "1:0"}, "kappa"),
+        ({"kappa": '{prior = "normal", mean = 0.5}'}, "kappa"),
+        ({"kappa": '{prior = "normal" mean}'}, "kappa"),
+        ({"radius_mm": "1"}, "radius_mm"),
+        ({"model": "wrong"}, "model"),
+        ({"x_max_m": "far"}, "x_max_m"),
+        ({"theta0_rad": "1"}, "theta0_rad"),
+    ):
+        with pytest.raises(InputError) as refused:
+            rolled(file, **said)
+        assert field in str(refused.value), said
+    words = told("fit", file, "--rolling", "radius_m=0.15(1)", "--u-y", "0.1")
+    assert words == "'--u-y' cannot be combined with --rolling"
+    assert "'--rolling' must be written NAME=VALUE" in told("fit", file, "--rolling", "0.15")
+
+
+def test_a_campaign_to_begin_with_for_a_rolling_disk(replica: Path, tmp_path: Path) -> None:
+    file = replica / "runs" / "heavy-04.csv"
+    said = [word for key, text in ROLLED.items() for word in ("--rolling", f"{key}={text}")]
+    done = runner().invoke(cli, ["new", str(tmp_path / "c"), "--from", str(file), *said])
+    assert done.exit_code == 0, done.output
+    assert "guess" not in done.output
+    text = (tmp_path / "c.toml").read_text()
+    assert 'kappa = {prior = "uniform", low = 0.0, high = 1.0}' in text
+    assert "noise = {sigma_x_m = 0.001}" in text
+    made = load_campaign(tmp_path / "c.toml").problem(["heavy-04"])
+    assert made.names == rolled(file).problem(["heavy-04"]).names
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not here")
+@pytest.mark.parametrize(
+    ("name", "unit"), [("rolling_ball/kulefullbane.txt", "cm"), ("viscosity/CIMG9886.trk", "m")]
+)
+def test_a_real_recording_as_a_rolling_disk(name: str, unit: str) -> None:
+    campaign = rolled(REAL / name, unit=unit)
+    (run,) = campaign.tables.values()
+    assert run.imported
+    assert run.columns["x_m"][0] == 0.0
+    with pytest.raises(InputError, match="goes with a table"):
+        rolled(REAL / name, y="x")

@@ -18,6 +18,7 @@ from html import unescape
 from pathlib import Path
 
 import pytest
+from conftest import REAL
 from tracker_files import point_mass, trk
 from web_pages import Browser, entered, served, words
 from workbooks import xlsx
@@ -131,6 +132,67 @@ def test_a_mean_a_workbook_and_a_formula_of_values(browser: Browser) -> None:
         "/propagate", formula="g = 4*pi**2*L/T**2", values="L = 0.85(1) m\nT=1.851(3) s"
     )
     assert "9.79" in browser.ended(answer.place).text
+
+
+def test_a_rolling_disk_is_asked_with_what_is_known_of_it(browser: Browser, replica: Path) -> None:
+    data = (replica / "runs" / "heavy-04.csv").read_bytes()
+    asked = browser.hand_in({"Heavy 4.csv": data})
+    fields = {"asked": "rolling", "x": "t_s", "y": "x_m", "phi_deg": "3.69(40)", "radius_m": "x"}
+    fields |= {"theta0_deg": "61.7(1.5)", "sigma_x_m": "0.001"}
+
+    def beside(form: str, key: str) -> str:
+        (message,) = re.findall(rf'<span class="error" id="wrong-{key}"[^>]*>(.*?)</span>', form)
+        assert form.count('class="error"') == 1
+        return unescape(message)
+
+    reply = browser.fill_in(asked.place, **fields)
+    assert reply.status == 422
+    assert beside(reply.text, "gamma") == "This must be known."
+    fields["gamma"] = "0.193(10)"
+    page = browser.ended(browser.fill_in(asked.place, **fields).place)
+    assert "'radius_m' must be a number" in beside(browser.get(page.place).text, "radius_m")
+    fields["radius_m"] = "-0.15"  # what only the campaign can see
+    page = browser.ended(browser.fill_in(asked.place, **fields).place)
+    form = browser.get(page.place).text
+    assert "'radius_m'" in beside(form, "radius_m")
+    assert 'value="3.69(40)"' in form
+    fields["radius_m"] = "0.14929(50)"
+    answer = browser.fill_in(asked.place, **fields)
+    page = browser.ended(answer.place)
+    assert "heavy-4: ok" in page.text
+    report = browser.get(f"{answer.place}/report/report.html").text
+    assert "Heavy 4" in report
+    command = shlex.split(unescape(re.findall(r"<code>(estim .*?)</code>", page.text)[0]))
+    assert command[:3] == ["estim", "fit", "heavy-4.csv"]
+    assert "--rolling=gamma=0.193(10)" in command
+
+
+def test_a_message_about_no_field_of_the_question_stands_above_it(browser: Browser) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    fields = {"asked": "formula", "formula": "gamma*t + b", "x": "t", "y": "U"}
+    page = browser.ended(browser.fill_in(asked.place, **fields, value="gamma = x").place)
+    assert 'id="wrong-value"' in browser.get(page.place).text
+    # a parameter has the name of a field of another question
+    page = browser.ended(
+        browser.fill_in(asked.place, **fields, low="gamma = 9", high="gamma = 8").place
+    )
+    assert browser.get(page.place).text.count('class="error"') == 1
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not here")
+def test_a_real_export_of_tracker_as_a_rolling_disk(browser: Browser) -> None:
+    data = (REAL / "rolling_ball" / "kulefullbane.txt").read_bytes()
+    asked = browser.hand_in({"kulefullbane.txt": data})
+    form = browser.get(asked.place).text
+    assert 'name="imported"' in form
+    assert 'name="release"' in form
+    assert 'name="offset_m"' not in form
+    fields = {"asked": "rolling", "imported": "1", "x": "t", "y": "x", "unit": "cm", "gamma": "0"}
+    fields |= {"radius_m": "0.010(1)", "phi_deg": "-3(1)", "theta0_deg": "0", "kappa": "0.4"}
+    page = browser.ended(browser.fill_in(asked.place, **fields, sigma_x_m="1").place)
+    form = browser.get(page.place).text
+    (message,) = re.findall(r'id="wrong-sigma_x_m"[^>]*>(.*?)</span>', form)
+    assert "must be well below the length of the run" in unescape(message)
 
 
 def test_the_columns_of_a_recording_of_tracker(browser: Browser) -> None:
@@ -424,11 +486,13 @@ file = "{file}"
             assert "lies outside the folder" in unescape(browser.get(page.place).text)
 
 
-@pytest.mark.parametrize("asked", ["formula", "line", "mean"])
+@pytest.mark.parametrize("asked", ["formula", "rolling", "line", "mean"])
 def test_no_field_becomes_an_option_or_a_file(asked: str) -> None:
     options = [option for parameter in fit.params for option in parameter.opts]
     fields = {option.lstrip("-"): f"--out=/x{option}" for option in options} | {"asked": asked}
     fields |= {"cov": "/etc/passwd", "runs": "--out=/x", "start": "--out=/x\n-o /y\n/etc/passwd"}
+    keys = ("radius_m", "phi_deg", "theta0_deg", "gamma", "sigma_x_m")
+    fields |= dict.fromkeys(keys, "--out=/x\n/y")
     told = arguments_of(fields, "points.csv", "--out=/x")
     end = ["--format", "html", "--out", "report"]
     assert told[1] == "points.csv"

@@ -12,6 +12,7 @@ from estim.common import InputError, listed
 from estim.reading import (
     Layout,
     first_and_second,
+    is_track,
     is_tracker_file,
     name_and_unit,
     numeric_columns,
@@ -42,7 +43,9 @@ def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tupl
 
     Raises InputError where the table cannot be read as it would be.
     """
-    if is_tracker_file(file):
+    if choices.rolling:
+        columns = "" if is_track(file) else listed(columns_of(file, choices))
+    elif is_tracker_file(file):
         choices = replace(
             choices,
             x=choices.x or "t_s",
@@ -59,7 +62,9 @@ def drafted_campaign(file: Path, choices: TableChoices, *, within: Path) -> tupl
             choices = _guessed(file, choices)
     campaign = campaign_of_table(file, choices)
     name = way_to(file, within)
-    lines = [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")]
+    lines = (
+        [f"# Columns of numbers in {file.name}: {columns}".replace("\n", " ")] if columns else []
+    )
     written = text_of_table(file, choices, name=name).splitlines()
     stated = any(line.startswith("u_y = ") for line in written)
     for line in written:

@@ -2,7 +2,8 @@
 hold, and is read like one.
 
 `estim fit data.csv --formula "a*exp(-x/tau)+c" --start tau=2` says so little that defaults fill in
-the rest, each of which the text shows.
+the rest, each of which the text shows.  In place of a formula, `--rolling radius_m=0.15` and the
+like say what is known of a disk that rolled.
 """
 
 from __future__ import annotations
@@ -15,20 +16,34 @@ from pathlib import Path
 import numpy as np
 
 from estim.campaign.campaign import Campaign
-from estim.campaign.campaign_file import Kind, campaign_file_of
+from estim.campaign.campaign_file import Kind, NoiseTable, WindowTable, campaign_file_of
 from estim.campaign.curve_tables import variable_of
 from estim.campaign.loading import bound
 from estim.campaign.toml_text import toml_lines
-from estim.common import InputError, listed, read_number, read_quantity, same_looks, shorten
+from estim.campaign.track_table import TRACK_KEYS
+from estim.common import (
+    InputError,
+    listed,
+    read_number,
+    read_quantity,
+    same_looks,
+    same_unit,
+    shorten,
+)
 from estim.curves import Formula, called_by_name, linear_in, read_formula
 from estim.reading import (
+    COLUMNS,
     DIALECT_KEYS,
+    UNITS,
     Dialect,
     Layout,
     first_and_second,
     is_called,
+    is_track,
     is_tracker_file,
     name_and_unit,
+    own_name,
+    parse_toml,
     read_layout,
     uncertainty_of,
     value_columns,
@@ -37,6 +52,11 @@ from estim.reading import (
 _COMMAND_LINE = "command line"
 _ABSCISSAS = ("x", "t", "time")
 _WORD = re.compile(r"[^\s$|\\`][^$|\\`\n]{0,18}")
+_BODY = "disk"
+_SHARED = ("radius_m", "g", "rolling_resistance")
+_OF_RUN = ("phi_deg", "phi_rad", "theta0_deg", "theta0_rad", "release_time_s", "offset_m")
+_USUAL = {"kappa": "0:1", "rolling_resistance": '{prior = "half-normal", scale = 0.005}'}
+_OF_ROLLING = ("rolling", "x", "y", "title", "kind", "track", "release", "dialect")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,9 +68,12 @@ class TableChoices:
     u_x, u_y : a number, a number with its uncertainty, or a column.
     window : lowest and highest x.
     noise : "poisson" where y are counts, in place of u_y.
+    rolling : in place of a formula and all that goes with it, key of a campaign -> value, of a disk
+        that rolled: "0.150(1)", a range "0:1", a prior as TOML; x and y are t and x, or x and v.
     """
 
     formula: str
+    rolling: Mapping[str, str] = field(default_factory=dict)
     start: Mapping[str, str] = field(default_factory=dict)
     low: Mapping[str, str] = field(default_factory=dict)
     high: Mapping[str, str] = field(default_factory=dict)
@@ -98,6 +121,8 @@ def campaign_of_table(file: Path, choices: TableChoices) -> Campaign:
 
 def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None) -> str:
     """The TOML of that campaign, to be kept beside `file`, or where that is called `name`."""
+    if choices.rolling:
+        return _text_of_rolling(file, choices, name or file.name)
     stated = (*choices.start, *choices.low, *choices.high, *choices.value)
     variables = {*_ABSCISSAS}.intersection(choices.formula.replace("+", " ").split())
     model = called_by_name(choices.formula, stated, variables)
@@ -138,10 +163,105 @@ def text_of_table(file: Path, choices: TableChoices, *, name: str | None = None)
         "track": choices.track,
         "release": None if choices.release is None else _release(choices.release),
     }
+    tables = {"[curve]": curve} | ({"[curve.parameters]": parameters} if parameters else {})
+    return _text(file, choices, {**tables, "[[runs]]": run})
+
+
+def _text(file: Path, choices: TableChoices, tables: Mapping[str, Mapping[str, object]]) -> str:
     lines = toml_lines({"title": choices.title or file.stem, "kind": choices.kind})
-    lines += ["", "[curve]", *toml_lines(curve)]
-    lines += ["", "[curve.parameters]", *toml_lines(parameters)] if parameters else []
-    return "\n".join([*lines, "", "[[runs]]", *toml_lines(run)]) + "\n"
+    for head, table in tables.items():
+        lines += ["", head, *toml_lines(table)]
+    return "\n".join(lines) + "\n"
+
+
+def _text_of_rolling(file: Path, choices: TableChoices, name: str) -> str:
+    """The TOML of a campaign of one run of a rolling disk: what was said, each key where it belongs
+    so that further runs can be added, and the usual kappa and rolling resistance.
+    """
+    for key, value in vars(choices).items():
+        if value and key not in _OF_ROLLING:
+            option = f"--{key.replace('_', '-')}"
+            raise InputError("cannot be combined with --rolling", field=option)
+    said = {key: _known(key, text) for key, text in {**_USUAL, **choices.rolling}.items()}
+    noise, window, run, shared = (
+        {key: said.pop(key) for key in keys if key in said}
+        for keys in (
+            NoiseTable.__struct_fields__,
+            WindowTable.__struct_fields__,
+            (*_OF_RUN, *TRACK_KEYS),
+            _SHARED,
+        )
+    )
+    track = {"track": choices.track, "release": choices.release and _release(choices.release)}
+    if is_track(file) or any(track.values()) or {*TRACK_KEYS} & {*run}:
+        if choices.x or choices.y:
+            rule = "goes with a table: of a track the way along its motion is taken"
+            raise InputError(rule, field="--y" if choices.y else "--x")
+        track["release"] = track["release"] or "first"
+        columns = None
+    else:
+        columns = _columns_of_run(file, choices)
+    dialect = {key: getattr(choices.dialect, key) for key in DIALECT_KEYS}
+    head = {"name": run_name(file), "body": _BODY, "file": name}
+    return _text(
+        file,
+        choices,
+        {
+            "[shared]": shared | {"noise": noise or None},
+            f"[bodies.{_BODY}]": said,
+            "[[runs]]": head
+            | track
+            | dialect
+            | {"columns": columns}
+            | run
+            | {"window": window or None},
+        },
+    )
+
+
+def _columns_of_run(file: Path, choices: TableChoices) -> tuple[str, ...] | None:
+    """The columns from left to right by the names that those of a run have: x and y are t and x, or
+    x and v where y is a speed.  Raises InputError where one has another unit.
+    """
+    asked = [name for name in (choices.x, choices.y) if name is not None]
+    if not asked:
+        return choices.dialect.columns
+    layout = read_layout(file, choices.dialect, needed=asked)
+    names, speed = layout.names, False
+    if choices.y is not None:
+        y = _axis(choices.y, layout)
+        speed = same_unit(y.unit, UNITS["v_m_s"]) is True if y.unit else _bare(y.column)[0] in "vV"
+    called = {column: ours for column in names if (ours := own_name(column)) in COLUMNS}
+    for option, wanted, ours in (
+        ("--x", choices.x, "x_m" if speed else "t_s"),
+        ("--y", choices.y, "v_m_s" if speed else "x_m"),
+    ):
+        if wanted is None:
+            continue
+        axis = _axis(wanted, layout)
+        found = next((c for c in names if axis.column in (c, _bare(c))), None)
+        if found is None:
+            raise InputError("is no column", field=option, value=wanted, quoted=listed(names))
+        ours = called.setdefault(found, ours)
+        if axis.unit and same_unit(axis.unit, UNITS[ours]) is False:
+            rule = f"must be in {UNITS[ours]}: nothing is converted"
+            raise InputError(rule, field=option, value=axis.unit, quoted=found)
+    columns = tuple(called.get(column, "") for column in names)
+    return choices.dialect.columns if columns == names else columns
+
+
+def _known(key: str, text: str) -> object:
+    """What is known of a quantity: a number, one with its uncertainty, a range in which it lies, a
+    prior as TOML, or a word.
+    """
+    if text.startswith("{"):
+        return parse_toml(f"value = {text}", f"--rolling {key}")[0]["value"]
+    if not re.match(r"[+-]?[.\d]", text):
+        return text
+    low, mark, high = text.partition(":")
+    if not mark:
+        return _stated(text, key)
+    return {"prior": "uniform", "low": _number(low, key), "high": _number(high, key)}
 
 
 def run_name(file: Path) -> str:

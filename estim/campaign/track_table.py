@@ -21,7 +21,7 @@ class TrackKeys(DialectKeys, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     drop_duplicates: bool | None = None
 
 
-_KEYS = tuple(
+TRACK_KEYS = tuple(
     key for key in TrackKeys.__struct_fields__ if key not in DialectKeys.__struct_fields__
 )
 
@@ -30,5 +30,5 @@ def choices_of(run: msgspec.Struct) -> Choices | None:
     """How a file of the program Tracker is to be read, by any table with these keys; None where
     nothing is said.
     """
-    stated = {key: value for key in _KEYS if (value := getattr(run, key)) is not None}
+    stated = {key: value for key in TRACK_KEYS if (value := getattr(run, key)) is not None}
     return Choices(**stated) if stated else None

@@ -52,8 +52,9 @@ def new_campaign(name: Path, file: Path | None, said: Mapping[str, Any]) -> None
         choices = choices_of_table(said)
     text, columns = drafted_campaign(file, choices, within=path.parent)
     write_files(path.parent, {path.name: text.encode()})
-    say(columns)
-    guessed = "" if choices.formula else "; its curve is a guess: write yours"
+    if columns:
+        say(columns)
+    guessed = "" if choices.formula or choices.rolling else "; its curve is a guess: write yours"
     say(f"campaign: {path}{guessed}")
     say(f"fit it by: estim fit {path}")
 

@@ -101,6 +101,13 @@ _CURVE = (
         help='Fit this curve to the table FILE: "a*exp(-x/tau) + c", or a name: "gaussian + line".',
     ),
     click.option(
+        "--rolling",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="FILE is a run of an eccentric disk that rolls up an incline: what is known of it, by "
+        'the keys of a campaign: radius_m="0.150(1)", kappa=0:1 is a range.',
+    ),
+    click.option(
         "--start",
         multiple=True,
         metavar="NAME=VALUE",
@@ -245,7 +252,7 @@ def load_or_make(
         for name, value in said.items()
         if value not in (None, (), False)
     ]
-    if said["formula"] is None:
+    if said["formula"] is None and not said["rolling"]:
         if given:
             campaign = file.suffix.lower() == ".toml"
             rule = (
@@ -264,7 +271,7 @@ def load_or_make(
     if file.suffix.lower() == ".toml":
         raise InputError(
             "needs a table of points; the curve of a campaign is stated in its file",
-            field="--formula",
+            field="--formula" if said["formula"] else "--rolling",
             value=said["formula"],
         )
     return campaign_of_table(file, choices_of_table(said)), out or Path("out") / file.stem
@@ -276,13 +283,14 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
     """
     from estim.campaign import TableChoices, pairs
 
-    start, low, high, value = (
-        pairs(said[name], f"--{name}") for name in ("start", "low", "high", "value")
+    rolling, start, low, high, value = (
+        pairs(said[name], f"--{name}") for name in ("rolling", "start", "low", "high", "value")
     )
     plain: dict[str, Any] = {name: said[name] for name in _AS_SAID}
     return TableChoices(
         formula=said["formula"] or "",
         **plain,
+        rolling=rolling,
         start=start,
         low=low,
         high=high,

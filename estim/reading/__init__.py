@@ -34,11 +34,12 @@ from estim.reading.run import (
     run_of_table,
 )
 from estim.reading.source import is_table, known_readers
-from estim.reading.table import Table, line_numbers
+from estim.reading.table import UNITS, Table, line_numbers, own_name
 from estim.reading.toml import KeyPath, Places, parse_toml
 from estim.reading.tracker.importing import (
     Choices,
     import_track,
+    is_track,
     is_tracker_file,
     read_release,
     run_table,

@@ -27,7 +27,7 @@ from starlette.staticfiles import StaticFiles
 from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name
-from estim.web.question import arguments_of, command_line, fields_of
+from estim.web.question import arguments_of, command_line, field_of, fields_of
 from estim.web.store import ENDINGS, MOST_BYTES, MOST_FILES, Answer, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
 
@@ -138,14 +138,15 @@ class Pages:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
         seen = await self._preview(upload)
+        fields = {"asked": "formula", **fields}
         return page(
             "question",
             status,
             upload=upload,
             seen=seen,
-            fields={"asked": "formula", **fields},
+            fields=fields,
             error=error,
-            wrong=(wrong or "").removeprefix("--"),
+            wrong=field_of(wrong or "", fields["asked"]),
         )
 
     async def ask(self, request: Request) -> Response:

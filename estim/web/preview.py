@@ -33,6 +33,10 @@ def preview(lang: str, file: str, *numbers: str) -> None:
             seen = _campaign(Path(file)) if file.endswith(".toml") else _table(Path(file), *numbers)
         except EstimError as error:
             seen = {"error": str(error)}
+        if isinstance(seen, dict) and not file.endswith(".toml"):
+            from estim.reading import is_track
+
+            seen["track"] = is_track(Path(file))
     name = picture_name(*numbers) if isinstance(seen, bytes) else preview_name(lang)
     write_whole(Path(name), seen if isinstance(seen, bytes) else as_json(seen))
 

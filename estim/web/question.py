@@ -15,12 +15,25 @@ from estim.common import InputError, language, phrase
 
 _ASKED = {  # of the kinds, the command and its options; those of a table beside them
     "formula": ("fit", "formula x y u-x u-y window robust kind title track"),
+    "rolling": ("fit", "x y kind title track release"),
     "line": ("line", "x y u-x u-y"),
     "mean": ("mean", "y u-y group"),
 }
 _OF_TABLES = " sheet decimal"
-_NAMED = ("value", "start", "low", "high")  # one NAME = VALUE a line
+_ROLLING = (  # keys of a campaign
+    "radius_m phi_deg theta0_deg gamma mass_disk_kg mass_particle_kg kappa sigma_x_m sigma_v_m_s "
+    "rolling_resistance g offset_m ramp_length_m x_max_m unmodelled_force unit"
+)
+_NEEDED = (
+    ("radius_m",),
+    ("phi_deg",),
+    ("theta0_deg",),
+    ("gamma", "mass_particle_kg"),
+    ("sigma_x_m", "sigma_v_m_s"),
+)
+_NAMED = "value start low high"  # one NAME = VALUE a line
 _FLAGS = ("correlated", "jitter")
+_FURTHER = {"formula": _NAMED, "rolling": _ROLLING}  # fields that are no options of their own
 
 
 def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
@@ -42,7 +55,7 @@ def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
     """
     end = ["--format", "html", "--out", "report", *_language()]
     if not file:
-        values = _lines(fields.get("values", ""))
+        values = lines_of(fields.get("values", ""))
         # without a value the formula would be the name of a file
         if not values or "formula" not in fields:
             raise InputError(phrase("Write a formula, and the value of each name in it."))
@@ -55,16 +68,32 @@ def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
         raise InputError(phrase("Choose what you want to know."))
     command, options = _ASKED[kind]
     said = dict(fields)
-    if kind == "formula":
-        if "formula" not in fields:
-            raise InputError(phrase("Write a formula, or choose a model."), field="--formula")
-        if file.rpartition(".")[0] != given:
-            said = {"title": given} | said
+    if kind == "formula" and "formula" not in fields:
+        raise InputError(phrase("Write a formula, or choose a model."), field="--formula")
+    if kind == "rolling":
+        for keys in _NEEDED:
+            if not said.keys() & {*keys}:
+                raise InputError(phrase("This must be known."), field=keys[0])
+        if "imported" in said:  # of a track nothing is chosen
+            said = {key: text for key, text in said.items() if key not in ("x", "y")}
+    if command == "fit" and file.rpartition(".")[0] != given:
+        said = {"title": given} | said
     words = [f"--{name}={said[name]}" for name in (options + _OF_TABLES).split() if name in said]
     if kind == "formula":
-        words += [f"--{name}={text}" for name in _NAMED for text in _lines(said.get(name, ""))]
+        words += [
+            f"--{name}={text}" for name in _NAMED.split() for text in lines_of(said.get(name, ""))
+        ]
         words += [f"--{name}" for name in _FLAGS if name in said]
+    if kind == "rolling":
+        words += [f"--rolling={key}={said[key]}" for key in _ROLLING.split() if key in said]
     return [command, file, *words, *end]
+
+
+def field_of(option: str, asked: str) -> str:
+    """The field that an error is about, "" where the question that was asked has none for it."""
+    name = option.removeprefix("--rolling ").removeprefix("--").partition(" ")[0]
+    shown = f"{_ASKED[asked][1]}{_OF_TABLES} {_FURTHER.get(asked, '')}".split()
+    return name if name in shown else ""
 
 
 def command_line(arguments: Iterable[str]) -> str:
@@ -76,7 +105,7 @@ def _language() -> list[str]:
     return [] if language() == "en" else ["--lang", language()]
 
 
-def _lines(text: str) -> list[str]:
+def lines_of(text: str) -> list[str]:
     """One NAME=VALUE a line, without blanks about the mark; several may stand on a line, parted by
     a semicolon.
     """

@@ -86,6 +86,14 @@ def head_of_export_file(path: Path) -> tuple[int, str, bool] | None:
     return head_of_export(start.decode("utf-8-sig", errors="replace"))
 
 
+def is_track(path: Path) -> bool:
+    """Whether a file is one of Tracker beyond doubt: a .trk, a .trz, or an export that begins like
+    no table of another program.
+    """
+    head = None if is_tracker_file(path) else head_of_export_file(path)
+    return is_tracker_file(path) or (head is not None and not head[2])
+
+
 @in_its_file
 def import_track(path: Path, choices: Choices) -> Imported:
     """The run in a .trk, .trz or text export.  Raises InputError with file, line, field, rule and
