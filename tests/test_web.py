@@ -16,7 +16,9 @@ import zipfile
 from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
+from urllib.parse import urlencode
 
+import numpy as np
 import pytest
 from conftest import REAL
 from tracker_files import point_mass, trk
@@ -121,6 +123,54 @@ def test_a_model_is_chosen_without_javascript(browser: Browser) -> None:
     page = browser.get(f"{asked.place}?asked=formula&value=&model=gaussian+%2B+line&u-y=0.2")
     assert 'value="gaussian + line"' in page.text
     assert 'value="0.2"' in page.text
+
+
+def test_the_start_of_a_curve_is_drawn_and_told(browser: Browser) -> None:
+    """Of a curve that is linear the values are those of least squares; others are found."""
+    asked = browser.hand_in({"line.csv": LINE})
+
+    def shown(**fields: str) -> str:
+        said = urlencode({"asked": "formula", "show": "start", "x": "t", "y": "U", **fields})
+        return browser.get(f"{asked.place}?{said}").text
+
+    form = shown(formula="a*t + b", value="b = 1", start="")
+    (picture,) = re.findall(r'src="(/files/[^"]*/start-\d+\.png)"', form)
+    assert browser.get(picture).body.startswith(b"\x89PNG")
+    t, u = np.arange(5.0), np.array([1.02, 2.95, 5.1, 6.97, 9.02])
+    assert f"a = {t @ (u - 1.0) / (t @ t):.4g}<" in form
+    assert 'value="a*t + b"' in form
+    form = shown(formula="a*exp(t/tau)", start="tau = 3\na = 2")
+    assert "a = 2, tau = 3<" in form
+    for fields, field in (({"formula": "a*("}, "formula"), ({"formula": "a*t", "low": "a"}, "low")):
+        form = shown(**fields)
+        assert f'id="wrong-{field}"' in form
+        assert "/start-" not in form
+    assert 'id="wrong-formula"' in shown()
+    assert browser.get(f"{asked.place}/start-1.png").status == 404
+    assert browser.get(f"{asked.place}/start-../x.png").status == 404
+
+
+def test_a_pdf_where_weasyprint_is_and_how_to_get_one_elsewhere(
+    browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = browser.hand_in({"line.csv": LINE})
+    answer = browser.fill_in(asked.place, asked="line", x="t", y="U")
+    browser.ended(answer.place)
+    monkeypatch.setattr("estim.web.pages.find_spec", lambda name: None)
+    page = browser.get(answer.place).text
+    assert "report.pdf" not in page
+    assert "estim[pdf]" in page
+    monkeypatch.setattr("estim.web.pages.find_spec", lambda name: name)
+    assert "/report.pdf" in browser.get(answer.place).text
+    paper = browser.get(f"{answer.place}/report.pdf")
+    try:
+        import weasyprint  # noqa: F401
+    except (ImportError, OSError):
+        assert paper.status == 503
+        assert "print the report from its own page" in paper.text
+        return
+    assert paper.body.startswith(b"%PDF")
+    assert paper.headers["content-disposition"] == "attachment"
 
 
 def test_a_mean_a_workbook_and_a_formula_of_values(browser: Browser) -> None:

@@ -12,7 +12,7 @@ from estim.campaign.loading import load_campaign
 from estim.campaign.curve_models import CurveModel
 from estim.campaign.new_campaign import columns_of, drafted_campaign
 from estim.campaign.selection import way_back
-from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs
+from estim.campaign.table_campaign import TableChoices, campaign_of_table, pairs, window_of
 from estim.campaign.parts import OUTPUTS, PartedBody, correlations, known_to, notes_of
 from estim.campaign.quantities import EFFECTS
 from estim.campaign.variation import (

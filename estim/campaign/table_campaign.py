@@ -488,3 +488,18 @@ def pairs(given: Sequence[str], option: str) -> dict[str, str]:
             raise InputError("is given twice", field=option, value=name)
         values[name] = value
     return values
+
+
+def window_of(written: str | None) -> tuple[float | None, float | None] | None:
+    """MIN:MAX, either end of which may be left out.  Raises InputError."""
+    if written is None:
+        return None
+    low, mark, high = (part.strip() for part in written.partition(":"))
+    try:
+        if not mark:
+            raise ValueError
+        return (read_number(low) if low else None), (read_number(high) if high else None)
+    except ValueError:
+        raise InputError(
+            "must be written MIN:MAX, as 0.5:3", field="--window", value=written
+        ) from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from estim.cli.options import out_folder
-from estim.common import KINDS, InputError, read_number
+from estim.common import KINDS, InputError
 
 if TYPE_CHECKING:
     from estim.campaign import Campaign, TableChoices
@@ -281,7 +281,7 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
     """What the options say of a table and its curve; without a formula, an empty one.  Raises
     InputError naming the option.
     """
-    from estim.campaign import TableChoices, pairs
+    from estim.campaign import TableChoices, pairs, window_of
 
     rolling, start, low, high, value = (
         pairs(said[name], f"--{name}") for name in ("rolling", "start", "low", "high", "value")
@@ -296,20 +296,6 @@ def choices_of_table(said: Mapping[str, Any]) -> TableChoices:
         high=high,
         value=value,
         kind=said["kind"] or "measured",
-        window=_window(said["window"]),
+        window=window_of(said["window"]),
         dialect=dialect_of(said),
     )
-
-
-def _window(written: str | None) -> tuple[float | None, float | None] | None:
-    if written is None:
-        return None
-    low, mark, high = (part.strip() for part in written.partition(":"))
-    try:
-        if not mark:
-            raise ValueError
-        return (read_number(low) if low else None), (read_number(high) if high else None)
-    except ValueError:
-        raise InputError(
-            "must be written MIN:MAX, as 0.5:3", field="--window", value=written
-        ) from None

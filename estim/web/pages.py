@@ -13,6 +13,8 @@ import zipfile
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib.resources import files
+from importlib.util import find_spec
+from itertools import pairwise
 from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -24,9 +26,9 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from estim.common import LANGUAGES, EstimError, InputError, language, phrase
+from estim.common import LANGUAGES, EstimError, InputError, as_json, language, phrase
 from estim.web.looks import LANGUAGE, closed, page
-from estim.web.preview import picture_name, preview_name
+from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import arguments_of, command_line, field_of, fields_of
 from estim.web.store import ENDINGS, MOST_BYTES, MOST_FILES, Answer, Kept, Shelf, Store, Upload
 from estim.web.work import Job, Workers
@@ -63,12 +65,14 @@ class Pages:
                 Route("/files/{id}", self.question),
                 Route("/files/{id}", self.ask, methods=post),
                 Route("/files/{id}/points-{x:int}-{y:int}.png", self.points),
+                Route("/files/{id}/start-{n:int}.png", self.start_picture),
                 Route("/propagate", self.question),
                 Route("/propagate", self.ask, methods=post),
                 Route("/answers/{id}", self.answer),
                 Route("/answers/{id}/state", self.state),
                 Route("/answers/{id}/cancel", self.cancel, methods=post),
                 Route("/answers/{id}/all.zip", self.everything),
+                Route("/answers/{id}/report.pdf", self.on_paper),
                 Route("/answers/{id}/report/{path:path}", self.report_file),
                 Route("/language/{to}", self.speak),
                 Mount("/static", StaticFiles(packages=[("estim.web", "static")])),
@@ -116,7 +120,7 @@ class Pages:
 
     async def question(self, request: Request) -> Response:
         """The form, empty, or as it was filled in: for an answer that was refused, or in the
-        address (a click on a model without JavaScript).
+        address (a click on a model without JavaScript, or on what shows the start).
         """
         upload = self._upload(request)
         fields = fields_of(request.query_params.multi_items())
@@ -125,7 +129,22 @@ class Pages:
             return await self._form(upload, before.fields, before.error, before.field)
         if "model" in fields:
             fields["formula"] = fields.pop("model")
+        if upload and fields.pop("show", ""):
+            return await self._begun(upload, fields)
         return await self._form(upload, fields or (upload.asked if upload else {}))
+
+    async def _begun(self, upload: Upload, fields: Mapping[str, str]) -> Response:
+        """The form with the curve at which the search begins."""
+        asked = json.dumps({"formula": "", **fields}, sort_keys=True)
+        name = start_name(language(), asked)
+        data = await self._seen(upload, f"{name}.json", "start", asked)
+        words = phrase("No start was found in time: state some of them below.")
+        found: dict[str, Any] = (
+            {"busy": True} if data is None else json.loads(data or as_json({"error": words}))
+        )
+        return await self._form(
+            upload, fields, found.get("error", ""), found.get("field"), begun=found | {"name": name}
+        )
 
     async def _form(
         self,
@@ -134,6 +153,7 @@ class Pages:
         error: str = "",
         wrong: str | None = None,
         status: int = 200,
+        begun: Mapping[str, Any] = {},
     ) -> Response:
         if upload is None:
             return page("propagate", status, fields=fields, error=error)
@@ -143,7 +163,8 @@ class Pages:
             "question",
             status,
             upload=upload,
-            seen=seen,
+            seen={**seen, "busy": seen.get("busy") or begun.get("busy")},
+            begun=begun,
             fields=fields,
             error=error,
             wrong=field_of(wrong or "", fields["asked"]),
@@ -185,21 +206,24 @@ class Pages:
         """What is known of a file; "busy" where that takes too long, "failed" where its process
         did.
         """
-        data = await self._seen(upload, preview_name(language()))
+        data = await self._seen(upload, preview_name(language()), "preview")
         return {"busy": True} if data is None else dict(json.loads(data or b'{"failed": true}'))
 
-    async def _seen(self, upload: Upload, name: str, *numbers: str) -> bytes | None:
-        """A part of the preview, which is made once; None where it is not there yet, b"" where it
-        could not be made.
+    async def _made(self, shelf: Shelf[Kept], at: str, name: str, *task: str) -> bytes | None:
+        """A file of the folder of an id, which a process makes once; None where it is not there
+        yet, b"" where it could not be made.
         """
-        uploads = self._store.uploads
-        if (data := uploads.read(upload.id, name)) is None and not self._previews.is_full:
-            task = ["preview", language(), upload.file, *numbers]
-            job = Job(uploads.folder / upload.id, task, seconds=_PREVIEW_SECONDS)
+        if (data := shelf.read(at, name)) is None and not self._previews.is_full:
+            job = Job(shelf.folder / at, task, seconds=_PREVIEW_SECONDS)
             ended = asyncio.wrap_future(self._previews.submit(job, lambda: None))
             await asyncio.wait([ended], timeout=_PATIENCE)
-            data = uploads.read(upload.id, name) or (b"" if ended.done() else None)
+            data = shelf.read(at, name) or (b"" if ended.done() else None)
         return data
+
+    async def _seen(self, upload: Upload, name: str, task: str, *more: str) -> bytes | None:
+        """A part of what is shown of a file before an answer."""
+        words = (task, language(), upload.file, *more)
+        return await self._made(self._store.uploads, upload.id, name, *words)
 
     async def points(self, request: Request) -> Response:
         """The picture of two columns, by their numbers."""
@@ -208,10 +232,14 @@ class Pages:
         data = None
         if max(numbers) < len((await self._preview(upload)).get("columns", [])):
             x, y = map(str, numbers)
-            data = await self._seen(upload, picture_name(x, y), x, y)
-        if not data:
-            raise HTTPException(404)
-        return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
+            data = await self._seen(upload, picture_name(x, y), "preview", x, y)
+        return _picture(data)
+
+    async def start_picture(self, request: Request) -> Response:
+        """The picture of a start that was shown, by its number."""
+        upload = _found(self._store.uploads, request)
+        name = f"start-{request.path_params['n']}.png"
+        return _picture(self._store.uploads.read(upload.id, name))
 
     # ---- the answer ----
 
@@ -225,6 +253,7 @@ class Pages:
             answer=answer,
             progress=self._progress(answer),
             files=self._store.report_files(answer),
+            pdf=find_spec("weasyprint") is not None,
             command=command_line(answer.arguments),
         )
 
@@ -257,6 +286,17 @@ class Pages:
             headers["Content-Disposition"] = "attachment"
         kind = guess_type(path)[0] or "application/octet-stream"
         return Response(data, media_type=kind, headers=headers)
+
+    async def on_paper(self, request: Request) -> Response:
+        """The report as PDF, made when it is first asked for."""
+        answer = _found(self._store.answers, request)
+        lang = dict(pairwise(answer.arguments)).get("--lang", "en")
+        data = await self._made(self._store.answers, answer.id, "report.pdf", "paper", lang)
+        if not data:
+            words = phrase("The PDF was not made: print the report from its own page.")
+            return closed(503, words)
+        headers = {"Content-Disposition": "attachment"}
+        return Response(data, media_type="application/pdf", headers=headers)
 
     async def everything(self, request: Request) -> Response:
         """The report, what it was made of and the command that repeats it, as a zip."""
@@ -291,6 +331,12 @@ def _found(shelf: Shelf[Kept], request: Request) -> Kept:
     if (record := shelf.records.get(request.path_params["id"])) is None:
         raise HTTPException(404)
     return record
+
+
+def _picture(data: bytes | None) -> Response:
+    if not data:
+        raise HTTPException(404)
+    return Response(data, media_type="image/png", headers={"Cache-Control": "private"})
 
 
 def _to(place: str) -> Response:

@@ -1,20 +1,28 @@
-"""What a page shows of a file before anything is asked: its columns, what the import told, a plot.
+"""What a page shows of a file before an answer: its columns, what the import told, a plot, and the
+curve at which a search begins; and a report on paper.
 
 It runs in a worker process, in the folder of the file, and is shown by `pages`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from estim.arrays import FloatArray
-from estim.common import EstimError, as_json, spoken, write_whole
+from estim.common import EstimError, InputError, as_json, read_file, spoken, write_whole
+from estim.web.question import NAMED, lines_of
 
 if TYPE_CHECKING:
     from estim.drawing import Figure
+
+_LARGEST = 2**28  # bytes of a part of a report
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +49,42 @@ def preview(lang: str, file: str, *numbers: str) -> None:
     write_whole(Path(name), seen if isinstance(seen, bytes) else as_json(seen))
 
 
+def start(lang: str, file: str, asked: str) -> None:
+    """Writes where the search for the curve of a question begins: its parameters and a picture, or
+    the message why it cannot, told in the language `lang`.
+
+    asked : fields of the page, as JSON.
+    """
+    name = start_name(lang, asked)
+    with spoken(lang):
+        try:
+            values, picture = _start(Path(file), json.loads(asked))
+            write_whole(Path(f"{name}.png"), picture)
+            seen: dict[str, Any] = {"values": values}
+        except InputError as error:
+            seen = {"error": str(error), "field": error.field or ""}
+    write_whole(Path(f"{name}.json"), as_json(seen))
+
+
+def paper(lang: str) -> None:
+    """Writes report.pdf of the report in the folder report/, in the language `lang`."""
+    from estim.reports.html_page import pdf_page
+
+    root = Path("report")
+    paths = [path for path in root.rglob("*") if path.suffix in (".md", ".png")]
+    files = {
+        path.relative_to(root).as_posix(): read_file(path, at_most=_LARGEST) or b""
+        for path in paths
+    }
+    with spoken(lang):
+        write_whole(Path("report.pdf"), pdf_page(files))
+
+
+def start_name(lang: str, asked: str) -> str:
+    """The name of the files of `start`: start-N, the same for the same question."""
+    return f"start-{int(sha256((lang + asked).encode()).hexdigest()[:12], 16)}"
+
+
 def preview_name(lang: str) -> str:
     return f"preview-{lang}.json"
 
@@ -55,7 +99,8 @@ def _table(file: Path, *numbers: str) -> dict[str, Any] | bytes:
     if numbers:
         from estim.drawing import png
 
-        return png(lambda: _points(*(columns[int(number)] for number in numbers)))
+        x, y = (columns[int(number)] for number in numbers)
+        return png(lambda: _points(x, y))
     values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
     shown = [
         {
@@ -86,12 +131,64 @@ def _read(file: Path) -> tuple[list[_Column], Sequence[str]]:
     return found, table.notes
 
 
-def _points(x: _Column, y: _Column) -> Figure:
-    from estim.drawing import BLUE, new_figure
+def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], bytes]:
+    """Parameters of a curve at its start, and the picture.  What nobody stated and the curve is
+    linear in, it has no start of its own: it is solved for.  Raises InputError.
+    """
+    from estim.campaign import TableChoices, campaign_of_table, pairs, window_of
+    from estim.drawing import png
+    from estim.problem import Flat
+    from estim.reading import Dialect
+
+    plain = ("x", "y", "u-x", "u-y", "track", "robust")
+    dialect: Any = {name: fields[name] for name in ("sheet", "decimal") if name in fields}
+    said: dict[str, Any] = {n.replace("-", "_"): fields[n] for n in plain if n in fields} | {
+        name: pairs(lines_of(fields.get(name, "")), f"--{name}") for name in NAMED.split()
+    }
+    choices = TableChoices(
+        formula=fields["formula"],
+        window=window_of(fields.get("window")),
+        dialect=Dialect(**dialect),
+        **said,
+    )
+    campaign = campaign_of_table(file, choices)
+    problem = campaign.problem(campaign.run_names)
+    (run,) = problem.runs
+    values = dict(zip(problem.names, problem.start().tolist(), strict=True))
+
+    def arguments() -> dict[str, float]:
+        return {
+            name: values[source] if isinstance(source, str) else source
+            for name, source in run.arguments.items()
+        }
+
+    linear = [
+        p.name
+        for p in problem.parameters
+        if isinstance(p.prior, Flat) and p.prior.start_stated and p.name not in choices.start
+    ]
+    linear = [name for name in linear if name in run.curve_parameters]
+    if linear:
+        local = run.curve.local(run.x, arguments())
+        gradient = [np.broadcast_to(local.gradient[name], local.value.shape)[0] for name in linear]
+        step = np.linalg.lstsq(np.transpose(gradient), run.y - local.value[0], rcond=None)[0]
+        values |= {name: values[name] + float(by) for name, by in zip(linear, step, strict=True)}
+    grid = np.linspace(run.x[0], run.x[-1], 400)
+    curve = run.curve.value(grid, arguments())[0]
+    axes = (run.x_name, run.x_unit, run.x), (run.y_name, run.y_unit, run.y)
+    x, y = (_Column(name, "" if unit == "1" else unit, points) for name, unit, points in axes)
+    shown = {name: values[name] for name in problem.names if name in run.curve_parameters}
+    return shown, png(lambda: _points(x, y, (grid, curve)))
+
+
+def _points(x: _Column, y: _Column, curve: tuple[FloatArray, FloatArray] | None = None) -> Figure:
+    from estim.drawing import BLUE, ORANGE, new_figure
 
     figure = new_figure(3.2)
     ax = figure.subplots()
     ax.plot(x.values, y.values, "o", ms=3.5, color=BLUE)
+    if curve is not None:
+        ax.plot(*curve, color=ORANGE)
     for column, name in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
         name(f"{column.name} ({column.unit})" if column.unit else column.name)
     return figure

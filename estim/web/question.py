@@ -31,9 +31,10 @@ _NEEDED = (
     ("gamma", "mass_particle_kg"),
     ("sigma_x_m", "sigma_v_m_s"),
 )
-_NAMED = "value start low high"  # one NAME = VALUE a line
+NAMED = "value start low high"
+"""Fields with one NAME = VALUE a line."""
 _FLAGS = ("correlated", "jitter")
-_FURTHER = {"formula": _NAMED, "rolling": _ROLLING}  # fields that are no options of their own
+_FURTHER = {"formula": NAMED, "rolling": _ROLLING}  # fields that are no options of their own
 
 
 def fields_of(form: Iterable[tuple[str, object]]) -> dict[str, str]:
@@ -81,7 +82,7 @@ def arguments_of(fields: Mapping[str, str], file: str, given: str) -> list[str]:
     words = [f"--{name}={said[name]}" for name in (options + _OF_TABLES).split() if name in said]
     if kind == "formula":
         words += [
-            f"--{name}={text}" for name in _NAMED.split() for text in lines_of(said.get(name, ""))
+            f"--{name}={text}" for name in NAMED.split() for text in lines_of(said.get(name, ""))
         ]
         words += [f"--{name}" for name in _FLAGS if name in said]
     if kind == "rolling":

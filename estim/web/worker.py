@@ -2,6 +2,8 @@
 
     python worker.py SECONDS BYTES run ARGUMENT...           the command `estim ARGUMENT...`
     python worker.py SECONDS BYTES preview LANG FILE [X Y]   preview-LANG.json, points-X-Y.png
+    python worker.py SECONDS BYTES start LANG FILE FIELDS    start-N.json, start-N.png
+    python worker.py SECONDS BYTES paper LANG                report.pdf
 
 The working folder is that of the answer or the file.  The process ends, and all that it started,
 as soon as its standard input does: a server that is killed can tell nobody.
@@ -53,10 +55,10 @@ def main() -> None:
     _limit(int(seconds), int(size))
     # at the end: where estim is not installed, this is where it lies
     sys.path.append(os.path.abspath(os.path.join(__file__, "..", "..", "..")))
-    if task == "preview":
-        from estim.web.preview import preview
+    if task != "run":
+        from estim.web import preview
 
-        preview(*arguments)
+        getattr(preview, task)(*arguments)
         return
     sys.argv = ["estim", *arguments]
     runpy.run_module("estim", run_name="__main__", alter_sys=True)

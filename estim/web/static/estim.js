@@ -38,6 +38,7 @@ function points() {
   const show = () => {
     image.src = `${image.dataset.at}-${x.selectedIndex}-${y.selectedIndex}.png`;
     image.alt = `${y.value} / ${x.value}`;
+    image.nextElementSibling?.remove(); // what was said of a start
   };
   x.addEventListener("change", show);
   y.addEventListener("change", show);
