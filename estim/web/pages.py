@@ -26,7 +26,7 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from estim.common import LANGUAGES, EstimError, InputError, as_json, language, phrase
+from estim.common import LANGUAGES, EstimError, InputError, language, phrase
 from estim.web.looks import LANGUAGE, closed, page
 from estim.web.preview import picture_name, preview_name, start_name
 from estim.web.question import arguments_of, command_line, field_of, fields_of

@@ -1,0 +1,94 @@
+"""`estim fit` in one process without helpers, as it has to run inside a browser: no process, no
+thread, no numba.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ALONE = """
+import concurrent.futures, multiprocessing, os, subprocess, sys, threading
+
+def forbidden(*_args, **_kwargs):
+    raise RuntimeError("not in a browser")
+
+def none_here(*_args, **_kwargs):  # as in a browser: `platform` asks for the processor, and lives on
+    raise OSError("not in a browser")
+
+sys.modules["numba"] = None  # an import of it raises
+concurrent.futures.ProcessPoolExecutor.__init__ = forbidden
+concurrent.futures.ThreadPoolExecutor.__init__ = forbidden
+multiprocessing.get_context = multiprocessing.Pool = multiprocessing.Manager = forbidden
+multiprocessing.process.BaseProcess.__init__ = multiprocessing.process.BaseProcess.start = forbidden
+threading.Thread.start, subprocess.Popen.__init__ = forbidden, none_here
+for name in ("fork", "forkpty", "posix_spawn", "posix_spawnp", "system", "popen"):
+    setattr(os, name, forbidden)
+"""
+RUN = """
+import runpy
+runpy.run_module("estim", run_name="__main__", alter_sys=True)
+"""
+ROLLING = {
+    "radius_m": "0.14929(50)",
+    "gamma": "0.193(10)",
+    "phi_deg": "3.69(40)",
+    "theta0_deg": "61.7(1.5)",
+    "sigma_x_m": "0.001",
+}
+
+
+def ran(script: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", script, *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parents[1]), "ESTIM_JOBS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize("what", ["curve", "rolling"])
+def test_a_report_needs_no_process_no_thread_and_no_numba(
+    what: str, tmp_path: Path, project: Path
+) -> None:
+    if what == "curve":
+        file = project / "data" / "tutorial" / "tea.csv"
+        said = ["--formula", "room + excess*exp(-t/tau)"]
+    else:
+        file = project / "data" / "replica" / "runs" / "heavy-04.csv"
+        said = [f"--rolling={key}={text}" for key, text in ROLLING.items()]
+    reports = []
+    for name, before in (("plain", ""), ("alone", ALONE)):
+        folder = tmp_path / name
+        folder.mkdir()
+        (folder / file.name).write_bytes(file.read_bytes())
+        done = ran(before + RUN, folder, "fit", file.name, *said, "--format", "html", "--out", "r")
+        assert done.returncode == 0, done.stderr
+        reports.append([(folder / "r" / part).read_bytes() for part in PARTS])
+    assert reports[0] == reports[1]
+
+
+PARTS = ("report.html", "report.md", "result.json")
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        "import threading; threading.Thread(target=print).start()",
+        "import concurrent.futures as f; f.ProcessPoolExecutor(1)",
+        "import multiprocessing as m; m.Process(target=print).start()",
+        "import subprocess; subprocess.run(['true'])",
+        "import os; os.fork()",
+        "import numba",
+    ],
+)
+def test_what_is_forbidden_here_would_be_seen(use: str, tmp_path: Path) -> None:
+    done = ran(f"{ALONE}\n{use}", tmp_path)
+    assert done.returncode == 1
+    assert "not in a browser" in done.stderr or "numba" in done.stderr
