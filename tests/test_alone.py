@@ -17,14 +17,14 @@ import concurrent.futures, multiprocessing, os, subprocess, sys, threading
 def forbidden(*_args, **_kwargs):
     raise RuntimeError("not in a browser")
 
-def none_here(*_args, **_kwargs):  # as in a browser: `platform` asks for the processor, and lives on
+def none_here(*_args, **_kwargs):  # as in a browser: `platform` asks it for the processor
     raise OSError("not in a browser")
 
 sys.modules["numba"] = None  # an import of it raises
 concurrent.futures.ProcessPoolExecutor.__init__ = forbidden
 concurrent.futures.ThreadPoolExecutor.__init__ = forbidden
 multiprocessing.get_context = multiprocessing.Pool = multiprocessing.Manager = forbidden
-multiprocessing.process.BaseProcess.__init__ = multiprocessing.process.BaseProcess.start = forbidden
+multiprocessing.process.BaseProcess.start = forbidden
 threading.Thread.start, subprocess.Popen.__init__ = forbidden, none_here
 for name in ("fork", "forkpty", "posix_spawn", "posix_spawnp", "system", "popen"):
     setattr(os, name, forbidden)

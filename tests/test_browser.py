@@ -190,6 +190,31 @@ def test_two_tabs_have_each_their_own_answer(page: Any) -> None:
         assert tab.inner_text("h1") == name
 
 
+def test_a_rolling_disk_and_the_start_of_a_curve(page: Any, replica: Path) -> None:
+    page.set_input_files("#files", replica / "runs" / "heavy-04.csv")
+    page.wait_for_selector("#asked-rolling")
+    page.click("button:has-text('polynomial2')")
+    page.click("text=Show the start")
+    page.wait_for_selector("figcaption")
+    assert page.input_value("#formula") == "polynomial2"
+    assert fits_the_width(page)
+    page.check("#asked-rolling")
+    assert not page.is_visible("#formula")
+    page.click("summary:has-text('More about the disk')")
+    assert fits_the_width(page)
+    page.fill("#radius_m", "0.149(1")
+    for key, text in (("phi_deg", "3.7(4)"), ("theta0_deg", "62(2)"), ("gamma", "0.19(1)")):
+        page.fill(f"#{key}", text)
+    page.fill("#sigma_x_m", "0.001")
+    page.click(".end button")
+    page.wait_for_selector("#wrong-radius_m", timeout=MINUTES)
+    wait_until(page, "document.activeElement.id === 'radius_m'")
+    page.fill("#radius_m", "0.149(1)")
+    page.click(".end button")
+    page.wait_for_selector(".state", timeout=MINUTES)
+    assert page.inner_text(".state") == "Done"
+
+
 def test_the_whole_way_by_keyboard_in_spanish(page: Any) -> None:
     page.click("text=español")
     page.focus("button:has-text('té')")
@@ -212,6 +237,8 @@ def test_the_way_without_javascript(chromium: Any, address: str) -> None:
     page.set_input_files("#files", {"name": "a.csv", "mimeType": "text/csv", "buffer": LINE})
     page.click("text=Look at the file")
     page.click("button:has-text('line') >> nth=0")
+    page.click("text=Show the start")
+    assert "slope = " in page.inner_text("figcaption")
     assert page.input_value("#formula") == "line"
     page.click(".end button")
     page.wait_for_selector(".state", timeout=MINUTES)

@@ -254,6 +254,19 @@ def test_the_columns_of_a_recording_of_tracker(browser: Browser) -> None:
     assert browser.get(f"{asked.place}/points-0-3.png").status == 200
 
 
+def test_of_several_tracks_one_is_chosen_and_of_two_axes_the_livelier(browser: Browser) -> None:
+    falls = {i: (300.0, 240.0 + 2.0 * i * i) for i in range(12)}
+    other = {i: (300.0 + 40.0 * i, 240.0) for i in range(12)}
+    data = trk(point_mass("ball", falls), point_mass("cart", other)).encode()
+    asked = browser.hand_in({"film.trk": data})
+    form = browser.get(asked.place).text
+    assert "There are several tracks; this is ball." in form
+    assert re.findall(r'<option value="(ball|cart)"', form) == ["ball", "cart"]
+    assert '<option value="y" selected>' in form
+    asked = browser.hand_in({"film.trk": trk(point_mass("ball", falls)).encode()})
+    assert 'name="track"' not in browser.get(asked.place).text
+
+
 def test_a_campaign_with_its_tables(browser: Browser, project: Path) -> None:
     home = project / "data" / "gallery"
     names = ("michelson_mean.toml", "michelson_1879.csv")

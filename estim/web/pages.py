@@ -138,10 +138,10 @@ class Pages:
         asked = json.dumps({"formula": "", **fields}, sort_keys=True)
         name = start_name(language(), asked)
         data = await self._seen(upload, f"{name}.json", "start", asked)
-        words = phrase("No start was found in time: state some of them below.")
-        found: dict[str, Any] = (
-            {"busy": True} if data is None else json.loads(data or as_json({"error": words}))
-        )
+        found: dict[str, Any] = {"busy": data is None}
+        if data == b"":
+            found["error"] = phrase("No start was found in time: state some of them below.")
+        found |= json.loads(data or b"{}")
         return await self._form(
             upload, fields, found.get("error", ""), found.get("field"), begun=found | {"name": name}
         )

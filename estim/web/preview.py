@@ -95,12 +95,14 @@ def picture_name(x: str, y: str) -> str:
 
 def _table(file: Path, *numbers: str) -> dict[str, Any] | bytes:
     """The columns of a file and which two a fit would take, or the picture of two of them."""
-    columns, told = _read(file)
+    from estim.reading import is_tracker_file
+
+    columns, told, tracks = _read(file)
     if numbers:
         from estim.drawing import png
 
-        x, y = (columns[int(number)] for number in numbers)
-        return png(lambda: _points(x, y))
+        pair = [columns[int(number)] for number in numbers]
+        return png(lambda: _points(pair[0], pair[1]))
     values = [i for i, c in enumerate(columns) if not c.name.startswith(("u_", "u("))] or [0]
     shown = [
         {
@@ -112,23 +114,35 @@ def _table(file: Path, *numbers: str) -> dict[str, Any] | bytes:
         }
         for column in columns
     ]
-    return {"columns": shown, "told": told, "x": values[0], "y": values[:2][-1]}
+    y = values[:2][-1]
+    if is_tracker_file(file):  # of the two axes the one along which more happens
+        y = max((1, 2), key=lambda i: float(np.ptp(columns[i].values)))
+    return {"columns": shown, "told": told, "tracks": tracks, "x": values[0], "y": y}
 
 
-def _read(file: Path) -> tuple[list[_Column], Sequence[str]]:
-    """The columns of a table or a track, and what the import told."""
+def _read(file: Path) -> tuple[list[_Column], Sequence[str], Sequence[str]]:
+    """The columns of a table or a track, what the import told, and the tracks where there are
+    several: the columns are those of the first.
+    """
     from estim.curve_fitting import read_table
     from estim.reading import Choices, import_track, is_tracker_file, track_columns
 
     if is_tracker_file(file):
-        imported = import_track(file, Choices())
+        tracks = list[str]()
+        try:
+            imported = import_track(file, Choices())
+        except InputError as error:
+            if error.field != "track":
+                raise
+            tracks = error.quoted.split(", ")
+            imported = import_track(file, Choices(tracks[0]))
         units = {"t": "s", "x": "m", "y": "m", "x_m": "m"}
         track = track_columns(imported, list(units)).columns
         columns = [_Column(name, unit, track[name]) for name, unit in units.items()]
-        return columns, (*imported.facts, *imported.warnings)
+        return columns, (*imported.facts, *imported.warnings), tracks
     table = read_table(file)
     found = [_Column(name, table.units[name], values) for name, values in table.columns.items()]
-    return found, table.notes
+    return found, table.notes, ()
 
 
 def _start(file: Path, fields: Mapping[str, str]) -> tuple[dict[str, float], bytes]:
