@@ -34,7 +34,8 @@ PEERS ?= $(BIN)/python
 bench: $(VENV)/.installed
 	$(BIN)/python benchmarks/bench.py --peers $(PEERS)
 
-# disturbances of real laboratories, beside lmfit and SciPy: docs/coverage.md; cells in COVERAGE are taken up where they stopped
+# disturbances of real laboratories, beside lmfit, SciPy and, where they are installed, iminuit and kafe2: docs/coverage.md; cells in COVERAGE
+# are taken up where they stopped
 COVERAGE ?= out/coverage
 coverage: $(VENV)/.installed
 	OMP_NUM_THREADS=1 $(BIN)/python benchmarks/interval_coverage.py --out $(COVERAGE) --docs docs

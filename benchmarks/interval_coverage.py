@@ -1,41 +1,83 @@
-"""Disturbances of real laboratories, three everyday curves, three programs as they come: how often
-is there an answer, and how often does its interval hold the truth?  docs/coverage.md.
+"""Disturbances of real laboratories, three everyday curves and a rolling body, programs as they
+come: how often is there an answer, and how often does its interval hold the truth?
+docs/coverage.md.
 
     python benchmarks/interval_coverage.py --out FOLDER [--sets 1000] [--seconds 25] [--docs docs]
 
-Data are SYNTHETIC and made with NumPy alone.  A cell is a curve with a disturbance; all programs
-get the same sets.  Each cell is a JSON file in FOLDER: begun again, the run takes up each cell
-where it stopped, until it has --sets sets or has taken --seconds of a core in all.  Then the table
-and its figure are written: coverage.md and coverage.png in FOLDER; with --docs into the page and
-the figure there.
+Data are SYNTHETIC: the curves' are made with NumPy alone, the body's motion is solved by SciPy
+(truth/), neither with code of estim/.  A cell is a curve with a disturbance; all programs get the
+same sets.  Each cell is a JSON file in FOLDER: begun again, the run takes up each cell where it
+stopped.  All cells are brought to 25 sets before one gets more, then to 100 and so on to --sets,
+each with at most --seconds of a core at a step.  A program that is not installed is left out, and
+the run says so; what FOLDER knows of it stays, and it catches up where it is installed.  Then the
+table and its figure are written: coverage.md and coverage.png in FOLDER; with --docs into the page
+and the figure there.
 
 estim: `fit_curve` with nothing but the curve, the points, the stated error and starts; it answers
 where its status is ok and it has an interval.  lmfit: `Model.fit` as it comes (scale_covar=True).
-curve_fit: SciPy, with both settings of absolute_sigma.  Their intervals are value ± z standard
-errors; there is an answer where these are finite.
+curve_fit: SciPy, with both settings of absolute_sigma.  iminuit: LeastSquares, migrad and minos;
+it answers where both say that they are valid.  kafe2: XYFit and its errors.  Intervals of lmfit,
+SciPy and kafe2 are value ± z standard errors; there is an answer where these are finite.
+
+The rolling body: a recording of positions and what is stated of the body, as truth/ makes them;
+estim analyses it as `estim fit` does, with the central intervals of its draws; lmfit gets speeds by
+differences and the stated values as residuals (truth/peers.py).
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
+import inspect
+import io
 import json
 import math
+import tempfile
 import time
 import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import curve_fit
+from truth.motion import solve
+from truth.peers import SCALED, intervals_of_lmfit
+from truth.recordings import BASE, FREE, INTERVAL, LONGEST, PRIORS, SIGMA, write_campaign
+from truth.recordings import DISTURBANCES as RECORDINGS
 
 from estim import fit_curve
+from estim.campaign import load_campaign
+from estim.common import EstimError
+from estim.pipeline import analyse
 
 LEVELS = {"68": 0.994458, "95": 1.959964}  # quantile of the normal distribution
-PROGRAMS = ("estim", "lmfit", "curve_fit, absolute", "curve_fit")
+SHARES = (0.68, 0.95)
+PROGRAMS = {  # its package
+    "estim": "estim",
+    "lmfit": "lmfit",
+    "curve_fit": "scipy",
+    "curve_fit, absolute": "scipy",
+    "iminuit": "iminuit",
+    "kafe2": "kafe2",
+}
 Array = np.ndarray
 Answer = tuple[Array, Mapping[str, Array]]  # values (n_par,), level -> (n_par, 2) ends
+Found = tuple[str, Answer | None]  # what it says of its answer
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One set.  truth : (n_par,).  ideal : (n_par,) standard deviations by linear theory, at the
+    truth and without the disturbance.  by : program -> what analyses the set.
+    """
+
+    truth: Array
+    ideal: Array
+    by: Mapping[str, Callable[[], Found]]
 
 
 @dataclass(frozen=True)
@@ -96,8 +138,8 @@ DISTURBANCES = {
     "stated x 2": "the stated error is twice the true one",
     "stated / 2": "the stated error is half the true one",
     "errors in x": "x read with an error worth as much as that of y; nobody says so",
-    "errors in x, told": "the same; estim is told (u_x), the others take none",
-    "counts": "3 to 300 events; estim is told (poisson), the others have max(1, √y)",
+    "errors in x, told": "the same; estim and kafe2 are told, the others take none",
+    "counts": "3 to 300 events; estim, iminuit and kafe2 are told, the others have max(1, √y)",
     "counts, √y": "the same; max(1, √y) as errors for all",
     "few points": "two more than parameters",
 }
@@ -146,66 +188,102 @@ def points(curve: Curve, disturbance: str, rng: np.random.Generator) -> Points:
     return Points(true_x, x, y, u, {"u_y": u, **told}, curve.truth)
 
 
-def by_estim(
-    curve: Curve, data: Points, start: Mapping[str, float], statuses: dict[str, int]
-) -> Answer | None:
-    """statuses : status -> how often, counted here."""
+def by_estim(curve: Curve, data: Points, start: Mapping[str, float]) -> Found:
     fit = fit_curve(curve.formula, data.x, data.y, start=start, **data.told)
     ends = {
         level: np.array([fit.intervals[name][p] for name in data.truth])
-        for level, p in zip(LEVELS, (0.68, 0.95), strict=True)
+        for level, p in zip(LEVELS, SHARES, strict=True)
     }
-    statuses[str(fit.status)] = statuses.get(str(fit.status), 0) + 1
-    if not fit.status.ok or not all(np.all(np.isfinite(of)) for of in ends.values()):
-        return None
-    return np.array([fit.values[name] for name in data.truth]), ends
+    told = fit.status.ok and all(np.all(np.isfinite(of)) for of in ends.values())
+    values = np.array([fit.values[name] for name in data.truth])
+    return str(fit.status), (values, ends) if told else None
 
 
-def symmetric(values: Array, sds: Array) -> Answer | None:
+def symmetric(values: Array, sds: Array) -> Found:
     if not np.all(np.isfinite(values)) or not np.all(np.isfinite(sds) & (sds > 0.0)):
-        return None
-    return values, {
-        level: np.column_stack([values - z * sds, values + z * sds]) for level, z in LEVELS.items()
-    }
+        return "no errors", None
+    return "given", (
+        values,
+        {
+            level: np.column_stack([values - z * sds, values + z * sds])
+            for level, z in LEVELS.items()
+        },
+    )
 
 
-def by_lmfit(curve: Curve, data: Points, start: Mapping[str, float]) -> Answer | None:
+def by_lmfit(curve: Curve, data: Points, start: Mapping[str, float]) -> Found:
     import lmfit
 
     model = lmfit.Model(curve.f)
     try:
         found = model.fit(data.y, x=data.x, weights=1.0 / data.u, **start)
     except ValueError:  # a trial curve that is not finite
-        return None
+        return "not finite", None
     if not found.success or found.covar is None:
-        return None
+        return "not converged", None
     of = [found.params[name] for name in data.truth]
     return symmetric(np.array([p.value for p in of]), np.array([p.stderr or np.nan for p in of]))
 
 
-def by_scipy(
-    curve: Curve, data: Points, start: Mapping[str, float], *, absolute: bool
-) -> Answer | None:
+def by_scipy(curve: Curve, data: Points, start: Mapping[str, float], *, absolute: bool) -> Found:
     first = [start[name] for name in data.truth]
     try:
         values, cov = curve_fit(
             curve.f, data.x, data.y, first, sigma=data.u, absolute_sigma=absolute
         )
-    except RuntimeError:  # not converged
-        return None
+    except RuntimeError:
+        return "not converged", None
     return symmetric(values, np.sqrt(np.diag(cov)))
 
 
-def answers(
-    curve: Curve, data: Points, start: Mapping[str, float], statuses: dict[str, int]
-) -> Iterator[Answer | None]:
-    """In the order of PROGRAMS."""
-    yield by_estim(curve, data, start, statuses)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield by_lmfit(curve, data, start)
-        yield by_scipy(curve, data, start, absolute=True)
-        yield by_scipy(curve, data, start, absolute=False)
+def by_iminuit(curve: Curve, data: Points, start: Mapping[str, float]) -> Found:
+    from iminuit import Minuit, cost
+
+    if "noise" in data.told:
+
+        def lost(*p: float) -> float:
+            return cost.poisson_chi2(data.y, curve.f(data.x, *p))
+
+        lost.errordef = Minuit.LEAST_SQUARES
+    else:
+        lost = cost.LeastSquares(data.x, data.y, data.u, curve.f)
+    fit = Minuit(lost, *start.values(), name=tuple(start))
+    fit.migrad()
+    values = np.array(fit.values)
+    if not fit.valid:
+        return "migrad invalid", None
+    ends = {}
+    for level, p in zip(LEVELS, SHARES, strict=True):
+        fit.minos(cl=p)
+        if not all(one.is_valid for one in fit.merrors.values()):
+            return "minos invalid", None
+        ends[level] = np.array(
+            [(v + e.lower, v + e.upper) for v, e in zip(values, fit.merrors.values(), strict=True)]
+        )
+    return "given", (values, ends)
+
+
+def by_kafe2(curve: Curve, data: Points, start: Mapping[str, float]) -> Found:
+    from kafe2 import IndexedFit, XYFit
+
+    if "noise" in data.told:  # XYFit has this likelihood for whole numbers of x alone
+
+        def expected(*p: float) -> Array:
+            return curve.f(data.x, *p)
+
+        one = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        names = [inspect.Parameter(name, one, default=v) for name, v in start.items()]
+        expected.__signature__ = inspect.Signature(names)
+        fit = IndexedFit(data.y, expected, cost_function="nll")
+    else:
+        fit = XYFit([data.x, data.y], curve.f)
+        fit.add_error("y", data.u)
+        if "u_x" in data.told:
+            fit.add_error("x", data.told["u_x"])
+        fit.set_parameter_values(**start)
+    if not fit.do_fit()["did_fit"]:
+        return "not converged", None
+    return symmetric(np.array(fit.parameter_values), np.array(fit.parameter_errors, dtype=float))
 
 
 def ideal(curve: Curve, truth: Mapping[str, float], x: Array, u: Array) -> Array:
@@ -219,74 +297,192 @@ def ideal(curve: Curve, truth: Mapping[str, float], x: Array, u: Array) -> Array
     return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
 
 
+@contextlib.contextmanager
+def of_curve(curve: Curve, disturbance: str, rng: np.random.Generator) -> Iterator[Trial]:
+    data = points(curve, disturbance, rng)
+    # what a person reads off the figure: 20 % off
+    start = {k: v * rng.uniform(0.8, 1.2) for k, v in data.truth.items()}
+    u = np.full(data.x.size, curve.u)
+    if disturbance.startswith("counts"):
+        u = np.sqrt(curve.f(data.true_x, **data.truth))
+    programs = {
+        "estim": by_estim,
+        "lmfit": by_lmfit,
+        "curve_fit": partial(by_scipy, absolute=False),
+        "curve_fit, absolute": partial(by_scipy, absolute=True),
+        "iminuit": by_iminuit,
+        "kafe2": by_kafe2,
+    }
+    yield Trial(
+        np.array(list(data.truth.values())),
+        ideal(curve, data.truth, data.true_x, u),
+        {name: partial(by, curve, data, start) for name, by in programs.items()},
+    )
+
+
+OF_BODY = {  # name of truth/
+    "none": "none",
+    "AR(1) .9": "ar1-9",
+    "drag": "viscous",
+    "hills": "ramp",
+    "clock": "clock",
+    "scale": "scale",
+    "drift": "drift",
+}
+
+
+@cache
+def ideal_of_body() -> Array:
+    """(5,) of gamma, kappa, theta0, phi, c_rr: linear theory of undisturbed speeds, which are
+    differences of positions with independent errors, at those positions; and of what is stated
+    (c_rr: the variance of its half-normal distribution).
+    """
+    stated = {**PRIORS["default"], FREE[-1]: 0.005 * math.sqrt(1.0 - 2.0 / math.pi)}
+    free = [name for name, u in stated.items() if u != 0.0]
+    motion = solve(BASE, LONGEST)
+    x = motion(np.arange(0.5, motion.first_rest / INTERVAL - 1.0) * INTERVAL)[0]
+    inner = x[1:-1]
+
+    def slopes(name: str) -> Array:
+        step = 1e-4 * getattr(BASE, name)
+        up, down = (replace(BASE, **{name: getattr(BASE, name) + d}) for d in (step, -step))
+        rise = solve(up, LONGEST).speed_at(inner) - solve(down, LONGEST).speed_at(inner)
+        return rise / (2.0 * step)
+
+    jacobian = np.array([slopes(name) for name in free]).T
+    difference = (np.eye(x.size)[2:] - np.eye(x.size)[:-2]) / (2.0 * INTERVAL)
+    along = (motion.speed_at(inner + 1e-5) - motion.speed_at(inner - 1e-5)) / 2e-5
+    of_errors = difference - along[:, None] * np.eye(x.size)[1:-1]
+    information = jacobian.T @ np.linalg.solve(SIGMA**2 * of_errors @ of_errors.T, jacobian)
+    weight = np.diag([0.0 if stated[name] is None else stated[name] ** -2 for name in free])
+    sds = np.sqrt(np.diag(np.linalg.inv(information + weight)))
+    return np.array([sds[free.index(name)] for name in FREE])
+
+
+def body_by_estim(folder: Path, names: list[str]) -> Found:
+    campaign = load_campaign(folder / "campaign.toml")
+    try:
+        found = analyse(campaign, campaign.run_names, seed=1)
+    except EstimError:
+        return "refused", None
+    status = found.diagnosis.status
+    columns = found.chain.flat[:, [found.problem.names.index(name) for name in names]]
+    ends = {
+        level: np.quantile(columns, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0).T
+        for level, p in zip(LEVELS, SHARES, strict=True)
+    }
+    return str(status), (columns.mean(axis=0), ends) if status.ok else None
+
+
+def body_by_lmfit(folder: Path, truth: Mapping[str, float]) -> Found:
+    found = intervals_of_lmfit(folder, truth, slow=False, seed=1)[SCALED]
+    if found is None:
+        return "no errors", None
+    ends = np.array(found)  # (n_par, level, 2)
+    of_level = dict(zip(LEVELS, ends.swapaxes(0, 1), strict=True))
+    return "given", (ends[:, 0].mean(axis=1), of_level)
+
+
+@contextlib.contextmanager
+def of_body(disturbance: str, rng: np.random.Generator) -> Iterator[Trial]:
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        truth = write_campaign(
+            folder, RECORDINGS[OF_BODY[disturbance]], priors="default", noise="speeds", rng=rng
+        )
+        yield Trial(
+            np.array(list(truth.values())),
+            ideal_of_body(),
+            {
+                "estim": partial(body_by_estim, folder, list(truth)),
+                "lmfit": partial(body_by_lmfit, folder, truth),
+            },
+        )
+
+
+@dataclass(frozen=True)
+class Subject:
+    """disturbances : named.  make : a set with one of them.  programs : that can analyse it."""
+
+    disturbances: Mapping[str, str]
+    make: Callable[[str, np.random.Generator], contextlib.AbstractContextManager[Trial]]
+    programs: tuple[str, ...] = tuple(PROGRAMS)
+
+
+SUBJECTS = {
+    **{name: Subject(DISTURBANCES, partial(of_curve, curve)) for name, curve in CURVES.items()},
+    "rolling body": Subject(OF_BODY, of_body, ("estim", "lmfit")),
+}
 KEYS = ("68", "95", "width")
 
 
-def judged(answer: Answer, data: Points, sds: Array) -> dict[str, float]:
+def judged(answer: Answer, trial: Trial) -> dict[str, float]:
     """Share of the parameters that are held; log of the 68 % width in units of the ideal; the worst
     error in stated standard deviations (half the 68 % interval's width over its z).
     """
     values, ends = answer
-    truth = np.array(list(data.truth.values()))
     made = {
-        level: float(np.mean((of[:, 0] <= truth) & (truth <= of[:, 1])))
+        level: float(np.mean((of[:, 0] <= trial.truth) & (trial.truth <= of[:, 1])))
         for level, of in ends.items()
     }
     width = np.diff(ends["68"], axis=1)[:, 0] / (2.0 * LEVELS["68"])
-    made["width"] = float(np.mean(np.log(np.maximum(width / sds, 1e-9))))
-    made["worst"] = float(np.max(np.abs(values - truth) / np.maximum(width, 1e-300)))
+    made["width"] = float(np.mean(np.log(np.maximum(width / trial.ideal, 1e-9))))
+    made["worst"] = float(np.max(np.abs(values - trial.truth) / np.maximum(width, 1e-300)))
     return made
 
 
 def blank() -> dict[str, object]:
-    one = {"answers": 0, "worst": 0.0} | {f"{k} sum": 0.0 for k in KEYS}
-    return {
-        "n": 0,
-        "seconds": 0.0,
-        "statuses": {},
-        "of": {name: one | {f"{k} squares": 0.0 for k in KEYS} for name in PROGRAMS},
-    }
+    numbers = {"n": 0, "answers": 0, "seconds": 0.0, "worst": 0.0}
+    sums = {f"{k} {of}": 0.0 for k in KEYS for of in ("sum", "squares")}
+    return {name: {**numbers, **sums, "statuses": {}} for name in PROGRAMS}
 
 
-def file_of(folder: Path, curve: str, disturbance: str) -> Path:
-    at = list(DISTURBANCES).index(disturbance)
-    return folder / f"{curve}-{at:02d}.json"
+def file_of(folder: Path, subject: str, disturbance: str) -> Path:
+    at = list(SUBJECTS[subject].disturbances).index(disturbance)
+    return folder / f"{subject.replace(' ', '-')}-{at:02d}.json"
+
+
+def kept(folder: Path, subject: str, disturbance: str) -> dict[str, dict]:
+    file = file_of(folder, subject, disturbance)
+    return json.loads(file.read_text()) if file.exists() else blank()
+
+
+def analysed(trial: Trial, program: str, record: dict) -> None:
+    begun = time.process_time()
+    with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        warnings.simplefilter("default" if program == "estim" else "ignore")
+        status, answer = trial.by[program]()
+    record["seconds"] += time.process_time() - begun
+    record["n"] += 1
+    record["statuses"][status] = record["statuses"].get(status, 0) + 1
+    if answer is not None:
+        made = judged(answer, trial)
+        record["answers"] += 1
+        record["worst"] = max(record["worst"], made["worst"])
+        for key in KEYS:
+            record[f"{key} sum"] += made[key]
+            record[f"{key} squares"] += made[key] ** 2
 
 
 def advance(
-    folder: Path, name: str, disturbance: str, *, sets: int, seconds: float
-) -> dict[str, object]:
-    """The cell, with as many more sets as it lacks."""
-    file, curve = file_of(folder, name, disturbance), CURVES[name]
-    cell = json.loads(file.read_text()) if file.exists() else blank()
-    seed = zlib.crc32(f"{name}, {disturbance}".encode())
-    while cell["n"] < sets and cell["seconds"] < seconds:
-        begun = time.process_time()
-        for _ in range(min(5, sets - cell["n"])):
-            rng = np.random.default_rng([seed, cell["n"]])
-            data = points(curve, disturbance, rng)
-            # what a person reads off the figure: 20 % off
-            start = {k: v * rng.uniform(0.8, 1.2) for k, v in data.truth.items()}
-            true_u = np.full(data.x.size, curve.u)
-            if disturbance.startswith("counts"):
-                true_u = np.sqrt(curve.f(data.true_x, **data.truth))
-            sds = ideal(curve, data.truth, data.true_x, true_u)
-            found = answers(curve, data, start, cell["statuses"])
-            for program, answer in zip(PROGRAMS, found, strict=True):
-                if answer is None:
-                    continue
-                record, made = cell["of"][program], judged(answer, data, sds)
-                record["answers"] += 1
-                record["worst"] = max(record["worst"], made["worst"])
-                for key in KEYS:
-                    record[f"{key} sum"] += made[key]
-                    record[f"{key} squares"] += made[key] ** 2
-            cell["n"] += 1
-        cell["seconds"] += time.process_time() - begun
+    folder: Path, subject: str, disturbance: str, *, sets: int, seconds: float, programs: set[str]
+) -> None:
+    """Bring those of these programs that can analyse it to as many sets, in at most these seconds
+    of a core.
+    """
+    file, cell = file_of(folder, subject, disturbance), kept(folder, subject, disturbance)
+    programs = programs & set(SUBJECTS[subject].programs)
+    seed, start = zlib.crc32(f"{subject}, {disturbance}".encode()), time.process_time()
+    for at in range(min(cell[name]["n"] for name in programs), sets):
+        if time.process_time() - start > seconds:
+            return
+        with SUBJECTS[subject].make(disturbance, np.random.default_rng([seed, at])) as trial:
+            for name in programs:
+                if cell[name]["n"] == at:
+                    analysed(trial, name, cell[name])
         part = file.with_suffix(".part")
         part.write_text(json.dumps(cell))
         part.replace(file)
-    return cell
 
 
 def mean_and_error(record: Mapping[str, float], key: str) -> tuple[float, float]:
@@ -309,71 +505,79 @@ def share(k: float, n: int) -> tuple[float, float]:
 
 
 def percent(mean: float, error: float) -> str:
-    return "" if math.isnan(mean) else f"{100.0 * mean:.0f} ± {100.0 * error:.0f}"
+    """Per cent, with the simulation error in brackets, rounded up."""
+    return f"{100.0 * mean:.0f}({math.ceil(100.0 * error)})"
+
+
+def words(record: Mapping[str, float], n: int) -> str:
+    """What a program's column of the table says of a cell of n sets."""
+    if record["n"] == 0:
+        return ""
+    said = []
+    if record["answers"]:
+        said.append("/".join(percent(*mean_and_error(record, level)) for level in LEVELS))
+        said.append(f"{math.exp(mean_and_error(record, 'width')[0]):.2f}")
+    if record["answers"] < record["n"]:
+        said.append(f"{100.0 * record['answers'] / record['n']:.0f} %")
+    return ", ".join(said) + ("" if record["n"] == n else f" ({record['n']} sets)")
 
 
 def rows(cells: Mapping[tuple[str, str], dict]) -> Iterator[str]:
-    yield (
-        "| curve | disturbance | sets | program | answers, % | 68 % holds | 95 % holds | width | "
-        "worst error |"
-    )
-    yield "|---|---|---|---|---|---|---|---|---|"
-    for (curve, disturbance), cell in cells.items():
-        for i, program in enumerate(PROGRAMS):
-            record = cell["of"][program]
-            width, spread = mean_and_error(record, "width")
-            wide = "" if math.isnan(width) else f"{math.exp(width):.2f} ± "
-            wide += "" if math.isnan(width) else f"{math.exp(width) * spread:.2f}"
-            head = (curve, disturbance, str(cell["n"])) if i == 0 else ("", "", "")
-            body = (
-                program,
-                percent(*share(record["answers"], cell["n"])),
-                percent(*mean_and_error(record, "68")),
-                percent(*mean_and_error(record, "95")),
-                wide,
-                f"{record['worst']:.1f}" if record["answers"] else "",
-            )
-            yield "| " + " | ".join((*head, *body)) + " |"
+    yield "| curve | disturbance | sets | " + " | ".join(PROGRAMS) + " |"
+    yield "|---" * (3 + len(PROGRAMS)) + "|"
+    for (subject, disturbance), cell in cells.items():
+        n = cell["estim"]["n"]
+        found = (words(cell[program], n) for program in PROGRAMS)
+        yield f"| {subject} | {disturbance} | {n} | " + " | ".join(found) + " |"
 
 
 def draw(cells: Mapping[tuple[str, str], dict], file: Path) -> None:
     """Coverage of the 95 % intervals among the answers, and how many sets have an answer."""
-    from estim.drawing import COLOURS, MARKS, as_png, new_figure
+    from estim.drawing import MARKS, RUN_COLOURS, as_png, new_figure
 
-    figure = new_figure(7.4, 10.0)
-    axes = figure.subplots(2, len(CURVES), sharex=True, sharey="row", height_ratios=(3, 2))
-    at = np.arange(len(DISTURBANCES))
-    for column, curve in zip(axes.T, CURVES, strict=True):
+    figure = new_figure(10.0, 11.0)
+    grid = figure.subplots(2, len(SUBJECTS))
+    for column, (title, subject) in zip(grid.T, SUBJECTS.items(), strict=True):
+        at = np.arange(len(subject.disturbances))
         for i, program in enumerate(PROGRAMS):
-            held, answered = [], []
-            for disturbance in DISTURBANCES:
-                cell = cells[curve, disturbance]
-                held.append(mean_and_error(cell["of"][program], "95"))
-                answered.append(share(cell["of"][program]["answers"], cell["n"]))
+            cell = [cells[title, name][program] for name in subject.disturbances]
+            if not any(record["n"] for record in cell):
+                continue
+            held = [mean_and_error(record, "95") for record in cell]
+            answered = [share(record["answers"], max(record["n"], 1)) for record in cell]
             for ax, of in zip(column, (held, answered), strict=True):
-                mean, error = np.array(of).T
+                mean, error = 100.0 * np.array(of).T
+                ends = np.clip([mean - error, mean + error], 0.0, 100.0)
                 ax.errorbar(
-                    at + 0.16 * (i - 1.5),
-                    100.0 * mean,
-                    100.0 * error,
+                    mean,
+                    at + 0.13 * (i - 2.5),
+                    xerr=np.abs(ends - mean),
                     fmt=MARKS[i],
                     ms=3.5,
                     lw=1.0,
-                    color=COLOURS[i],
+                    color=RUN_COLOURS[i],
                     label=program,
                 )
-        column[0].axhline(95.0, color="0.5", lw=0.8)
-        column[0].set_title(curve)
-        column[0].set_ylim(0.0, 104.0)
-        column[1].set_xticks(at, list(DISTURBANCES), rotation=90)
-    axes[0, 0].set_ylabel("95 % intervals that hold\nthe truth, of the answers, %")
-    axes[1, 0].set_ylabel("sets with an answer, %")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=4)
+        for ax in column:
+            ax.set_xlim(-3.0, 103.0)
+            ax.set_ylim(len(at) - 0.5, -0.5)
+            ax.set_yticks(at, list(subject.disturbances))
+            ax.hlines(at[1:] - 0.5, -3.0, 103.0, color="0.85", lw=0.6)
+        column[0].axvline(95.0, color="0.5", lw=0.8)
+        column[0].set_title(title)
+    for ax in grid[:, 1:3].flat:
+        ax.set_yticklabels([])  # those of the line
+    for ax in grid[0]:
+        ax.set_xlabel("95 % intervals that hold, %")
+    for ax in grid[1]:
+        ax.set_xlabel("sets with an answer, %")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(PROGRAMS))
     file.write_bytes(as_png(figure))
 
 
 MARK = "<!-- the table -->"
+GOALS = (25, 100, 200, 400)  # sets that all cells have before one gets more
 
 
 def main() -> None:
@@ -384,13 +588,16 @@ def main() -> None:
     parser.add_argument("--docs", type=Path)
     chosen = parser.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)
-    cells = {}
-    for curve in CURVES:
-        for disturbance in DISTURBANCES:
-            cells[curve, disturbance] = advance(
-                chosen.out, curve, disturbance, sets=chosen.sets, seconds=chosen.seconds
-            )
-            print(curve, disturbance, cells[curve, disturbance]["n"], flush=True)
+    programs = {name for name, package in PROGRAMS.items() if find_spec(package)}
+    for name in PROGRAMS:
+        if name not in programs:
+            print(f"{name} is not installed and left out", flush=True)
+    named = [(subject, name) for subject, of in SUBJECTS.items() for name in of.disturbances]
+    for goal in (*(goal for goal in GOALS if goal < chosen.sets), chosen.sets):
+        for cell in named:
+            advance(chosen.out, *cell, sets=goal, seconds=chosen.seconds, programs=programs)
+        print(f"{goal} sets, or what the time allowed", flush=True)
+    cells = {cell: kept(chosen.out, *cell) for cell in named}
     made = "\n".join(rows(cells)) + "\n"
     (chosen.out / "coverage.md").write_text(made)
     draw(cells, chosen.out / "coverage.png")

@@ -1,22 +1,25 @@
 """How often intervals hold the truth, by repeated sampling: the table "By repeated sampling" of
 docs/statistics.md and those of docs/means.md and docs/propagation.md.
 
-    nice python benchmarks/intervals.py [STUDY ...] [--seconds 90] [--sets 1000]
+    nice python benchmarks/intervals.py [STUDY ...] [--seconds 90] [--sets 1000] [--out FOLDER]
 
 A study is a word that its cases begin with (jitter, robust, mean, groups, readings, bent); all
 without one.  Data are SYNTHETIC and made with NumPy alone; the same seed makes the same data.  Each
 case stops after as many sets or seconds of a core, whichever comes first, and prints a row with the
-sets that it had.  tests/test_repeated_sampling.py runs cases of it.
+sets that it had.  With --out it is kept in a file of FOLDER, and taken up there the next time.
+tests/test_repeated_sampling.py runs cases of it.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import time
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -27,6 +30,8 @@ Ends = Mapping[float, tuple[float, float]]
 Found = tuple[str, Mapping[str, Ends]]  # status, name -> probability -> (low, high)
 NORMAL = {0.68: 0.994458, 0.95: 1.959964}  # quantiles of the normal distribution
 U = 0.1  # stated error of y
+OF_ENDS = ("held", "there", "width")
+BATCH = 5  # sets between two looks at the clock
 
 
 @dataclass(frozen=True)
@@ -52,29 +57,37 @@ class Tally:
     width: Mapping[str, np.ndarray]
 
 
-def tally(case: Case, n: int, *, seed: int = 1, seconds: float = math.inf) -> Tally:
-    ok, done, start = 0, 0, time.process_time()
-    held, there, width = ({name: np.zeros(2) for name in case.truth} for _ in range(3))
-    while done < n and time.process_time() - start < seconds:
-        status, intervals = case.once(
-            np.random.default_rng([seed, zlib.crc32(case.name.encode()), done])
-        )
-        done, ok = done + 1, ok + (status == "ok")
-        for name, true in case.truth.items():
-            for k, p in enumerate(LEVELS):
-                low, high = intervals[name][p]
-                if not math.isnan(low + high):
-                    there[name][k] += 1
-                    held[name][k] += low <= true <= high
-                    width[name][k] += high - low
-    count = {name: np.maximum(of, 1.0) for name, of in there.items()}
-    return Tally(
-        done,
-        ok / done,
-        {name: held[name] / count[name] for name in held},
-        {name: there[name] / done for name in there},
-        {name: width[name] / count[name] for name in width},
+def tally(
+    case: Case, n: int, *, seed: int = 1, seconds: float = math.inf, kept: Path | None = None
+) -> Tally:
+    """Of the first n sets, or as many as the file `kept` has and these seconds add."""
+    start = time.process_time()
+    count = {"n": 0, "ok": 0} | {key: {name: [0, 0] for name in case.truth} for key in OF_ENDS}
+    if kept and kept.exists():
+        count = json.loads(kept.read_text())
+    while count["n"] < n and time.process_time() - start < seconds:
+        for _ in range(min(BATCH, n - count["n"])):
+            rng = np.random.default_rng([seed, zlib.crc32(case.name.encode()), count["n"]])
+            status, intervals = case.once(rng)
+            count["n"], count["ok"] = count["n"] + 1, count["ok"] + (status == "ok")
+            for name, true in case.truth.items():
+                for k, p in enumerate(LEVELS):
+                    low, high = intervals[name][p]
+                    if not math.isnan(low + high):
+                        count["there"][name][k] += 1
+                        count["held"][name][k] += bool(low <= true <= high)
+                        count["width"][name][k] += float(high - low)
+        if kept:
+            part = kept.with_suffix(".part")
+            part.write_text(json.dumps(count))
+            part.replace(kept)
+    there = {name: np.array(of) for name, of in count["there"].items()}
+    held, width = (
+        {name: np.array(of) / np.maximum(there[name], 1) for name, of in count[key].items()}
+        for key in ("held", "width")
     )
+    of_sets = {name: of / count["n"] for name, of in there.items()}
+    return Tally(count["n"], count["ok"] / count["n"], held, of_sets, width)
 
 
 def error(p: float, n: int) -> float:
@@ -278,12 +291,16 @@ def main() -> None:
     parser.add_argument("study", nargs="*")
     parser.add_argument("--seconds", type=float, default=90.0)
     parser.add_argument("--sets", type=int, default=1000)
+    parser.add_argument("--out", type=Path)
     chosen = parser.parse_args()
+    if chosen.out:
+        chosen.out.mkdir(parents=True, exist_ok=True)
     print("| case | sets | held at 68/95 %, in % | Monte-Carlo sd | status ok, % |")
     print("|---|---|---|---|---|")
     for case in cases():
         if not chosen.study or any(case.name.startswith(word) for word in chosen.study):
-            found = tally(case, chosen.sets, seconds=chosen.seconds)
+            kept = chosen.out / f"{case.name.replace('/', ' over ')}.json" if chosen.out else None
+            found = tally(case, chosen.sets, seconds=chosen.seconds, kept=kept)
             print(row(case, found), flush=True)
 
 

@@ -164,3 +164,13 @@ def test_errors_of_x_count_where_the_curve_bends() -> None:
     wrong = study().tally(study().bent(20, 0.03, stated=False), 60)
     assert all(held[1] < 0.5 for held in wrong.held.values())
     assert wrong.ok < 0.05
+
+
+def test_a_case_that_is_taken_up_again_is_the_same(tmp_path: Path) -> None:
+    case, kept = study().with_jitter("line", 20, 2.0, jitter=False), tmp_path / "case.json"
+    whole, first = study().tally(case, 8), study().tally(case, 3, kept=kept)
+    taken_up = study().tally(case, 8, kept=kept)
+    assert (first.n, taken_up.n, taken_up.ok) == (3, 8, whole.ok)
+    for name in case.truth:
+        np.testing.assert_array_equal(taken_up.held[name], whole.held[name])
+        np.testing.assert_allclose(taken_up.width[name], whole.width[name], rtol=1e-12)

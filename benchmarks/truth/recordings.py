@@ -130,6 +130,11 @@ def jump(rng: Rng, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray
     return t, x + np.where(np.arange(x.size) >= place, 0.005, 0.0)
 
 
+def drifting(rng: Rng, t: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The camera turns slowly: 5 mm over the recording, either way."""
+    return t, x + rng.choice([-0.005, 0.005]) * (t - t[0]) / (t[-1] - t[0])
+
+
 def pixels(size: float) -> Callable[[Rng, FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
     return lambda rng, t, x: (t, size * np.round(x / size))  # noqa: ARG005
 
@@ -280,6 +285,7 @@ DISTURBANCES: dict[str, Disturbance] = {
     "sign": Disturbance("tilt stated with the wrong sign", factors={"phi": -1.0}),
     "dropped": Disturbance("one frame lost unnoticed", camera=Camera(after=dropped)),
     "jump": Disturbance("a step of 5 mm", camera=Camera(after=jump)),
+    "drift": Disturbance("camera drifts by 5 mm", camera=Camera(after=drifting)),
     "pixels": Disturbance("pixels of 5 mm", camera=Camera(after=pixels(0.005))),
     "smoothing": Disturbance("moving mean of 5 frames", camera=Camera(after=smoothed)),
     "heteroscedastic": Disturbance("errors .3 to 3 mm, by speed", camera=Camera(noise=uneven)),
