@@ -15,9 +15,10 @@ and the figure there.
 
 estim: `fit_curve` with nothing but the curve, the points, the stated error and starts; it answers
 where its status is ok and it has an interval.  lmfit: `Model.fit` as it comes (scale_covar=True).
-curve_fit: SciPy, with both settings of absolute_sigma.  iminuit: LeastSquares, migrad and minos;
-it answers where both say that they are valid.  kafe2: XYFit and its errors.  Intervals of lmfit,
-SciPy and kafe2 are value ± z standard errors; there is an answer where these are finite.
+curve_fit: SciPy, with both settings of absolute_sigma.  iminuit: LeastSquares, migrad and minos,
+with parameters from 0 where y are counts; it answers where both say that they are valid.  kafe2:
+XYFit and its errors.  Intervals of lmfit, SciPy and kafe2 are value ± z standard errors; there is
+an answer where these are finite.
 
 The rolling body: a recording of positions and what is stated of the body, as truth/ makes them;
 estim analyses it as `estim fit` does, with the central intervals of its draws; lmfit gets speeds by
@@ -248,6 +249,8 @@ def by_iminuit(curve: Curve, data: Points, start: Mapping[str, float]) -> Found:
     else:
         lost = cost.LeastSquares(data.x, data.y, data.u, curve.f)
     fit = Minuit(lost, *start.values(), name=tuple(start))
+    if "noise" in data.told:  # poisson_chi2 falls where an expectation is below 0
+        fit.limits = [(0.0, None)] * len(start)
     fit.migrad()
     values = np.array(fit.values)
     if not fit.valid:
